@@ -1,0 +1,1 @@
+"""The device side: Warp kernels and functions, imported as ``warpgrains.kernels``."""

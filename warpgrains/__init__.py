@@ -1,0 +1,40 @@
+"""Rigid, frictionless, perfectly inelastic grains in an annulus, by nonsmooth contact dynamics.
+
+>>> import warpgrains as wg
+>>> simulation = wg.Simulation(wg.Scene.load("annulus"))
+>>> summary = simulation.run(duration=8.0)
+"""
+
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# In a checkout `kernels/` and `scenes/` stand beside this package, in a wheel inside it (pyproject.toml).
+_checkout = Path(__file__).resolve().parent.parent
+if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" / "__init__.py").is_file():
+    __path__.append(str(_checkout))
+
+if TYPE_CHECKING:
+    from warpgrains.errors import SceneError, SimulationError
+    from warpgrains.scene import Scene
+    from warpgrains.simulation import Simulation, StepReport, Summary
+
+__all__ = ["Scene", "SceneError", "Simulation", "SimulationError", "StepReport", "Summary"]
+
+_HOME = {
+    "Scene": "scene",
+    "SceneError": "errors",
+    "Simulation": "simulation",
+    "SimulationError": "errors",
+    "StepReport": "simulation",
+    "Summary": "simulation",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use, so that the command line answers before Warp is loaded."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'warpgrains' has no attribute {name!r}")
+    return getattr(import_module(f"warpgrains.{_HOME[name]}"), name)

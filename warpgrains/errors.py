@@ -1,0 +1,9 @@
+"""What can go wrong, as a user sees it: each message is one clear line."""
+
+
+class SceneError(ValueError):
+    """The input is not a scene: the message names the field, the grain and the value."""
+
+
+class SimulationError(RuntimeError):
+    """A run failed: the message says which step and which grain, the last good state is kept."""
