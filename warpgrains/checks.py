@@ -92,7 +92,7 @@ def vectors(field: str, value: Any) -> FloatArray:
     array = _floats(field, value)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise SceneError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one grain")
-    bad: NDArray[np.bool_] = ~np.isfinite(array).all(axis=1)
+    bad = np.any(~np.isfinite(array), axis=1)
     if bad.any():
         raise SceneError(f"{of_grain(field, array, bad)}: it must be finite")
     return _frozen(array)

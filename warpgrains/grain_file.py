@@ -67,6 +67,8 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
     with path.open(newline="", encoding="utf-8") as lines:
         reader = csv.reader(lines)
         header = [name.strip() for name in next(reader, [])]
+        if not header:
+            raise SceneError("the first line must name the columns")
         for name in header:
             checks.one_of("column", name, COLUMNS)
         values = np.array([_numbers(row, header, reader.line_num) for row in reader if row])

@@ -207,7 +207,7 @@ def _is_between_walls(position: FloatArray, radius: Any, radius_in: float, radiu
 
 
 def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> Any:
-    """Grains a row, until `count` have a place: rows `pitch` apart, no centre beyond `reach` from the origin."""
+    """Grains a row, until `count` have a place: rows `pitch` apart, centres within `reach` of the origin."""
     widths: list[int] = []
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch

@@ -21,9 +21,9 @@ def distance(vectors: FloatArray) -> FloatArray:
 def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
     """Find the pairs of discs that overlap, each once, in memory proportional to n.
 
-    The discs are taken by size class, a factor of two wide. A disc and one of its own class or a smaller one
-    can only overlap if their cells, as wide as the largest diameter of the class, are neighbours. So a few huge
-    discs among many small ones cost no more than discs of one size.
+    The discs are taken by size class, a factor of two wide. A disc and one of its own class or a smaller
+    one can only overlap if their cells, as wide as the largest diameter of the class, are neighbours. So
+    a few huge discs among many small ones cost no more than discs of one size.
 
     Parameters
     ----------

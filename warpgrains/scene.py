@@ -12,6 +12,7 @@ from warpgrains import checks
 from warpgrains.checks import FloatArray, of_grain
 from warpgrains.errors import SceneError
 from warpgrains.overlaps import ROUNDING, distance, overlapping_pairs
+from warpgrains.scene_file import read_scene
 
 ORDERS = ("sequential", "color")
 
@@ -104,8 +105,6 @@ class Scene:
         SceneError
             There is no such scene, it cannot be read, or it is not one.
         """
-        from warpgrains.scene_file import read_scene
-
         return cls(**read_scene(name_or_path, overrides))
 
     def replace(self, **changes: Any) -> Self:
@@ -195,6 +194,6 @@ class Scene:
             lightest = int(np.argmin(self.mass))
             mass = self.mass[lightest].item()
             raise SceneError(
-                f"dt is {self.dt} s: with drag {self.drag} kg/s, grain {lightest} of mass {mass} kg would turn"
-                f" round within a step; dt must be less than {mass / self.drag} s"
+                f"dt is {self.dt} s: in one step, drag {self.drag} kg/s would turn round grain {lightest}"
+                f" of mass {mass} kg; dt must be less than {mass / self.drag} s"
             )

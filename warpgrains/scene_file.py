@@ -130,10 +130,11 @@ def _grains(table: Table, radius_in: float, radius_out: float, folder: Path) -> 
     _give_once(grains, table, "velocity")
     if "velocity" in grains:
         grains["velocity"] = _one_or_each(grains["velocity"], len(grains["position"]))
+    if "radius" not in grains:
+        raise SceneError("grains.radius is missing")
     _give_once(grains, _with_mass(table, grains), "mass")
-    for needed in ("radius", "mass"):
-        if needed not in grains:
-            raise SceneError(f"grains.{needed}{' or grains.density' if needed == 'mass' else ''} is missing")
+    if "mass" not in grains:
+        raise SceneError("grains.mass or grains.density is missing")
     return grains
 
 
@@ -158,7 +159,7 @@ def _with_mass(table: Table, grains: Table) -> Table:
         return table
     if "mass" in table:
         raise SceneError("[grains] has mass and density: it needs one of them")
-    radius = checks.positive_per_grain("radius", grains.get("radius"), len(grains["position"]))
+    radius = checks.positive_per_grain("radius", grains["radius"], len(grains["position"]))
     return {"mass": checks.positive("grains.density", table["density"]) * np.pi * radius**2}
 
 

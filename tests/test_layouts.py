@@ -1,0 +1,104 @@
+"""Where grains start: between the walls, clear of each other, the same on every call."""
+
+import re
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, SceneError
+from warpgrains.layouts import column, lattice, random, rows
+
+
+def overlaps(placement, radius_in, radius_out):
+    position, radius = placement
+    scene = Scene(position=position, radius=radius, mass=1.0, radius_in=radius_in, radius_out=radius_out)
+    return scene.count_overlaps()
+
+
+def test_rows_as_wide_as_the_outer_wall():
+    position, radius = rows(0.2, 1.0, count=60, radius=0.05)
+    heights = np.unique(position[:, 1])
+    assert np.array_equal(heights, np.arange(len(heights)) * 0.05 * 2.5 + 2.0 * 0.05 + 0.2)
+    lowest = position[position[:, 1] == heights[0], 0]
+    assert len(lowest) == 1 + 2 * np.floor(np.sqrt(0.95**2 - 0.3**2) / 0.125)
+    assert np.allclose(np.diff(lowest), 0.125, rtol=0, atol=1e-15)
+    assert overlaps((position, radius), 0.2, 1.0) == (0, 0)
+
+
+def test_lattice_fills_from_the_bottom():
+    filled, _ = lattice(0.3, 1.0, radius=0.05)
+    position, radius = lattice(0.3, 1.0, radius=0.05, count=50)
+    assert np.array_equal(position, filled[:50])
+    assert (np.diff(filled[:, 1]) >= 0.0).all()
+    assert overlaps((filled, np.full(len(filled), 0.05)), 0.3, 1.0) == (0, 0)
+    dense = len(filled) * 0.05**2 / (1.0 - 0.3**2)
+    assert dense > 0.7
+    assert len(radius) == 50
+
+
+def test_lattice_leaves_the_origin_free():
+    position, _ = lattice(0.0, 1.0, radius=0.25, spacing=2.0)
+    assert (np.hypot(*position.T) > 0.0).all()
+
+
+def test_random_is_the_same_for_the_same_seed():
+    arguments = {"count": 200, "radius": [0.01, 0.05]}
+    first, again, other = (random(0.3, 1.0, seed=seed, **arguments) for seed in (3, 3, 4))
+    assert np.array_equal(first[0], again[0])
+    assert np.array_equal(first[1], again[1])
+    assert not np.array_equal(first[0], other[0])
+    assert first[1].min() >= 0.01
+    assert first[1].max() <= 0.05
+    assert overlaps(first, 0.3, 1.0) == (0, 0)
+
+
+def test_random_places_thousands_in_seconds():
+    start = perf_counter()
+    placement = random(0.1, 1.0, count=5000, radius=0.008)
+    assert perf_counter() - start < 20.0
+    assert overlaps(placement, 0.1, 1.0) == (0, 0)
+
+
+def test_column_stands_a_little_apart_on_the_outer_wall():
+    position, _ = column(0.5, 2.0, count=3, radius=0.25, spacing=2.5)
+    assert np.array_equal(position, [[0.0, -1.625], [0.0, -1.0], [0.0, -0.375]])
+
+
+@pytest.mark.parametrize(
+    ("layout", "keys", "message"),
+    [
+        (rows, {"count": 0, "radius": 0.1}, "grains.count is 0: it must be between 1 and 10000000"),
+        (rows, {"count": 1.5, "radius": 0.1}, "grains.count is 1.5: it must be a whole number"),
+        (rows, {"count": 5, "radius": 0.0}, "grains.radius is 0.0: it must be greater than 0"),
+        (rows, {"count": 5, "radius": [0.1]}, "grains.radius is [0.1]: it must be a number"),
+        (
+            rows,
+            {"count": 5, "radius": 0.3},
+            "grains.radius is 0.3 m: such a grain does not fit between the walls",
+        ),
+        (rows, {"count": 5, "radius": 0.1, "columns": 0}, "grains.columns is 0"),
+        (rows, {"count": 5, "radius": 0.1, "spacing": 0}, "grains.spacing is 0.0"),
+        (rows, {"count": 5, "radius": 0.1, "height": "1"}, "grains.height is '1': it must be a number"),
+        (rows, {"count": 50, "radius": 0.1}, "grains.count is 50: the rows have room for 5 grains only"),
+        (lattice, {"count": 500, "radius": 0.1}, "grains.count is 500: only"),
+        (
+            lattice,
+            {"radius": 1e-6},
+            "grains.radius is 1e-06 m: the lattice would have more than 10000000 places",
+        ),
+        (random, {"count": 5, "radius": [0.1]}, "grains.radius is [0.1]: it must be two numbers"),
+        (
+            random,
+            {"count": 5, "radius": [0.2, 0.1]},
+            "grains.radius is (0.2, 0.1) m: the smallest radius comes first",
+        ),
+        (random, {"count": 5, "radius": 0.1, "seed": -1}, "grains.seed is -1"),
+        (random, {"count": 50, "radius": 0.1}, "grains.count is 50: only"),
+        (column, {"count": 5, "radius": 0.1, "spacing": -2.0}, "grains.spacing is -2.0"),
+    ],
+)
+def test_bad_key_is_one_line_naming_it(layout, keys, message):
+    with pytest.raises(SceneError, match="^" + re.escape(message)) as caught:
+        layout(0.5, 1.0, **keys)
+    assert "\n" not in str(caught.value)
