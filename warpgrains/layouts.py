@@ -9,10 +9,11 @@ import numpy as np
 from warpgrains import checks
 from warpgrains.checks import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.overlaps import overlapping_pairs
+from warpgrains.overlaps import IntArray, distance, overlapping_pairs
 
 MOST_GRAINS = 10_000_000
-ATTEMPTS = 1_000
+GROUPS = 16  # random grains are placed in so many groups, the largest grains first
+ATTEMPTS = 1_000  # of one group
 
 Placement = tuple[FloatArray, FloatArray]
 """Positions [m], shape (n, 2), and radii [m], shape (n,)."""
@@ -139,18 +140,9 @@ def random(radius_in: float, radius_out: float, *, count: int, radius: Any, seed
     radii = smallest + (largest - smallest) * generator.random(count)
     position = np.empty((count, 2))
     placed = np.empty(0, dtype=np.int64)
-    waiting = np.argsort(-radii, kind="stable")
-    for _ in range(ATTEMPTS):
-        position[waiting] = (2.0 * generator.random((len(waiting), 2)) - 1.0) * radius_out
-        inside = _is_between_walls(position[waiting], radii[waiting], radius_in, radius_out)
-        tried = np.concatenate([placed, waiting[inside]])
-        free = np.ones(len(tried), dtype=bool)
-        for _, later in overlapping_pairs(position[tried], radii[tried]):
-            free[later] = False
-        placed, waiting = tried[free], np.concatenate([tried[~free], waiting[~inside]])
-        if len(waiting) == 0:
-            return position, radii
-    raise SceneError(f"grains.count is {count}: only {len(placed)} grains found a free place at random")
+    for group in np.array_split(np.argsort(-radii, kind="stable"), GROUPS):
+        placed = _place_at_random(generator, position, radii, placed, group, (radius_in, radius_out))
+    return position, radii
 
 
 def column(
@@ -201,9 +193,36 @@ def _radius(radius_in: float, radius_out: float, value: Any) -> float:
 
 def _is_between_walls(position: FloatArray, radius: Any, radius_in: float, radius_out: float) -> Any:
     """Whether each disc is clear of both walls and of the origin, where the walls have no normal."""
-    distance = np.sqrt(position[:, 0] * position[:, 0] + position[:, 1] * position[:, 1])
+    rho = distance(position)
     nearest = radius_in + radius if radius_in > 0.0 else 0.0
-    return (distance <= radius_out - radius) & (distance >= nearest) & (distance > 0.0)
+    return (rho <= radius_out - radius) & (rho >= nearest) & (rho > 0.0)
+
+
+def _place_at_random(
+    generator: np.random.Generator,
+    position: FloatArray,
+    radius: FloatArray,
+    placed: IntArray,
+    waiting: IntArray,
+    walls: tuple[float, float],
+) -> IntArray:
+    """Give the waiting grains a free place in `position`; return the grains that now have one.
+
+    In every attempt all waiting grains draw a place at once, and of two that overlap the first one stays.
+    """
+    for _ in range(ATTEMPTS):
+        if len(waiting) == 0:
+            return placed
+        position[waiting] = (2.0 * generator.random((len(waiting), 2)) - 1.0) * walls[1]
+        inside = _is_between_walls(position[waiting], radius[waiting], *walls)
+        tried = np.concatenate([placed, waiting[inside]])
+        free = np.ones(len(tried), dtype=bool)
+        for _, later in overlapping_pairs(position[tried], radius[tried]):
+            free[later] = False
+        placed, waiting = tried[free], np.concatenate([tried[~free], waiting[~inside]])
+    raise SceneError(
+        f"grains.count is {len(position)}: only {len(placed)} grains found a free place at random"
+    )
 
 
 def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> Any:
