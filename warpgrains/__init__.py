@@ -18,18 +18,20 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 
 if TYPE_CHECKING:
     from warpgrains.errors import SceneError, SimulationError
+    from warpgrains.reports import State, StepReport, Summary
     from warpgrains.scene import Scene
-    from warpgrains.simulation import Simulation, StepReport, Summary
+    from warpgrains.simulation import Simulation
 
-__all__ = ["Scene", "SceneError", "Simulation", "SimulationError", "StepReport", "Summary"]
+__all__ = ["Scene", "SceneError", "Simulation", "SimulationError", "State", "StepReport", "Summary"]
 
 _HOME = {
     "Scene": "scene",
     "SceneError": "errors",
     "Simulation": "simulation",
     "SimulationError": "errors",
-    "StepReport": "simulation",
-    "Summary": "simulation",
+    "State": "reports",
+    "StepReport": "reports",
+    "Summary": "reports",
 }
 
 

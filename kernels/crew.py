@@ -1,0 +1,30 @@
+"""Workers: how the elements of a launch are shared out, whatever their number and the device.
+
+On a CPU every OS thread launches one worker of the crew; on a GPU one launch holds them all. No result
+depends on their number.
+"""
+
+import warp as wp
+
+
+@wp.struct
+class Crew:
+    """The thread `tid` of a launch is worker `first + tid` of `workers`."""
+
+    first: wp.int32
+    workers: wp.int32
+
+
+@wp.func
+def share(crew: Crew, tid: int, begin: int, end: int):
+    """The part of [begin, end) that is this worker's: consecutive, and nearly equal for all workers."""
+    worker = wp.int64(crew.first + tid)
+    workers = wp.int64(crew.workers)
+    count = wp.int64(end - begin)
+    return begin + int(count * worker / workers), begin + int(count * (worker + wp.int64(1)) / workers)
+
+
+@wp.func
+def slot_of(crew: Crew, tid: int, slots: int) -> int:
+    """Where this worker keeps its part of a maximum or a sum: CPU workers each have their own."""
+    return (crew.first + tid) % slots

@@ -1,0 +1,84 @@
+"""What the kernels share: contacts as records, and the arrays of a run bundled by purpose."""
+
+import warp as wp
+
+f64 = wp.float64
+
+
+@wp.struct
+class Pair:
+    """A candidate pair i < j, 40 bytes: all that one correction reads beside the two velocities."""
+
+    n: wp.vec2d  # unit normal from i to j
+    gap_rate: f64  # gap / dt [m/s]
+    dv: f64  # accumulated correction dv_c >= 0 [m/s]
+    i: wp.int32
+    j: wp.int32
+
+
+@wp.struct
+class Wall:
+    """A grain that may reach a wall: its unit normal and accumulated correction dv_b [m/s]."""
+
+    n: wp.vec2d
+    gap_rate_out: f64
+    gap_rate_in: f64
+    dv: f64
+    i: wp.int32
+
+
+@wp.struct
+class Grains:
+    """State of the grains. `radius` and `mass` have one entry where all grains share it."""
+
+    position: wp.array(dtype=wp.vec2d)  # [m]
+    velocity: wp.array(dtype=wp.vec2d)  # at the end of the last good step [m/s]
+    free_velocity: wp.array(dtype=wp.vec2d)  # after Newton's law, before contacts
+    next_velocity: wp.array(dtype=wp.vec2d)  # what the contact iteration corrects in place
+    last_position: wp.array(dtype=wp.vec2d)  # where the contacts of the last step were taken
+    radius: wp.array(dtype=f64)
+    mass: wp.array(dtype=f64)
+
+
+@wp.struct
+class Contacts:
+    """Candidate contacts in the order in which they are swept (slots), in groups that share no grain."""
+
+    pairs: wp.array(dtype=Pair)
+    weights: wp.array(dtype=wp.vec2d)  # mass shares of i and j; empty where all masses are equal
+    pair_dv_start: wp.array(dtype=f64)  # dv_c at the start of the step, for a step that is solved again
+    group_start: wp.array(dtype=wp.int32)  # first slot of every group, and the end of the last
+    walls: wp.array(dtype=Wall)
+    wall_dv_start: wp.array(dtype=f64)
+    count: wp.array(dtype=wp.int32)  # PAIRS, GROUPS, WALLS
+
+
+@wp.struct
+class Watch:
+    """What proves that no contact is missing from the list (DESIGN.md, "Leaving pairs out")."""
+
+    peak: wp.array(dtype=f64)  # per grain, largest |v - frame_velocity|^2 of the step so far [m2/s2]
+    reach: wp.array(dtype=f64)  # per grain, how far it may come without meeting an absent contact [m]
+    built_position: wp.array(dtype=wp.vec2d)  # positions when the list was built [m]
+    frame: wp.array(dtype=wp.vec2d)  # FRAME_VELOCITY [m/s], FRAME_SHIFT [m] since the list was built
+    scalar: wp.array(dtype=f64)  # FRAME_REACH, DRIFT, INFLUENCE
+    flag: wp.array(dtype=wp.int32)  # WATCHING, MISSED, BAD_GRAIN
+
+
+@wp.struct
+class Progress:
+    """How far the step is, and what it reports. Every CPU worker keeps its part of a maximum in its own slot."""
+
+    iterating: wp.array(dtype=wp.int32)  # whether to iterate on
+    accepted: wp.array(dtype=wp.int32)  # whether the attempt solved the step
+    zeta: wp.array(dtype=f64)  # by worker, of the iteration under way
+    overlap: wp.array(dtype=f64)  # by worker
+    carrying: wp.array(dtype=wp.int32)  # by worker, contacts that carry a correction
+    report: wp.array(dtype=f64)  # ACCEPTED, ITERATIONS, ZETA, OVERLAP, CARRYING
+
+
+PAIRS, GROUPS, WALLS = (wp.constant(k) for k in range(3))
+FRAME_VELOCITY, FRAME_SHIFT = (wp.constant(k) for k in range(2))
+FRAME_REACH, DRIFT, INFLUENCE = (wp.constant(k) for k in range(3))
+WATCHING, MISSED, BAD_GRAIN = (wp.constant(k) for k in range(3))
+ACCEPTED, ITERATIONS, ZETA, OVERLAP, CARRYING = (wp.constant(k) for k in range(5))

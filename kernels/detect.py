@@ -1,0 +1,183 @@
+"""Candidate contacts: every pair i < j with gap <= reach_i + reach_j, in lexicographic order, and the walls.
+
+Grains are sorted into the cells of a grid that is wrapped around (cell (cx, cy) shares its bucket with
+(cx + width, cy)), so that it needs no bounds. Of two grains the one of larger extent (radius + reach) finds
+the pair, so that few large grains among many small ones cost no more than the cells that they cover.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from . import law
+from .data import FRAME_REACH, WALLS, Contacts, Grains, Wall, Watch
+from .variant import Variant
+
+f64 = wp.float64
+
+
+@wp.struct
+class Grid:
+    """Grains by cell: those of bucket b are cell_grain[cell_start[b]:cell_start[b + 1]]."""
+
+    size: f64  # of a cell [m]
+    width: wp.int32  # buckets a side, a power of two
+    cell_start: wp.array(dtype=wp.int32)
+    cell_cursor: wp.array(dtype=wp.int32)
+    cell_grain: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class Rows:
+    """Candidate pairs by first grain: those of i are (i, neighbor[k]), start[i] <= k < start[i + 1]."""
+
+    start: wp.array(dtype=wp.int32)
+    cursor: wp.array(dtype=wp.int32)
+    neighbor: wp.array(dtype=wp.int32)
+
+
+@wp.func
+def cell_of(x: f64, size: f64) -> int:
+    """The cell of a coordinate. Far out, cells grow coarse instead of overflowing."""
+    return int(wp.clamp(wp.floor(x / size), f64(-1.0e9), f64(1.0e9)))
+
+
+@wp.func
+def bucket_of(cx: int, cy: int, width: int) -> int:
+    """The bucket of a cell in the wrapped grid."""
+    return (cx & (width - 1)) + width * (cy & (width - 1))
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the kernels for one kind of scene."""
+
+    @wp.func
+    def radius_of(grains: Grains, i: int) -> f64:
+        return grains.radius[i if wp.static(variant.distinct_radii) else 0]
+
+    @wp.kernel(module=variant.module)
+    def count_cells(grains: Grains, grid: Grid):
+        """How many grains every bucket holds, in cell_cursor."""
+        i = wp.tid()
+        x = grains.position[i]
+        wp.atomic_add(
+            grid.cell_cursor, bucket_of(cell_of(x[0], grid.size), cell_of(x[1], grid.size), grid.width), 1
+        )
+
+    @wp.kernel(module=variant.module)
+    def fill_cells(grains: Grains, grid: Grid):
+        """Put every grain in its bucket; cell_cursor counts down to zero."""
+        i = wp.tid()
+        x = grains.position[i]
+        b = bucket_of(cell_of(x[0], grid.size), cell_of(x[1], grid.size), grid.width)
+        place = wp.atomic_sub(grid.cell_cursor, b, 1) - 1
+        grid.cell_grain[grid.cell_start[b] + place] = i
+
+    @wp.func
+    def are_candidates(grains: Grains, watch: Watch, a: int, b: int) -> bool:
+        """Whether a pair is within reach, and grain a is the one to find it: the larger, of equals the first."""
+        extent_a = radius_of(grains, a) + watch.reach[a]
+        extent_b = radius_of(grains, b) + watch.reach[b]
+        if extent_b > extent_a or (extent_b == extent_a and b <= a):
+            return False
+        d = grains.position[b] - grains.position[a]
+        within = extent_a + extent_b
+        return wp.dot(d, d) <= within * within * f64(1.0 + 1.0e-12)
+
+    @wp.func
+    def visit_neighbors(grains: Grains, watch: Watch, grid: Grid, rows: Rows, a: int, fill: bool):
+        """Count the pairs that grain a finds, in the cursor of their first grain, or write them down."""
+        x = grains.position[a]
+        radius = f64(2.0) * (radius_of(grains, a) + watch.reach[a]) * f64(1.0 + 1.0e-12)
+        for cy in range(cell_of(x[1] - radius, grid.size), cell_of(x[1] + radius, grid.size) + 1):
+            for cx in range(cell_of(x[0] - radius, grid.size), cell_of(x[0] + radius, grid.size) + 1):
+                bucket = bucket_of(cx, cy, grid.width)
+                for k in range(grid.cell_start[bucket], grid.cell_start[bucket + 1]):
+                    b = grid.cell_grain[k]
+                    if are_candidates(grains, watch, a, b):
+                        y = grains.position[b]
+                        if cell_of(y[0], grid.size) == cx and cell_of(y[1], grid.size) == cy:
+                            if fill:
+                                place = wp.atomic_sub(rows.cursor, wp.min(a, b), 1) - 1
+                                rows.neighbor[rows.start[wp.min(a, b)] + place] = wp.max(a, b)
+                            else:
+                                wp.atomic_add(rows.cursor, wp.min(a, b), 1)
+
+    @wp.kernel(module=variant.module)
+    def count_pairs(grains: Grains, watch: Watch, grid: Grid, rows: Rows):
+        """How many candidate pairs every grain is the first of, in rows.cursor."""
+        visit_neighbors(grains, watch, grid, rows, wp.tid(), False)
+
+    @wp.kernel(module=variant.module)
+    def fill_pairs(grains: Grains, watch: Watch, grid: Grid, rows: Rows):
+        """Write the candidate pairs down; rows.cursor counts down to zero."""
+        visit_neighbors(grains, watch, grid, rows, wp.tid(), True)
+
+    @wp.kernel(module=variant.module)
+    def sort_rows(rows: Rows):
+        """Sort every row (shell sort: rows are short, but a large grain may touch thousands)."""
+        i = wp.tid()
+        first = rows.start[i]
+        count = rows.start[i + 1] - first
+        step = int(1)
+        while 3 * step + 1 < count:
+            step = 3 * step + 1
+        while step > 0:
+            for k in range(first + step, first + count):
+                j = rows.neighbor[k]
+                hole = int(k)
+                while hole - step >= first and rows.neighbor[hole - step] > j:
+                    rows.neighbor[hole] = rows.neighbor[hole - step]
+                    hole = hole - step
+                rows.neighbor[hole] = j
+            step = step // 3
+
+    @wp.kernel(module=variant.module)
+    def save_walls(contacts: Contacts, wall_dv: wp.array(dtype=f64)):
+        """Wall corrections at the start of the step, by grain (zero elsewhere)."""
+        c = wp.tid()
+        if c < contacts.count[WALLS]:
+            wall_dv[contacts.walls[c].i] = contacts.wall_dv_start[c]
+
+    @wp.func
+    def reaches_wall(
+        grains: Grains, watch: Watch, i: int, radius_in: f64, radius_out: f64, wall_dv: wp.array(dtype=f64)
+    ) -> bool:
+        """Whether grain i may meet a wall, or is held by one."""
+        distance = wp.length(grains.position[i])
+        reach = (watch.reach[i] + watch.scalar[FRAME_REACH]) * f64(1.0 + 1.0e-12)
+        near = law.outer_gap(distance, radius_of(grains, i), radius_out) <= reach
+        if wp.static(variant.inner_wall):
+            near = near or law.inner_gap(distance, radius_of(grains, i), radius_in) <= reach
+        return near or wall_dv[i] != f64(0.0)
+
+    @wp.kernel(module=variant.module)
+    def find_walls(
+        grains: Grains,
+        contacts: Contacts,
+        watch: Watch,
+        radius_in: f64,
+        radius_out: f64,
+        wall_dv: wp.array(dtype=f64),
+    ):
+        """The grains that may reach a wall, with the corrections that they carry."""
+        i = wp.tid()
+        if reaches_wall(grains, watch, i, radius_in, radius_out, wall_dv):
+            c = wp.atomic_add(contacts.count, WALLS, 1)
+            wall = Wall()
+            wall.i = i
+            wall.dv = wall_dv[i]
+            contacts.walls[c] = wall
+            contacts.wall_dv_start[c] = wall_dv[i]
+
+    return SimpleNamespace(
+        count_cells=count_cells,
+        fill_cells=fill_cells,
+        count_pairs=count_pairs,
+        fill_pairs=fill_pairs,
+        sort_rows=sort_rows,
+        save_walls=save_walls,
+        find_walls=find_walls,
+    )

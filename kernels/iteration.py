@@ -1,0 +1,82 @@
+"""When the contact iteration starts and stops, and whether the step is accepted: decided on the device."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from .data import (
+    ACCEPTED,
+    BAD_GRAIN,
+    CARRYING,
+    DRIFT,
+    INFLUENCE,
+    ITERATIONS,
+    MISSED,
+    OVERLAP,
+    WATCHING,
+    ZETA,
+    Progress,
+    Watch,
+)
+from .variant import Variant
+
+f64 = wp.float64
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the kernels for one kind of scene."""
+
+    @wp.func
+    def is_sound(watch: Watch) -> int:
+        """Whether no contact was missing and every number is finite."""
+        return 1 if watch.flag[MISSED] == 0 and watch.flag[BAD_GRAIN] < 0 else 0
+
+    @wp.kernel(module=variant.module)
+    def start(watch: Watch, progress: Progress):
+        """Iterate if the list holds for the velocities before the first iteration."""
+        for slot in range(progress.zeta.shape[0]):
+            progress.zeta[slot] = f64(0.0)
+            progress.overlap[slot] = f64(0.0)
+            progress.carrying[slot] = 0
+        progress.report[ITERATIONS] = f64(0.0)
+        progress.iterating[0] = is_sound(watch)
+
+    @wp.kernel(module=variant.module)
+    def stop(watch: Watch, progress: Progress, tolerance: f64, max_iterations: int, calm: f64):
+        """Gather zeta; stop after the first iteration with zeta <= tolerance, or at max_iterations.
+
+        The next sweep is watched if it may change a grain's velocity by more than `calm` [m/s].
+        """
+        zeta = f64(0.0)
+        for slot in range(progress.zeta.shape[0]):
+            zeta = wp.max(zeta, progress.zeta[slot])
+            progress.zeta[slot] = f64(0.0)
+        iterations = progress.report[ITERATIONS] + f64(1.0)
+        progress.report[ITERATIONS] = iterations
+        progress.report[ZETA] = zeta
+        progress.iterating[0] = 0 if zeta <= tolerance or iterations >= f64(max_iterations) else 1
+        change = watch.scalar[INFLUENCE] * zeta
+        if watch.flag[WATCHING] == 0:
+            watch.scalar[DRIFT] = watch.scalar[DRIFT] + change
+        watch.flag[WATCHING] = 1 if change > calm or watch.scalar[DRIFT] > f64(20.0) * calm else 0
+
+    @wp.kernel(module=variant.module)
+    def judge(watch: Watch, progress: Progress):
+        """Accept the step only if it is sound to the end."""
+        progress.accepted[0] = is_sound(watch)
+        progress.report[ACCEPTED] = f64(progress.accepted[0])
+
+    @wp.kernel(module=variant.module)
+    def gather(progress: Progress):
+        """Gather what the workers have measured."""
+        overlap = f64(0.0)
+        carrying = int(0)
+        for slot in range(progress.overlap.shape[0]):
+            overlap = wp.max(overlap, progress.overlap[slot])
+            carrying += progress.carrying[slot]
+        progress.report[OVERLAP] = overlap
+        progress.report[CARRYING] = f64(carrying)
+
+    return SimpleNamespace(start=start, stop=stop, judge=judge, gather=gather)

@@ -1,0 +1,141 @@
+/* The reference: the course text's loops as they stand (SPEC.md), to be read beside it.
+ *
+ * Build with -ffp-contract=off, so that a product and a sum are rounded one after the other. */
+
+#include "grains.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Rows of touching grains above the inner disc, as in the course's program. */
+femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, double radiusOut) {
+    int nContact = n * (n - 1) / 2;
+    femGrains *theGrains = malloc(sizeof(femGrains));
+    theGrains->n = n;
+    theGrains->radiusIn = radiusIn;
+    theGrains->radiusOut = radiusOut;
+    theGrains->gravity[0] = 0.0;
+    theGrains->gravity[1] = -9.81;
+    theGrains->gamma = 0.5;
+    theGrains->x = malloc(n * sizeof(double));
+    theGrains->y = malloc(n * sizeof(double));
+    theGrains->vx = calloc(n, sizeof(double));
+    theGrains->vy = calloc(n, sizeof(double));
+    theGrains->r = malloc(n * sizeof(double));
+    theGrains->m = malloc(n * sizeof(double));
+    theGrains->dvBoundary = calloc(n, sizeof(double));
+    theGrains->dvContacts = calloc(nContact > 0 ? nContact : 1, sizeof(double));
+    for (int i = 0; i < n; i++) {
+        theGrains->r[i] = r;
+        theGrains->m[i] = m;
+        theGrains->x[i] = (i % 5) * r * 2.5 - 5 * r + 1e-8;
+        theGrains->y[i] = (i / 5) * r * 2.5 + 2 * r + radiusIn;
+    }
+    return theGrains;
+}
+
+void femGrainsFree(femGrains *myGrains) {
+    free(myGrains->x);
+    free(myGrains->y);
+    free(myGrains->vx);
+    free(myGrains->vy);
+    free(myGrains->r);
+    free(myGrains->m);
+    free(myGrains->dvBoundary);
+    free(myGrains->dvContacts);
+    free(myGrains);
+}
+
+/* The contact of grains i < j; dvc is its accumulated correction. Returns |dv|. */
+static double contactPair(femGrains *g, int i, int j, double *dvc, double dt, int iter) {
+    double dx = g->x[j] - g->x[i];
+    double dy = g->y[j] - g->y[i];
+    double r = sqrt(dx * dx + dy * dy);
+    double nx = dx / r;
+    double ny = dy / r;
+    double dv = *dvc;
+    if (iter > 0) {
+        double gap = r - (g->r[i] + g->r[j]);
+        double vn = (g->vx[i] - g->vx[j]) * nx + (g->vy[i] - g->vy[j]) * ny;
+        dv = fmax(0.0, vn + *dvc - gap / dt) - *dvc;
+        *dvc += dv;
+    }
+    double wi = g->m[j] / (g->m[i] + g->m[j]);
+    double wj = g->m[i] / (g->m[i] + g->m[j]);
+    g->vx[i] -= dv * nx * wi;
+    g->vy[i] -= dv * ny * wi;
+    g->vx[j] += dv * nx * wj;
+    g->vy[j] += dv * ny * wj;
+    return fabs(dv);
+}
+
+/* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns |dv|. */
+static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter) {
+    double r = sqrt(g->x[i] * g->x[i] + g->y[i] * g->y[i]);
+    double nx = g->x[i] / r;
+    double ny = g->y[i] / r;
+    double dv = *dvb;
+    if (iter > 0) {
+        double vn = g->vx[i] * nx + g->vy[i] * ny;
+        double gapOut = g->radiusOut - r - g->r[i];
+        double gapIn = r - g->radiusIn - g->r[i];
+        double dvOut = fmax(0.0, vn + *dvb - gapOut / dt);
+        double dvIn = g->radiusIn > 0.0 ? fmax(0.0, -vn - *dvb - gapIn / dt) : 0.0;
+        dv = dvOut - dvIn - *dvb;
+        *dvb += dv;
+    }
+    g->vx[i] -= dv * nx;
+    g->vy[i] -= dv * ny;
+    return fabs(dv);
+}
+
+double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
+    int n = myGrains->n;
+    double zeta = 0.0;
+    double *dvc = myGrains->dvContacts;
+    for (int i = 0; i < n; i++)
+        for (int j = i + 1; j < n; j++) zeta = fmax(zeta, contactPair(myGrains, i, j, dvc++, dt, iter));
+    for (int i = 0; i < n; i++)
+        zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
+    return zeta;
+}
+
+double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, int nContacts,
+                                    const femContact *contacts) {
+    int n = myGrains->n;
+    double zeta = 0.0;
+    for (int k = 0; k < nContacts; k++) {
+        int i = contacts[k].i;
+        int j = contacts[k].j;
+        if (j < 0) {
+            zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
+        } else {
+            long pair = (long)i * (2 * n - i - 1) / 2 + (j - i - 1);
+            zeta = fmax(zeta, contactPair(myGrains, i, j, &myGrains->dvContacts[pair], dt, iter));
+        }
+    }
+    return zeta;
+}
+
+void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax) {
+    int n = myGrains->n;
+    double *gravity = myGrains->gravity;
+    for (int i = 0; i < n; i++) {
+        double drag = myGrains->gamma / myGrains->m[i];
+        myGrains->vx[i] += dt * (gravity[0] - drag * myGrains->vx[i]);
+        myGrains->vy[i] += dt * (gravity[1] - drag * myGrains->vy[i]);
+    }
+
+    femGrainsContactIterate(myGrains, dt, 0);
+    int iter = 0;
+    double zeta;
+    do {
+        iter++;
+        zeta = femGrainsContactIterate(myGrains, dt, iter);
+    } while (iter < iterMax && zeta > tol);
+
+    for (int i = 0; i < n; i++) {
+        myGrains->x[i] += dt * myGrains->vx[i];
+        myGrains->y[i] += dt * myGrains->vy[i];
+    }
+}

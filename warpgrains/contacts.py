@@ -1,0 +1,214 @@
+"""The list of candidate contacts, in sweeping order: built anew when the watch asks for it."""
+
+import numpy as np
+import warp as wp
+
+from warpgrains.kernels import carry, detect, order
+from warpgrains.kernels import watch as watch_kernels
+from warpgrains.kernels.data import WALLS, Contacts, Grains, Pair, Wall, Watch
+from warpgrains.kernels.variant import Variant
+from warpgrains.neighbors import NeighborSearch, empty_rows
+from warpgrains.replay import Replay
+from warpgrains.reports import Corrections, IntArray
+from warpgrains.scene import Scene
+
+WINDOW = 2048  # pairs that one worker interleaves by levels: many hide latency, few stay in cache
+
+
+class ContactList:
+    """The candidate contacts of a scene, and what it takes to build them anew.
+
+    Parameters
+    ----------
+    scene : Scene
+    grains : Grains
+    watch : Watch
+        Its reaches decide what is listed.
+    variant : Variant
+        What the scene's kernels are compiled for.
+    replay : Replay
+        Launches the kernels; forgets its graphs when buffers have grown.
+    slack : float
+        How far grains may move, beyond what they move in a step, before the list is built anew [m].
+
+    Attributes
+    ----------
+    contacts : Contacts
+        The list on the device.
+    """
+
+    def __init__(
+        self, scene: Scene, grains: Grains, watch: Watch, variant: Variant, replay: Replay, slack: float
+    ):
+        self._scene, self._grains, self._watch, self._slack = scene, grains, watch, slack
+        self._replay, device = replay, replay.device
+        self._detect, self._order = detect.kernels(variant), order.kernels(variant)
+        self._carry, self._watching = carry.kernels(variant), watch_kernels.kernels(variant)
+        cell_size = 2.0 * (float(np.median(scene.radius)) + slack)
+        self._search = NeighborSearch(grains, watch, variant, replay, cell_size)
+        self._old_rows = empty_rows(scene.n, device)
+        self.contacts = Contacts()
+        self.contacts.count = wp.zeros(3, dtype=wp.int32, device=device)
+        self.contacts.walls = wp.zeros(scene.n, dtype=Wall, device=device)
+        self.contacts.wall_dv_start = wp.zeros(scene.n, dtype=wp.float64, device=device)
+        self._wall_dv = wp.zeros(scene.n, dtype=wp.float64, device=device)
+        self._influence = wp.zeros(scene.n, dtype=wp.float64, device=device)
+        self._next_level = wp.zeros(scene.n, dtype=wp.int32, device=device)
+        self._used_colors = wp.zeros(scene.n, dtype=wp.uint64, device=device)
+        self._lost = wp.zeros(1, dtype=wp.int32, device=device)
+        contacts, rows, old_rows = self.contacts, self._search.rows, self._old_rows
+        contacts.pairs = wp.zeros(0, dtype=Pair, device=device)
+        contacts.weights = wp.zeros(0, dtype=wp.vec2d, device=device)
+        contacts.group_start = wp.zeros(2, dtype=wp.int32, device=device)
+        contacts.pair_dv_start = wp.zeros(0, dtype=wp.float64, device=device)
+        self._old_pair_dv = wp.zeros(0, dtype=wp.float64, device=device)
+        self._slot = wp.zeros(0, dtype=wp.int32, device=device)
+        self._group = wp.zeros(0, dtype=wp.int32, device=device)
+        self._buffers = [
+            (contacts, "pairs"),
+            (contacts, "pair_dv_start"),
+            (contacts, "group_start"),
+            (rows, "neighbor"),
+            (old_rows, "neighbor"),
+            (self, "_old_pair_dv"),
+            (self, "_slot"),
+            (self, "_group"),
+        ]
+        if variant.distinct_masses:
+            self._buffers.append((contacts, "weights"))
+        self._capacity = 0
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Candidate pairs, groups that they are swept in, and grains that may reach a wall."""
+        pairs, groups, walls = self.contacts.count.numpy().tolist()
+        return pairs, groups, walls
+
+    @property
+    def groups(self) -> int:
+        """Groups of pairs that are swept one after the other."""
+        return self.counts[1]
+
+    def rebuild(self) -> None:
+        """List every pair and wall within reach, with the corrections that they carry."""
+        self._replay(self._set_old_aside)
+        self._lost.fill_(1)
+        while self._lost.numpy()[0]:
+            self._replay(self._search.count)
+            self._reserve(self._search.total)
+            self._replay(self._fill)
+        groups = self.groups
+        self._replay(self._arrange)
+        if self.groups > groups:
+            self._replay.forget()
+
+    def _set_old_aside(self) -> None:
+        """Keep the pairs and corrections of the old list, and choose the reaches of the new one."""
+        each, n, rows = self._replay.each, self._scene.n, self._search.rows
+        each(self._carry.save_pairs, n, rows, self._slot, self.contacts, self._old_pair_dv)
+        wp.copy(self._old_rows.start, rows.start)
+        wp.copy(self._old_rows.neighbor, rows.neighbor)
+        self._wall_dv.zero_()
+        each(self._detect.save_walls, n, self.contacts, self._wall_dv)
+        each(self._watching.renew_reach, n, self._grains, self._watch, self._slack, self._scene.dt)
+
+    def _fill(self) -> None:
+        """Write the pairs down; where one that carries a correction is lost, its reach is widened."""
+        self._search.fill()
+        self._lost.zero_()
+        rows, old_rows = self._search.rows, self._old_rows
+        self._replay.each(
+            self._carry.hold_pairs,
+            self._scene.n,
+            self._grains,
+            self._watch,
+            old_rows,
+            self._old_pair_dv,
+            rows,
+            self._lost,
+        )
+
+    def _arrange(self) -> None:
+        """Put the pairs in sweeping order, and list the walls."""
+        each, scene, contacts, rows = self._replay.each, self._scene, self.contacts, self._search.rows
+        in_line = self._replay.in_line
+        if scene.order == "color":
+            each(self._order.colors, 1, rows, self._used_colors, self._group)
+        else:
+            window = WINDOW if in_line else np.iinfo(np.int32).max
+            each(self._order.levels, 1, rows, window, self._next_level, self._group)
+        each(self._order.place, 1, rows, self._group, int(in_line), contacts, self._slot)
+        old_rows, old_dv = self._old_rows, self._old_pair_dv
+        each(self._carry.fill_slots, scene.n, self._grains, old_rows, old_dv, rows, self._slot, contacts)
+        self._influence.zero_()
+        each(self._carry.weigh, scene.n, rows, self._slot, contacts, self._influence)
+        each(self._carry.find_influence, scene.n, self._influence, self._watch)
+        contacts.count[WALLS:].zero_()
+        walls = (self._watch, scene.radius_in, scene.radius_out, self._wall_dv)
+        each(self._detect.find_walls, scene.n, self._grains, contacts, *walls)
+
+    def _reserve(self, pairs: int) -> None:
+        """Make room for so many pairs; what the buffers hold stays."""
+        if pairs <= self._capacity:
+            return
+        self._capacity = pairs + pairs // 4
+        for owner, name in self._buffers:
+            old = getattr(owner, name)
+            new = wp.zeros(self._capacity + 2, dtype=old.dtype, device=self._replay.device)
+            if old.shape[0] > 0:
+                wp.copy(new, old, count=old.shape[0])
+            setattr(owner, name, new)
+        self._replay.forget()
+
+    def corrections(self) -> Corrections:
+        """Return what the contacts carry after the last good step."""
+        pairs, _, walls = self.counts
+        i, j, slot = self._listed_pairs(pairs)
+        dv = self.contacts.pairs.numpy()["dv"][slot]
+        carrying = dv != 0.0
+        wall = self.contacts.walls.numpy()[:walls]
+        wall_correction = np.zeros(self._scene.n)
+        wall_correction[wall["i"]] = wall["dv"]
+        return Corrections(np.stack([i, j], axis=1)[carrying], dv[carrying], wall_correction)
+
+    def _listed_pairs(self, pairs: int) -> tuple[IntArray, IntArray, IntArray]:
+        """Return first grain, second grain and slot of every listed pair, in lexicographic order."""
+        rows = self._search.rows
+        first = np.repeat(np.arange(self._scene.n, dtype=np.int32), np.diff(rows.start.numpy()))
+        return first, rows.neighbor.numpy()[:pairs], self._slot.numpy()[:pairs]
+
+    def load(self, corrections: Corrections) -> None:
+        """List just what carries a correction; the watch must ask for a new list before anything is swept."""
+        carrying = np.flatnonzero(corrections.wall_correction).astype(np.int32)
+        pairs, walls = len(corrections.pair), len(carrying)
+        self._reserve(pairs)
+        i, j = corrections.pair.T
+        rows, contacts = self._search.rows, self.contacts
+        starts = np.searchsorted(i, np.arange(self._scene.n + 1))
+        rows.start.assign(starts.astype(np.int32))
+        _write(rows.neighbor, j)
+        _write(self._slot, np.arange(pairs))
+        _write(contacts.pair_dv_start, corrections.pair_correction)
+        _write(contacts.wall_dv_start, corrections.wall_correction[carrying])
+        wall = np.zeros(self._scene.n, dtype=contacts.walls.numpy().dtype)
+        wall["i"][:walls] = carrying
+        contacts.walls.assign(wall)
+        contacts.count.assign([pairs, 0, walls])
+
+    def revert(self) -> None:
+        """Take back what an unfinished step did to the corrections."""
+        pairs, _, walls = self.counts
+        for contacts, start, count in (
+            (self.contacts.pairs, self.contacts.pair_dv_start, pairs),
+            (self.contacts.walls, self.contacts.wall_dv_start, walls),
+        ):
+            records = contacts.numpy()
+            records["dv"][:count] = start.numpy()[:count]
+            contacts.assign(records)
+
+
+def _write(array: wp.array, values: np.ndarray) -> None:
+    """Write values to the beginning of a device array."""
+    host = array.numpy()
+    host[: len(values)] = values
+    array.assign(host)

@@ -1,0 +1,79 @@
+"""Which pairs of grains are within reach of each other, in lexicographic order."""
+
+import numpy as np
+import warp as wp
+
+from warpgrains.kernels import detect
+from warpgrains.kernels.data import Grains, Watch
+from warpgrains.kernels.detect import Grid, Rows
+from warpgrains.kernels.variant import Variant
+from warpgrains.replay import Replay
+
+
+def empty_rows(grains: int, device: wp.Device) -> Rows:
+    """Allocate rows of pairs by their first grain; the pairs themselves are counted first."""
+    rows = Rows()
+    rows.start = wp.zeros(grains + 1, dtype=wp.int32, device=device)
+    rows.cursor = wp.zeros(grains + 1, dtype=wp.int32, device=device)
+    rows.neighbor = wp.zeros(0, dtype=wp.int32, device=device)
+    return rows
+
+
+class NeighborSearch:
+    """Finds every pair with gap <= reach_i + reach_j.
+
+    Parameters
+    ----------
+    grains : Grains
+    watch : Watch
+        Holds the reaches [m].
+    variant : Variant
+        What the scene's kernels are compiled for.
+    replay : Replay
+    cell_size : float
+        Side of a cell [m]; about the diameter of the grains that are most frequent.
+
+    Attributes
+    ----------
+    rows : Rows
+        The pairs found. Its `neighbor` must be given room for `total` entries before `fill`.
+    """
+
+    def __init__(self, grains: Grains, watch: Watch, variant: Variant, replay: Replay, cell_size: float):
+        self._grains, self._watch, self._replay = grains, watch, replay
+        self._kernels = detect.kernels(variant)
+        self._n = grains.position.shape[0]
+        self.rows = empty_rows(self._n, replay.device)
+        self._grid = self._empty_grid(cell_size)
+
+    def _empty_grid(self, cell_size: float) -> Grid:
+        device = self._replay.device
+        grid = Grid()
+        grid.size = cell_size
+        grid.width = 1 << int(np.ceil(np.log2(self._n) / 2))
+        grid.cell_start = wp.zeros(grid.width**2 + 1, dtype=wp.int32, device=device)
+        grid.cell_cursor = wp.zeros(grid.width**2 + 1, dtype=wp.int32, device=device)
+        grid.cell_grain = wp.zeros(self._n, dtype=wp.int32, device=device)
+        return grid
+
+    @property
+    def total(self) -> int:
+        """Pairs counted."""
+        return int(self.rows.start.numpy()[-1])
+
+    def count(self) -> None:
+        """Sort the grains into cells and count the pairs within reach."""
+        each, kernels, grid, rows = self._replay.each, self._kernels, self._grid, self.rows
+        grid.cell_cursor.zero_()
+        each(kernels.count_cells, self._n, self._grains, grid)
+        wp.utils.array_scan(grid.cell_cursor, grid.cell_start, inclusive=False)
+        each(kernels.fill_cells, self._n, self._grains, grid)
+        rows.cursor.zero_()
+        each(kernels.count_pairs, self._n, self._grains, self._watch, grid, rows)
+        wp.utils.array_scan(rows.cursor, rows.start, inclusive=False)
+
+    def fill(self) -> None:
+        """Write the pairs down."""
+        each, kernels, rows = self._replay.each, self._kernels, self.rows
+        each(kernels.fill_pairs, self._n, self._grains, self._watch, self._grid, rows)
+        each(kernels.sort_rows, self._n, rows)

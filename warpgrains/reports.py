@@ -1,0 +1,189 @@
+"""What a simulation tells of itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """What one step did.
+
+    Attributes
+    ----------
+    iterations : int
+        Iterations k >= 1 of the contact loop.
+    zeta : float
+        Largest change of a correction in the last of them [m/s].
+    converged : bool
+        Whether zeta <= tolerance.
+    contacts : int
+        Contacts that carry a correction, between grains and with the walls.
+    candidates : int
+        Contacts that were swept because they might have.
+    overlap : float
+        Worst overlap after the move, of grains with each other or with a wall [m].
+    rebuilds : int
+        How often the candidates were searched anew.
+    redos : int
+        How often the step was solved again because a candidate might have been missing.
+    """
+
+    iterations: int
+    zeta: float
+    converged: bool
+    contacts: int
+    candidates: int
+    overlap: float
+    rebuilds: int
+    redos: int
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a run did.
+
+    Attributes
+    ----------
+    steps : int
+        Steps done.
+    iterations_mean, iterations_max : float, int
+        Iterations a step.
+    unconverged : int
+        Steps that stopped at `max_iterations` with zeta above the tolerance.
+    overlap : float
+        Worst overlap after any step [m].
+    rebuilds, redos : int
+        Searches for candidates, and steps solved again because one might have been missing.
+    seconds : float
+        Wall time [s].
+    output : str or None
+        The recording, if there is one.
+    """
+
+    steps: int
+    iterations_mean: float
+    iterations_max: int
+    unconverged: int
+    overlap: float
+    rebuilds: int
+    redos: int
+    seconds: float
+    output: str | None
+
+
+class Tally:
+    """Adds up the reports of a run's steps."""
+
+    def __init__(self) -> None:
+        self.steps = self.rebuilds = self.redos = self.unconverged = 0
+        self._iterations = self._iterations_max = 0
+        self._overlap = 0.0
+
+    def add(self, report: StepReport) -> None:
+        """Count one step."""
+        self.steps += 1
+        self._iterations += report.iterations
+        self._iterations_max = max(self._iterations_max, report.iterations)
+        self.unconverged += not report.converged
+        self._overlap = max(self._overlap, report.overlap)
+        self.rebuilds += report.rebuilds
+        self.redos += report.redos
+
+    def summary(self, seconds: float, output: str | None) -> Summary:
+        """Return the sums of what was counted."""
+        return Summary(
+            steps=self.steps,
+            iterations_mean=self._iterations / self.steps,
+            iterations_max=self._iterations_max,
+            unconverged=self.unconverged,
+            overlap=self._overlap,
+            rebuilds=self.rebuilds,
+            redos=self.redos,
+            seconds=seconds,
+            output=output,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Corrections:
+    """Accumulated corrections: all that the warm start of the next step needs.
+
+    Attributes
+    ----------
+    pair : ndarray
+        Grains i < j of the pairs that carry a correction, in lexicographic order, shape (m, 2).
+    pair_correction : ndarray
+        Their corrections dv_c [m/s], shape (m,).
+    wall_correction : ndarray
+        Wall corrections dv_b of all grains [m/s], shape (n,).
+    """
+
+    pair: IntArray
+    pair_correction: FloatArray
+    wall_correction: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The exact state between two steps: all that the following steps depend on.
+
+    Attributes
+    ----------
+    steps : int
+        Steps done since the start.
+    position, velocity : ndarray
+        [m] and [m/s], shape (n, 2).
+    corrections : Corrections
+        What the contacts carry.
+    """
+
+    steps: int
+    position: FloatArray
+    velocity: FloatArray
+    corrections: Corrections
+
+
+@dataclass(frozen=True, eq=False)
+class PairContacts:
+    """Contacts between grains during the last step: the pairs that carry a correction.
+
+    Attributes
+    ----------
+    pair : ndarray
+        Grains i < j, in lexicographic order, shape (m, 2).
+    normal : ndarray
+        Unit normals from i to j, shape (m, 2).
+    gap : ndarray
+        Free distances at the start of the step [m], shape (m,).
+    correction : ndarray
+        Accumulated corrections dv_c [m/s], shape (m,).
+    force : ndarray
+        m_i m_j / (m_i + m_j) dv_c / dt, along the normal on j and against it on i [N], shape (m,).
+    """
+
+    pair: IntArray
+    normal: FloatArray
+    gap: FloatArray
+    correction: FloatArray
+    force: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class WallContacts:
+    """Contacts with the walls during the last step, one entry a grain.
+
+    Attributes
+    ----------
+    correction : ndarray
+        Accumulated corrections dv_b [m/s], shape (n,): > 0 at the outer wall, < 0 at the inner one.
+    force : ndarray
+        m_i dv_b / dt, towards the origin [N], shape (n,).
+    """
+
+    correction: FloatArray
+    force: FloatArray
