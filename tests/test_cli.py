@@ -1,0 +1,269 @@
+"""The command line: exit codes, one line for bad input, clean JSON, nothing half-written."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from time import monotonic, sleep
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, Simulation, SimulationError
+from warpgrains.cli import main
+
+GRAINS = """
+domain = {radius_in = 0.5, radius_out = 1.0}
+time = {dt = 0.01, duration = 0.1}
+[grains]
+position = [[0.7, 0.0], [0.0, 0.7]]
+radius = 0.1
+mass = 0.1
+"""
+
+
+def command(*arguments, **options):
+    """Start the command in a process of its own, where it owns the standard streams."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "warpgrains", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(GRAINS)
+    return path
+
+
+def test_help_loads_nothing_heavy():
+    script = (
+        "import sys\nfrom warpgrains.cli import main\n"
+        "try: main(['run', '--help'])\n"
+        "except SystemExit: print({'warp', 'pxr', 'tqdm', 'numpy'} & sys.modules.keys())"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    ).stdout
+    assert "--set SECTION.KEY=VALUE" in printed
+    assert printed.endswith("set()\n")
+
+
+BAD_INPUT = {
+    "nan": ["--set", "grains.position=[[0.7, 0.0], [nan, 0.7]]"],
+    "inf": ["--set", "physics.gravity=[0.0, -inf]"],
+    "radius": ["--set", "grains.radius=[0.1, -0.1]"],
+    "mass": ["--set", "grains.mass=0"],
+    "walls": ["--set", "domain.radius_in=1.0"],
+    "negative wall": ["--set", "domain.radius_in=-1.0"],
+    "too large": ["--set", "grains.radius=0.3"],
+    "outside": ["--set", "grains.position=[[0.7, 0.0], [0.0, 7.0]]"],
+    "origin": ["--set", "grains.position=[[0.7, 0.0], [0.0, 0.0]]", "--set", "domain.radius_in=0"],
+    "same centre": ["--set", "grains.position=[[0.7, 0.0], [0.7, 0.0]]"],
+    "lengths": ["--set", "grains.mass=[0.1, 0.1, 0.1]"],
+    "dt": ["--set", "time.dt=0"],
+    "drag step": ["--set", "physics.drag=10.0"],
+    "tolerance": ["--set", "solver.tolerance=-1e-6"],
+    "unknown key": ["--set", "physics.dragg=1.0"],
+    "unknown section": ["--set", "phisics.drag=1.0"],
+    "order": ["--order", "colour"],
+    "device": ["--device", "cuda:99"],
+    "no device": ["--device", "gpu"],
+    "steps": ["--steps", "0"],
+    "no steps": ["--steps", "many"],
+    "duration": ["--duration", "nan"],
+    "steps and duration": ["--steps", "3", "--duration", "1.0"],
+    "frames": ["--fps", "0"],
+    "unknown option": ["--stpes", "3"],
+}
+
+
+@pytest.mark.parametrize("arguments", BAD_INPUT.values(), ids=BAD_INPUT.keys())
+def test_bad_input_is_one_line_and_writes_nothing(scene, tmp_path, capfd, arguments):
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", *arguments) == 2
+    require_one_line(*capfd.readouterr())
+    assert list(tmp_path.iterdir()) == [scene]
+
+
+@pytest.mark.parametrize("text", ["domain = ", "", "\x00", "[domain]\nradius_out = 1.0"])
+def test_bad_file_is_one_line(scene, capfd, text):
+    scene.write_text(text)
+    assert exit_code("run", scene) == 2
+    require_one_line(*capfd.readouterr())
+
+
+@pytest.mark.parametrize(
+    "output", ["no/such/folder/out.usdc", "mine.toml/out.usdc", "out.txt", "folder.usdc"]
+)
+def test_bad_output_is_refused_before_a_step_is_done(scene, tmp_path, capfd, output):
+    (tmp_path / "folder.usdc").mkdir()
+    start = monotonic()
+    assert exit_code("run", scene, "-o", tmp_path / output, "--duration", "1e6") == 2
+    assert monotonic() - start < 10.0
+    require_one_line(*capfd.readouterr())
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "folder.usdc", scene]
+
+
+@pytest.mark.parametrize("arguments", [[], ["walk"], ["run"], ["run", "anulus"], ["check", "no.usdc"]])
+def test_bad_command_is_one_line(capfd, arguments):
+    assert exit_code(*arguments) == 2
+    require_one_line(*capfd.readouterr())
+
+
+@pytest.mark.parametrize("error", [SimulationError("step 3: grain 1 is lost"), OSError("disk full")])
+def test_failed_run_says_why_and_leaves_nothing(scene, tmp_path, capfd, monkeypatch, error):
+    def fail(self):
+        raise error
+
+    monkeypatch.setattr(Simulation, "step", fail)
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 1
+    require_last_line(*capfd.readouterr(), f"warpgrains: error: {error}")
+    assert list(tmp_path.iterdir()) == [scene]
+
+
+def test_summary_is_aligned_lines(scene, tmp_path, capfd):
+    output = tmp_path / "out.usdc"
+    assert exit_code("run", scene, "-o", output, "--set", "grains.position=[[0.7, 0.0], [0.8, 0.0]]") == 0
+    summary = {line[:17].strip(): line[18:] for line in capfd.readouterr().out.splitlines()}
+    assert summary["scene"] == "mine, 2 grains"
+    assert summary["steps"] == "10"
+    assert summary["not converged"] == "0 steps"
+    assert summary["overlaps at start"] == "1 between grains, 0 with a wall"
+    assert summary["output"] == str(output)
+    assert list(summary) == [
+        *(
+            "scene",
+            "steps",
+            "iterations",
+            "not converged",
+            "worst overlap",
+            "overlaps at start",
+            "time",
+            "output",
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "steps"),
+    [([], 10), (["--steps", "3"], 3), (["--duration", "0.2"], 20), (["--set", "time.dt=0.05"], 2)],
+)
+def test_length_of_a_run(scene, capfd, arguments, steps):
+    assert exit_code("run", scene, "--json", *arguments) == 0
+    assert json.loads(capfd.readouterr().out)["steps"] == steps
+
+
+def test_json_is_all_there_is_on_stdout(tmp_path):
+    output = tmp_path / "annulus.usdc"
+    process = command("run", "annulus", "-o", output, "--json", "--steps", "50")
+    printed, _ = process.communicate(timeout=100)
+    assert process.returncode == 0
+    assert printed.count("\n") == 1
+    summary = json.loads(printed)
+    assert (summary["scene"], summary["grains"], summary["steps"], summary["unconverged"]) == (
+        "annulus",
+        15,
+        50,
+        0,
+    )
+    assert summary["output"] == str(output)
+    assert summary["overlaps_at_start"] == {"pairs": 0, "walls": 0}
+    assert summary["iterations_max"] >= summary["iterations_mean"] > 0
+
+
+def test_first_run_says_that_it_compiles_and_stdout_stays_clean(scene, tmp_path):
+    environment = {**os.environ, "WARP_CACHE_PATH": str(tmp_path / "kernels")}
+    first, second = (
+        command("run", scene, "--json", env=environment).communicate(timeout=300) for _ in range(2)
+    )
+    assert "compiling" in first[1]
+    assert "compiling" not in second[1]
+    assert json.loads(first[0])["steps"] == json.loads(second[0])["steps"] == 10
+
+
+def test_what_a_library_prints_from_c_goes_to_stderr():
+    script = (
+        "import ctypes\nfrom warpgrains.console import stdout_kept_clean\n"
+        "with stdout_kept_clean():\n"
+        "    print('python'); ctypes.CDLL(None).printf(b'c\\n')\n"
+        "print('result')"
+    )
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=buffered, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "result\n"
+    assert set(done.stderr.split()) == {"python", "c"}
+
+
+def test_interrupted_run_leaves_nothing(scene, tmp_path, capfd, monkeypatch):
+    step = Simulation.step
+
+    def interrupt_fifth_step(self):
+        if self.time >= 0.04:
+            raise KeyboardInterrupt
+        return step(self)
+
+    monkeypatch.setattr(Simulation, "step", interrupt_fifth_step)
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
+    require_last_line(*capfd.readouterr(), "warpgrains: error: interrupted")
+    assert list(tmp_path.iterdir()) == [scene]
+
+
+def test_signal_leaves_the_old_recording(tmp_path):
+    output = tmp_path / "old.usdc"
+    output.write_bytes(b"old")
+    process = command("run", "pile", "-o", output, "--duration", "1000")
+    sleep(3.0)
+    process.send_signal(signal.SIGINT)
+    require_last_line(*process.communicate(timeout=100), "warpgrains: error: interrupted")
+    assert process.returncode == 130
+    assert list(tmp_path.iterdir()) == [output]
+    assert output.read_bytes() == b"old"
+
+
+def test_check_passes_a_recording_and_names_what_is_wrong(scene, tmp_path, capfd):
+    from pxr import Sdf
+
+    output = tmp_path / "out.usdc"
+    assert exit_code("run", scene, "-o", output) == 0
+    capfd.readouterr()
+    assert exit_code("check", output) == 0
+    assert capfd.readouterr().out == f"{output}: nothing is wrong\n"
+    layer = Sdf.Layer.FindOrOpen(str(output))
+    layer.GetPrimAtPath("/World/Grains").properties["ids"].default = np.array([1, 1])
+    layer.Save()
+    assert exit_code("check", output) == 1
+    assert "ids" in capfd.readouterr().out
+
+
+def test_check_refuses_what_is_no_usd_file(scene, capfd):
+    assert exit_code("check", scene) == 2
+    require_one_line(*capfd.readouterr())
+
+
+def test_order_is_part_of_the_recorded_scene(scene, tmp_path):
+    assert Scene.load(scene, ["solver.order=color"]).text.endswith("# --set solver.order=color")
+
+
+def exit_code(*arguments):
+    try:
+        return main([str(argument) for argument in arguments])
+    except SystemExit as exit:
+        return exit.code
+
+
+def require_one_line(printed, complaint):
+    assert printed == ""
+    assert complaint.startswith("warpgrains: error: ")
+    assert complaint.count("\n") == 1
+
+
+def require_last_line(printed, complaint, expected):
+    assert printed == ""
+    assert complaint.splitlines()[-1] == expected

@@ -1,0 +1,96 @@
+"""The command line: `warpgrains run` and `warpgrains check`. See `commands` for what they do."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from warpgrains import __version__, commands
+from warpgrains.errors import SceneError, SimulationError
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments
+        What follows the command's name; by default those of this process.
+
+    Returns
+    -------
+    int
+        0 done, 1 failed, 2 bad input, 130 interrupted. The reason is one line on standard error.
+    """
+    parsed = _parser().parse_args(arguments)
+    try:
+        return FAILED if parsed.command(parsed) else DONE
+    except SceneError as error:
+        return _complain(str(error), BAD_INPUT)
+    except (SimulationError, OSError) as error:
+        return _complain(str(error), FAILED)
+    except KeyboardInterrupt:
+        return _complain("interrupted", INTERRUPTED)
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose complaints are one line, like all others."""
+
+    def error(self, message: str) -> NoReturn:
+        sys.exit(_complain(message, BAD_INPUT))
+
+
+def _complain(message: str, code: int) -> int:
+    print(f"warpgrains: error: {message}", file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="warpgrains", description="Rigid frictionless grains in an annulus, on NVIDIA Warp."
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    _add_run(subparsers.add_parser("run", help="simulate a scene", description="Simulate a scene."))
+    _add_check(
+        subparsers.add_parser(
+            "check",
+            help="check a recording",
+            description="Check in a recording what no USD validator checks; exit code 1: something is wrong.",
+        )
+    )
+    return parser
+
+
+def _add_run(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(command=commands.run)
+    parser.add_argument("scene", metavar="SCENE", help="a TOML file, or the name of a shipped scene")
+    parser.add_argument("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate")
+    length.add_argument(
+        "--duration", type=float, metavar="T", help="time to simulate [s] (default: the scene's)"
+    )
+    parser.add_argument(
+        "--fps", type=float, default=60.0, metavar="F", help="frames recorded a second (default: 60)"
+    )
+    parser.add_argument(
+        "--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)"
+    )
+    parser.add_argument("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="overrides",
+        metavar="SECTION.KEY=VALUE",
+        help="replace a value of the scene, such as physics.drag=0.1; may be repeated",
+    )
+    parser.add_argument("--json", action="store_true", help="print the summary as one JSON object")
+
+
+def _add_check(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(command=commands.check)
+    parser.add_argument("file", metavar="FILE", help="the recording, a USD file")
