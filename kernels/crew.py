@@ -13,6 +13,7 @@ class Crew:
 
     first: wp.int32
     workers: wp.int32
+    arrivals: wp.array(dtype=wp.int64)  # how often a worker has come to `meet`
 
 
 @wp.func
@@ -28,3 +29,27 @@ def share(crew: Crew, tid: int, begin: int, end: int):
 def slot_of(crew: Crew, tid: int, slots: int) -> int:
     """Where this worker keeps its part of a maximum or a sum: CPU workers each have their own."""
     return (crew.first + tid) % slots
+
+
+@wp.func_native("""
+#if !defined(__CUDA_ARCH__)
+    if (workers > 1) {
+        long long ticket = __atomic_fetch_add(arrivals.data, 1LL, __ATOMIC_ACQ_REL);
+        long long all_here = (ticket / workers + 1) * workers;
+        while (__atomic_load_n(arrivals.data, __ATOMIC_ACQUIRE) < all_here)
+            ;
+    }
+#endif
+""")
+def wait_for_all(arrivals: wp.array(dtype=wp.int64), workers: int):
+    """Wait until all CPU workers have come here equally often."""
+    ...
+
+
+@wp.func
+def meet(crew: Crew):
+    """Let every CPU worker see what the others have written; one worker alone does not wait.
+
+    On a GPU workers meet at the end of a launch.
+    """
+    wait_for_all(crew.arrivals, crew.workers)

@@ -55,19 +55,22 @@ class Contacts:
 
 @wp.struct
 class Watch:
-    """What proves that no contact is missing from the list (DESIGN.md, "Leaving pairs out")."""
+    """What proves that no contact is missing from the list (watch.py)."""
 
-    peak: wp.array(dtype=f64)  # per grain, largest |v - frame_velocity|^2 of the step so far [m2/s2]
-    reach: wp.array(dtype=f64)  # per grain, how far it may come without meeting an absent contact [m]
-    built_position: wp.array(dtype=wp.vec2d)  # positions when the list was built [m]
-    frame: wp.array(dtype=wp.vec2d)  # FRAME_VELOCITY [m/s], FRAME_SHIFT [m] since the list was built
-    scalar: wp.array(dtype=f64)  # FRAME_REACH, DRIFT, INFLUENCE
-    flag: wp.array(dtype=wp.int32)  # WATCHING, MISSED, BAD_GRAIN
+    peak: wp.array(dtype=f64)  # per grain, largest p_i^2 of the step so far [m2/s2]
+    limit: wp.array(dtype=f64)  # the p_i^2 that its reach allows [m2/s2]
+    recent: wp.array(dtype=f64)  # p_i of the last step [m/s]
+    reach: wp.array(dtype=f64)  # how far it may stray without meeting an absent contact [m]
+    built_position: wp.array(dtype=wp.vec2d)  # when the list was built [m]
+    built_velocity: wp.array(dtype=wp.vec2d)  # w_i [m/s]
+    frame: wp.array(dtype=wp.vec2d)  # FRAME_VELOCITY [m/s], FRAME_SHIFT [m], MEAN_VELOCITY of the w_i [m/s]
+    scalar: wp.array(dtype=f64)  # FRAME_REACH, DRIFT, LOOK_DRIFT, INFLUENCE, ELAPSED, HORIZON, SPREAD
+    flag: wp.array(dtype=wp.int32)  # WATCHING, LOOK, MISSED, BAD_GRAIN
 
 
 @wp.struct
 class Progress:
-    """How far the step is, and what it reports. Every CPU worker keeps its part of a maximum in its own slot."""
+    """How far the step is, and what it reports. CPU workers keep their parts of a maximum apart."""
 
     iterating: wp.array(dtype=wp.int32)  # whether to iterate on
     accepted: wp.array(dtype=wp.int32)  # whether the attempt solved the step
@@ -78,7 +81,7 @@ class Progress:
 
 
 PAIRS, GROUPS, WALLS = (wp.constant(k) for k in range(3))
-FRAME_VELOCITY, FRAME_SHIFT = (wp.constant(k) for k in range(2))
-FRAME_REACH, DRIFT, INFLUENCE = (wp.constant(k) for k in range(3))
-WATCHING, MISSED, BAD_GRAIN = (wp.constant(k) for k in range(3))
+FRAME_VELOCITY, FRAME_SHIFT, MEAN_VELOCITY = (wp.constant(k) for k in range(3))
+FRAME_REACH, DRIFT, LOOK_DRIFT, INFLUENCE, ELAPSED, HORIZON, SPREAD = (wp.constant(k) for k in range(7))
+WATCHING, LOOK, MISSED, BAD_GRAIN = (wp.constant(k) for k in range(4))
 ACCEPTED, ITERATIONS, ZETA, OVERLAP, CARRYING = (wp.constant(k) for k in range(5))

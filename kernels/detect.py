@@ -1,7 +1,7 @@
-"""Candidate contacts: every pair i < j with gap <= reach_i + reach_j, in lexicographic order, and the walls.
+"""Candidate contacts: every pair i < j within reach (watch.py), in lexicographic order, and the walls.
 
 Grains are sorted into the cells of a grid that is wrapped around (cell (cx, cy) shares its bucket with
-(cx + width, cy)), so that it needs no bounds. Of two grains the one of larger extent (radius + reach) finds
+(cx + width, cy)), so that it needs no bounds. Of two grains the one of larger extent finds
 the pair, so that few large grains among many small ones cost no more than the cells that they cover.
 """
 
@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from . import law
-from .data import FRAME_REACH, WALLS, Contacts, Grains, Wall, Watch
+from .data import FRAME_REACH, HORIZON, MEAN_VELOCITY, WALLS, Contacts, Grains, Wall, Watch
 from .variant import Variant
 
 f64 = wp.float64
@@ -26,6 +26,9 @@ class Grid:
     cell_start: wp.array(dtype=wp.int32)
     cell_cursor: wp.array(dtype=wp.int32)
     cell_grain: wp.array(dtype=wp.int32)
+    extent: wp.array(
+        dtype=f64
+    )  # of every grain: its part of the distance at which pairs are within reach [m]
 
 
 @wp.struct
@@ -35,6 +38,8 @@ class Rows:
     start: wp.array(dtype=wp.int32)
     cursor: wp.array(dtype=wp.int32)
     neighbor: wp.array(dtype=wp.int32)
+    found: wp.array(dtype=wp.vec2i)  # pairs as they were found; those beyond its end are only counted
+    total: wp.array(dtype=wp.int32)
 
 
 @wp.func
@@ -58,9 +63,11 @@ def kernels(variant: Variant) -> SimpleNamespace:
         return grains.radius[i if wp.static(variant.distinct_radii) else 0]
 
     @wp.kernel(module=variant.module)
-    def count_cells(grains: Grains, grid: Grid):
-        """How many grains every bucket holds, in cell_cursor."""
+    def count_cells(grains: Grains, watch: Watch, grid: Grid):
+        """The extent of every grain, and how many grains every bucket holds, in cell_cursor."""
         i = wp.tid()
+        w = watch.built_velocity[i] - watch.frame[MEAN_VELOCITY]
+        grid.extent[i] = radius_of(grains, i) + watch.reach[i] + watch.scalar[HORIZON] * wp.length(w)
         x = grains.position[i]
         wp.atomic_add(
             grid.cell_cursor, bucket_of(cell_of(x[0], grid.size), cell_of(x[1], grid.size), grid.width), 1
@@ -76,44 +83,48 @@ def kernels(variant: Variant) -> SimpleNamespace:
         grid.cell_grain[grid.cell_start[b] + place] = i
 
     @wp.func
-    def are_candidates(grains: Grains, watch: Watch, a: int, b: int) -> bool:
-        """Whether a pair is within reach, and grain a is the one to find it: the larger, of equals the first."""
-        extent_a = radius_of(grains, a) + watch.reach[a]
-        extent_b = radius_of(grains, b) + watch.reach[b]
-        if extent_b > extent_a or (extent_b == extent_a and b <= a):
-            return False
-        d = grains.position[b] - grains.position[a]
-        within = extent_a + extent_b
-        return wp.dot(d, d) <= within * within * f64(1.0 + 1.0e-12)
+    def is_within_reach(grains: Grains, watch: Watch, a: int, b: int, distance: f64) -> bool:
+        """The criterion of watch.py; a hair too wide, so that rounding leaves no pair out."""
+        w = watch.built_velocity[b] - watch.built_velocity[a]
+        reach = watch.reach[a] + watch.reach[b] + watch.scalar[HORIZON] * wp.length(w)
+        return distance <= (radius_of(grains, a) + radius_of(grains, b) + reach) * f64(1.0 + 1.0e-12)
 
     @wp.func
-    def visit_neighbors(grains: Grains, watch: Watch, grid: Grid, rows: Rows, a: int, fill: bool):
-        """Count the pairs that grain a finds, in the cursor of their first grain, or write them down."""
+    def note_pair(rows: Rows, a: int, b: int):
+        """Count a pair in the row of its first grain, and write it down if there is room."""
+        wp.atomic_add(rows.cursor, wp.min(a, b), 1)
+        place = wp.atomic_add(rows.total, 0, 1)
+        if place < rows.found.shape[0]:
+            rows.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
+
+    @wp.kernel(module=variant.module)
+    def find_pairs(grains: Grains, watch: Watch, grid: Grid, rows: Rows):
+        """Find the pairs of which a grain is the larger, or, of equals, the first."""
+        a = wp.tid()
         x = grains.position[a]
-        radius = f64(2.0) * (radius_of(grains, a) + watch.reach[a]) * f64(1.0 + 1.0e-12)
+        extent = grid.extent[a]
+        radius = f64(2.0) * extent * f64(1.0 + 1.0e-12)
         for cy in range(cell_of(x[1] - radius, grid.size), cell_of(x[1] + radius, grid.size) + 1):
             for cx in range(cell_of(x[0] - radius, grid.size), cell_of(x[0] + radius, grid.size) + 1):
                 bucket = bucket_of(cx, cy, grid.width)
                 for k in range(grid.cell_start[bucket], grid.cell_start[bucket + 1]):
                     b = grid.cell_grain[k]
-                    if are_candidates(grains, watch, a, b):
+                    if grid.extent[b] < extent or (grid.extent[b] == extent and b > a):
                         y = grains.position[b]
-                        if cell_of(y[0], grid.size) == cx and cell_of(y[1], grid.size) == cy:
-                            if fill:
-                                place = wp.atomic_sub(rows.cursor, wp.min(a, b), 1) - 1
-                                rows.neighbor[rows.start[wp.min(a, b)] + place] = wp.max(a, b)
-                            else:
-                                wp.atomic_add(rows.cursor, wp.min(a, b), 1)
+                        distance = wp.length(y - x)
+                        if distance <= (extent + grid.extent[b]) * f64(1.0 + 1.0e-12):
+                            in_cell = cell_of(y[0], grid.size) == cx and cell_of(y[1], grid.size) == cy
+                            if in_cell and is_within_reach(grains, watch, a, b, distance):
+                                note_pair(rows, a, b)
 
     @wp.kernel(module=variant.module)
-    def count_pairs(grains: Grains, watch: Watch, grid: Grid, rows: Rows):
-        """How many candidate pairs every grain is the first of, in rows.cursor."""
-        visit_neighbors(grains, watch, grid, rows, wp.tid(), False)
-
-    @wp.kernel(module=variant.module)
-    def fill_pairs(grains: Grains, watch: Watch, grid: Grid, rows: Rows):
-        """Write the candidate pairs down; rows.cursor counts down to zero."""
-        visit_neighbors(grains, watch, grid, rows, wp.tid(), True)
+    def fill_rows(rows: Rows):
+        """Put every pair in its row; rows.cursor counts down to zero."""
+        k = wp.tid()
+        if k < rows.total[0]:
+            pair = rows.found[k]
+            place = wp.atomic_sub(rows.cursor, pair[0], 1) - 1
+            rows.neighbor[rows.start[pair[0]] + place] = pair[1]
 
     @wp.kernel(module=variant.module)
     def sort_rows(rows: Rows):
@@ -147,7 +158,8 @@ def kernels(variant: Variant) -> SimpleNamespace:
     ) -> bool:
         """Whether grain i may meet a wall, or is held by one."""
         distance = wp.length(grains.position[i])
-        reach = (watch.reach[i] + watch.scalar[FRAME_REACH]) * f64(1.0 + 1.0e-12)
+        path = watch.scalar[HORIZON] * wp.length(watch.built_velocity[i])
+        reach = (watch.reach[i] + watch.scalar[FRAME_REACH] + path) * f64(1.0 + 1.0e-12)
         near = law.outer_gap(distance, radius_of(grains, i), radius_out) <= reach
         if wp.static(variant.inner_wall):
             near = near or law.inner_gap(distance, radius_of(grains, i), radius_in) <= reach
@@ -175,8 +187,8 @@ def kernels(variant: Variant) -> SimpleNamespace:
     return SimpleNamespace(
         count_cells=count_cells,
         fill_cells=fill_cells,
-        count_pairs=count_pairs,
-        fill_pairs=fill_pairs,
+        find_pairs=find_pairs,
+        fill_rows=fill_rows,
         sort_rows=sort_rows,
         save_walls=save_walls,
         find_walls=find_walls,

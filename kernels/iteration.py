@@ -12,6 +12,8 @@ from .data import (
     DRIFT,
     INFLUENCE,
     ITERATIONS,
+    LOOK,
+    LOOK_DRIFT,
     MISSED,
     OVERLAP,
     WATCHING,
@@ -22,6 +24,49 @@ from .data import (
 from .variant import Variant
 
 f64 = wp.float64
+
+
+@wp.struct
+class Stop:
+    """When to stop iterating, and when a sweep is calm enough not to be watched."""
+
+    tolerance: f64  # on zeta [m/s]
+    max_iterations: wp.int32
+    calm: f64  # change of a grain's velocity that need not be watched [m/s]
+
+
+@wp.func
+def is_power_of_two(number: int) -> bool:
+    """Whether it is 1, 2, 4, 8, ..."""
+    return number & (number - 1) == 0
+
+
+@wp.func
+def decide_after_iteration(watch: Watch, progress: Progress, stop: Stop):
+    """Gather zeta; stop after the first iteration with zeta <= tolerance, or at max_iterations.
+
+    The next sweep is watched if the last one was not calm; when unwatched ones have added up, all grains are
+    looked at. An attempt in which a contact may have been missing is given up, but not at once, so that it
+    shows how far all grains must reach.
+    """
+    zeta = f64(0.0)
+    for slot in range(progress.zeta.shape[0]):
+        zeta = wp.max(zeta, progress.zeta[slot])
+        progress.zeta[slot] = f64(0.0)
+    iterations = progress.report[ITERATIONS] + f64(1.0)
+    progress.report[ITERATIONS] = iterations
+    progress.report[ZETA] = zeta
+    progress.iterating[0] = 0 if zeta <= stop.tolerance or iterations >= f64(stop.max_iterations) else 1
+    if watch.flag[MISSED] != 0 and is_power_of_two(int(iterations)):
+        progress.iterating[0] = 0
+    change = watch.scalar[INFLUENCE] * zeta
+    if watch.flag[WATCHING] == 0:
+        watch.scalar[DRIFT] = watch.scalar[DRIFT] + change
+    watch.flag[WATCHING] = 1 if change > stop.calm else 0
+    watch.flag[LOOK] = 1 if watch.scalar[DRIFT] > stop.calm else 0
+    if watch.flag[LOOK] != 0:
+        watch.scalar[LOOK_DRIFT] = watch.scalar[DRIFT]
+        watch.scalar[DRIFT] = f64(0.0)
 
 
 @cache
@@ -44,25 +89,6 @@ def kernels(variant: Variant) -> SimpleNamespace:
         progress.iterating[0] = is_sound(watch)
 
     @wp.kernel(module=variant.module)
-    def stop(watch: Watch, progress: Progress, tolerance: f64, max_iterations: int, calm: f64):
-        """Gather zeta; stop after the first iteration with zeta <= tolerance, or at max_iterations.
-
-        The next sweep is watched if it may change a grain's velocity by more than `calm` [m/s].
-        """
-        zeta = f64(0.0)
-        for slot in range(progress.zeta.shape[0]):
-            zeta = wp.max(zeta, progress.zeta[slot])
-            progress.zeta[slot] = f64(0.0)
-        iterations = progress.report[ITERATIONS] + f64(1.0)
-        progress.report[ITERATIONS] = iterations
-        progress.report[ZETA] = zeta
-        progress.iterating[0] = 0 if zeta <= tolerance or iterations >= f64(max_iterations) else 1
-        change = watch.scalar[INFLUENCE] * zeta
-        if watch.flag[WATCHING] == 0:
-            watch.scalar[DRIFT] = watch.scalar[DRIFT] + change
-        watch.flag[WATCHING] = 1 if change > calm or watch.scalar[DRIFT] > f64(20.0) * calm else 0
-
-    @wp.kernel(module=variant.module)
     def judge(watch: Watch, progress: Progress):
         """Accept the step only if it is sound to the end."""
         progress.accepted[0] = is_sound(watch)
@@ -79,4 +105,4 @@ def kernels(variant: Variant) -> SimpleNamespace:
         progress.report[OVERLAP] = overlap
         progress.report[CARRYING] = f64(carrying)
 
-    return SimpleNamespace(start=start, stop=stop, judge=judge, gather=gather)
+    return SimpleNamespace(start=start, judge=judge, gather=gather)

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import warp as wp
 
 from . import law
-from .crew import Crew, share, slot_of
+from .crew import Crew, meet, share, slot_of
 from .data import (
-    FRAME_VELOCITY,
     GROUPS,
+    LOOK,
     WALLS,
     WATCHING,
     Contacts,
@@ -17,7 +17,9 @@ from .data import (
     Progress,
     Watch,
 )
+from .iteration import Stop, decide_after_iteration
 from .variant import Variant
+from .watch import look_again, watch_grain
 
 f64 = wp.float64
 
@@ -64,35 +66,65 @@ def kernels(variant: Variant) -> SimpleNamespace:
         return wp.abs(dv)
 
     @wp.func
-    def watch_grain(velocity: wp.array(dtype=wp.vec2d), watch: Watch, i: int):
-        """Keep the largest speed that grain i has had in this step, relative to the frame."""
-        watch.peak[i] = wp.max(watch.peak[i], wp.length_sq(velocity[i] - watch.frame[FRAME_VELOCITY]))
+    def start_pair(grains: Grains, contacts: Contacts, c: int, dt: f64):
+        """Freeze a pair's normal and gap, and re-apply the correction kept from the previous step."""
+        pair = contacts.pairs[c]
+        n, distance = law.normal(grains.position[pair.i], grains.position[pair.j])
+        radius_i = grains.radius[pair.i if wp.static(variant.distinct_radii) else 0]
+        radius_j = grains.radius[pair.j if wp.static(variant.distinct_radii) else 0]
+        contacts.pairs[c].n = n
+        contacts.pairs[c].gap_rate = law.pair_gap(distance, radius_i, radius_j) / dt
+        contacts.pair_dv_start[c] = pair.dv
+        apply_pair(grains.next_velocity, contacts, c, pair.dv * n)
+
+    @wp.func
+    def sweep_group(
+        crew: Crew, tid: int, velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, watch: Watch, group: int
+    ) -> f64:
+        """Correct this worker's share of the pairs of a group. Returns the largest |dv|."""
+        largest = f64(0.0)
+        begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
+        if watch.flag[WATCHING] == 0:
+            for c in range(begin, end):
+                largest = wp.max(largest, correct_pair(velocity, contacts, c))
+        else:
+            for c in range(begin, end):
+                largest = wp.max(largest, correct_pair(velocity, contacts, c))
+                i = contacts.pairs[c].i
+                watch_grain(velocity[i], watch, i)
+                j = contacts.pairs[c].j
+                watch_grain(velocity[j], watch, j)
+        return largest
+
+    @wp.func
+    def sweep_all_walls(
+        crew: Crew, tid: int, velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, watch: Watch
+    ) -> f64:
+        """Correct this worker's share of the grains that may reach a wall. Returns the largest |dv|."""
+        largest = f64(0.0)
+        begin, end = share(crew, tid, 0, contacts.count[WALLS])
+        for c in range(begin, end):
+            largest = wp.max(largest, correct_wall(velocity, contacts, c))
+            if watch.flag[WATCHING] != 0:
+                i = contacts.walls[c].i
+                watch_grain(velocity[i], watch, i)
+        return largest
 
     @wp.kernel(module=variant.module)
     def start_pairs(
         crew: Crew, grains: Grains, contacts: Contacts, dt: f64, first_group: int, last_group: int
     ):
-        """Iteration 0: freeze every pair's normal and gap, and re-apply the correction kept (warm start)."""
-        groups = wp.min(last_group, contacts.count[GROUPS])
-        for g in range(first_group, groups):
-            first = contacts.group_start[g]
-            last = contacts.group_start[g + 1]
-            begin, end = share(crew, wp.tid(), first, last)
+        """Iteration 0 of the pairs (warm start), group after group."""
+        for group in range(first_group, wp.min(last_group, contacts.count[GROUPS])):
+            begin, end = share(crew, wp.tid(), contacts.group_start[group], contacts.group_start[group + 1])
             for c in range(begin, end):
-                pair = contacts.pairs[c]
-                n, distance = law.normal(grains.position[pair.i], grains.position[pair.j])
-                radius_i = grains.radius[pair.i if wp.static(variant.distinct_radii) else 0]
-                radius_j = grains.radius[pair.j if wp.static(variant.distinct_radii) else 0]
-                contacts.pairs[c].n = n
-                contacts.pairs[c].gap_rate = law.pair_gap(distance, radius_i, radius_j) / dt
-                contacts.pair_dv_start[c] = pair.dv
-                apply_pair(grains.next_velocity, contacts, c, pair.dv * n)
+                start_pair(grains, contacts, c, dt)
+            meet(crew)
 
     @wp.kernel(module=variant.module)
     def start_walls(crew: Crew, grains: Grains, contacts: Contacts, radius_in: f64, radius_out: f64, dt: f64):
-        """Iteration 0 at the walls."""
-        count = contacts.count[WALLS]
-        begin, end = share(crew, wp.tid(), 0, count)
+        """Iteration 0 of the walls."""
+        begin, end = share(crew, wp.tid(), 0, contacts.count[WALLS])
         for c in range(begin, end):
             wall = contacts.walls[c]
             n, distance = law.normal(wp.vec2d(f64(0.0), f64(0.0)), grains.position[wall.i])
@@ -106,41 +138,56 @@ def kernels(variant: Variant) -> SimpleNamespace:
 
     @wp.kernel(module=variant.module)
     def sweep_pairs(
-        crew: Crew,
-        grains: Grains,
-        contacts: Contacts,
-        watch: Watch,
-        progress: Progress,
-        first_group: int,
-        last_group: int,
+        crew: Crew, grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, group: int
     ):
-        """Correct every pair of the groups [first_group, last_group), group after group."""
-        watching = watch.flag[WATCHING]
-        largest = f64(0.0)
-        groups = wp.min(last_group, contacts.count[GROUPS])
-        for g in range(first_group, groups):
-            first = contacts.group_start[g]
-            last = contacts.group_start[g + 1]
-            begin, end = share(crew, wp.tid(), first, last)
-            for c in range(begin, end):
-                largest = wp.max(largest, correct_pair(grains.next_velocity, contacts, c))
-                if watching != 0:
-                    watch_grain(grains.next_velocity, watch, contacts.pairs[c].i)
-                    watch_grain(grains.next_velocity, watch, contacts.pairs[c].j)
-        wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), largest)
+        """Correct the pairs of one group: a GPU's launch."""
+        if group < contacts.count[GROUPS]:
+            largest = sweep_group(crew, wp.tid(), grains.next_velocity, contacts, watch, group)
+            wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), largest)
 
     @wp.kernel(module=variant.module)
     def sweep_walls(crew: Crew, grains: Grains, contacts: Contacts, watch: Watch, progress: Progress):
-        """Correct every grain that may reach a wall; no two share a grain."""
-        largest = f64(0.0)
-        count = contacts.count[WALLS]
-        begin, end = share(crew, wp.tid(), 0, count)
-        for c in range(begin, end):
-            largest = wp.max(largest, correct_wall(grains.next_velocity, contacts, c))
-            if watch.flag[WATCHING] != 0:
-                watch_grain(grains.next_velocity, watch, contacts.walls[c].i)
+        """Correct every grain that may reach a wall: a GPU's launch."""
+        largest = sweep_all_walls(crew, wp.tid(), grains.next_velocity, contacts, watch)
         wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), largest)
 
+    @wp.kernel(module=variant.module)
+    def decide(watch: Watch, progress: Progress, stop: Stop):
+        """Whether to go on after an iteration: a GPU's launch."""
+        decide_after_iteration(watch, progress, stop)
+
+    @wp.kernel(module=variant.module)
+    def look(crew: Crew, grains: Grains, watch: Watch):
+        """Look at all grains where unwatched changes have added up: a GPU's launch."""
+        if watch.flag[LOOK] != 0:
+            look_again(grains.next_velocity, watch, crew, wp.tid())
+
+    @wp.kernel(module=variant.module)
+    def iterate(crew: Crew, grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, stop: Stop):
+        """The contact iteration on a CPU, whole: its workers meet after every group and every iteration."""
+        tid = wp.tid()
+        slot = slot_of(crew, tid, progress.zeta.shape[0])
+        while progress.iterating[0] != 0:
+            zeta = f64(0.0)
+            for group in range(contacts.count[GROUPS]):
+                zeta = wp.max(zeta, sweep_group(crew, tid, grains.next_velocity, contacts, watch, group))
+                meet(crew)
+            zeta = wp.max(zeta, sweep_all_walls(crew, tid, grains.next_velocity, contacts, watch))
+            progress.zeta[slot] = zeta
+            meet(crew)
+            if slot == 0:
+                decide_after_iteration(watch, progress, stop)
+            meet(crew)
+            if watch.flag[LOOK] != 0:
+                look_again(grains.next_velocity, watch, crew, tid)
+                meet(crew)
+
     return SimpleNamespace(
-        start_pairs=start_pairs, start_walls=start_walls, sweep_pairs=sweep_pairs, sweep_walls=sweep_walls
+        start_pairs=start_pairs,
+        start_walls=start_walls,
+        sweep_pairs=sweep_pairs,
+        sweep_walls=sweep_walls,
+        decide=decide,
+        look=look,
+        iterate=iterate,
     )

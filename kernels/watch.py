@@ -1,17 +1,22 @@
 """Exact pruning: the proof that a pair or wall left out of the list would have done nothing.
 
-An absent pair acts only if (v_i - v_j) . n > gap / dt at some moment of the iteration. The list holds every
-pair with gap <= reach_i + reach_j when it was built. Measured in a frame that moves with velocity u, grain i
-has since moved by s_i and its speed never exceeded p_i. As long as
+When the list was built, grain i had about the velocity w_i. In a frame that moves with velocity u beside the
+w_i, let s_i be how far grain i has strayed since from its straight path, and p_i the largest |v_i - w_i - u|
+that it has had at any moment of the contact iteration. The list holds every pair with
 
-    s_i + dt p_i <= reach_i        for every grain i,
+    gap <= horizon |w_i - w_j| + reach_i + reach_j
 
-every absent pair has gap >= dt (p_i + p_j) >= dt (v_i - v_j) . n, so it stays silent (SPEC.md: leaving it out
-gives the same bits). For the walls, which do not move with the frame, the frame's own path is added.
+as the gaps were then. A pair acts only if (v_i - v_j) . n > gap / dt. So as long as
 
-p_i is the peak seen after every single correction while WATCHING, plus DRIFT otherwise: an unwatched
-iteration changes no velocity by more than INFLUENCE * zeta, where INFLUENCE is the largest sum of a grain's
-shares of its contacts.
+    s_i + dt p_i <= reach_i  for every grain i,    and    elapsed + dt <= horizon,
+
+an absent pair has gap >= dt (|w_i - w_j| + p_i + p_j) >= dt (v_i - v_j) . n at every moment and stays silent;
+leaving it out gives the same bits (SPEC.md). The walls do not move with the frame: for them the path of the
+frame itself is added.
+
+p_i is seen after every single correction while WATCHING. An unwatched iteration changes no velocity by more
+than INFLUENCE * zeta, where INFLUENCE is the largest sum of a grain's shares of its contacts; these changes
+add up to DRIFT, with which all grains are looked at from time to time.
 """
 
 from functools import cache
@@ -23,10 +28,12 @@ from .crew import Crew, share
 from .data import (
     BAD_GRAIN,
     DRIFT,
+    ELAPSED,
     FRAME_REACH,
     FRAME_SHIFT,
     FRAME_VELOCITY,
-    INFLUENCE,
+    HORIZON,
+    LOOK_DRIFT,
     MISSED,
     WATCHING,
     Grains,
@@ -35,6 +42,38 @@ from .data import (
 from .variant import Variant
 
 f64 = wp.float64
+
+
+@wp.func
+def strayed_velocity(velocity: wp.vec2d, watch: Watch, i: int) -> wp.vec2d:
+    """v_i - w_i - u [m/s]."""
+    return velocity - watch.built_velocity[i] - watch.frame[FRAME_VELOCITY]
+
+
+@wp.func
+def strayed(position: wp.vec2d, watch: Watch, i: int) -> f64:
+    """s_i [m]."""
+    straight = watch.built_position[i] + watch.scalar[ELAPSED] * watch.built_velocity[i]
+    return wp.length(position - straight - watch.frame[FRAME_SHIFT])
+
+
+@wp.func
+def watch_grain(velocity: wp.vec2d, watch: Watch, i: int):
+    """Keep the peak of grain i, and flag MISSED once its reach no longer allows it."""
+    peak = wp.length_sq(strayed_velocity(velocity, watch, i))
+    if peak > watch.peak[i]:
+        watch.peak[i] = peak
+        if peak > watch.limit[i]:
+            watch.flag[MISSED] = 1
+
+
+@wp.func
+def look_again(velocity: wp.array(dtype=wp.vec2d), watch: Watch, crew: Crew, tid: int):
+    """Take what this worker's grains may have reached unwatched into their peaks."""
+    begin, end = share(crew, tid, 0, velocity.shape[0])
+    for i in range(begin, end):
+        peak = wp.length(strayed_velocity(velocity[i], watch, i)) + watch.scalar[LOOK_DRIFT]
+        watch.peak[i] = wp.max(watch.peak[i], peak * peak)
 
 
 @cache
@@ -52,69 +91,64 @@ def kernels(variant: Variant) -> SimpleNamespace:
 
     @wp.kernel(module=variant.module)
     def find_frame(crew: Crew, grains: Grains, watch: Watch):
-        """The frame moves with the mean velocity: a falling cloud is at rest in its own frame."""
+        """u, the mean of v_i - w_i: what all grains do together, such as falling, strays nobody."""
         n = grains.position.shape[0]
-        total = wp.vec2d(f64(0.0), f64(0.0))
         begin, end = share(crew, wp.tid(), 0, n)
+        total = wp.vec2d(f64(0.0), f64(0.0))
         for i in range(begin, end):
-            total = total + grains.next_velocity[i]
+            total = total + (grains.next_velocity[i] - watch.built_velocity[i])
         wp.atomic_add(watch.frame, FRAME_VELOCITY, total / f64(n))
 
     @wp.kernel(module=variant.module)
-    def first_look(crew: Crew, grains: Grains, watch: Watch):
-        """The peaks before the first iteration."""
+    def first_look(crew: Crew, grains: Grains, watch: Watch, dt: f64):
+        """The peaks before the first iteration, and what the reaches still allow."""
         n = grains.position.shape[0]
-        u = watch.frame[FRAME_VELOCITY]
         begin, end = share(crew, wp.tid(), 0, n)
         for i in range(begin, end):
-            watch.peak[i] = wp.length_sq(grains.next_velocity[i] - u)
-
-    @wp.func
-    def used_reach(grains: Grains, watch: Watch, i: int, dt: f64) -> f64:
-        """s_i + dt p_i [m]."""
-        moved = grains.position[i] - watch.built_position[i] - watch.frame[FRAME_SHIFT]
-        return wp.length(moved) + dt * (wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT])
-
-    @wp.func
-    def used_frame_reach(watch: Watch, dt: f64) -> f64:
-        """How far the frame itself has come, and comes in this step [m]."""
-        return wp.length(watch.frame[FRAME_SHIFT]) + dt * wp.length(watch.frame[FRAME_VELOCITY])
+            watch.peak[i] = wp.length_sq(strayed_velocity(grains.next_velocity[i], watch, i))
+            allowed = (watch.reach[i] - strayed(grains.position[i], watch, i)) / dt
+            watch.limit[i] = wp.max(f64(0.0), allowed) * allowed
 
     @wp.kernel(module=variant.module)
-    def verify(crew: Crew, grains: Grains, watch: Watch, dt: f64, reserve: f64):
-        """Flag MISSED where a reach, less a reserve [m], is not enough, and BAD_GRAIN where a number is not finite."""
+    def verify(crew: Crew, grains: Grains, watch: Watch, dt: f64, reserve: f64, foreseen: f64):
+        """Flag MISSED where a reach has no reserve [m] left, and BAD_GRAIN where a number is not finite.
+
+        Before the iteration, peaks are foreseen: so many times those of the last step.
+        """
         n = grains.position.shape[0]
         begin, end = share(crew, wp.tid(), 0, n)
         for i in range(begin, end):
-            if not wp.isfinite(grains.position[i] + dt * grains.next_velocity[i]):
+            x = grains.position[i]
+            peak = wp.max(wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT], foreseen * watch.recent[i])
+            used = strayed(x, watch, i) + dt * peak
+            if not wp.isfinite(x + dt * grains.next_velocity[i]):
                 wp.atomic_max(watch.flag, BAD_GRAIN, i)
-            elif not (used_reach(grains, watch, i, dt) + reserve <= watch.reach[i]):
+            elif not (used + reserve <= watch.reach[i]):
                 watch.flag[MISSED] = 1
-        if not (used_frame_reach(watch, dt) + reserve <= watch.scalar[FRAME_REACH]):
+        path = wp.length(watch.frame[FRAME_SHIFT]) + dt * wp.length(watch.frame[FRAME_VELOCITY])
+        if not (path + reserve <= watch.scalar[FRAME_REACH]):
+            watch.flag[MISSED] = 1
+        if not (watch.scalar[ELAPSED] + f64(0.5) * dt <= watch.scalar[HORIZON]):
             watch.flag[MISSED] = 1
 
     @wp.kernel(module=variant.module)
-    def renew_reach(grains: Grains, watch: Watch, slack: f64, dt: f64):
-        """Reaches for a new list: what the step has needed so far and a fifth more, and the slack [m]."""
-        i = wp.tid()
-        peak = wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT]
-        watch.reach[i] = slack + f64(1.2) * dt * peak
-        watch.built_position[i] = grains.position[i]
-        if i == 0:
-            watch.frame[FRAME_SHIFT] = wp.vec2d(f64(0.0), f64(0.0))
-            watch.scalar[FRAME_REACH] = slack + f64(1.2) * dt * wp.length(watch.frame[FRAME_VELOCITY])
-            watch.scalar[INFLUENCE] = f64(0.0)
+    def remember(crew: Crew, watch: Watch):
+        """Keep what the step needed, for the reaches of the next list."""
+        begin, end = share(crew, wp.tid(), 0, watch.peak.shape[0])
+        for i in range(begin, end):
+            watch.recent[i] = wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT]
 
     @wp.kernel(module=variant.module)
     def shift_frame(watch: Watch, dt: f64):
         """The frame moves with the grains."""
         watch.frame[FRAME_SHIFT] = watch.frame[FRAME_SHIFT] + dt * watch.frame[FRAME_VELOCITY]
+        watch.scalar[ELAPSED] = watch.scalar[ELAPSED] + dt
 
     return SimpleNamespace(
         clear=clear,
         find_frame=find_frame,
         first_look=first_look,
         verify=verify,
-        renew_reach=renew_reach,
+        remember=remember,
         shift_frame=shift_frame,
     )

@@ -3,9 +3,8 @@
 import numpy as np
 import warp as wp
 
-from warpgrains.kernels import carry, detect, order
-from warpgrains.kernels import watch as watch_kernels
-from warpgrains.kernels.data import WALLS, Contacts, Grains, Pair, Wall, Watch
+from warpgrains.kernels import carry, detect, order, reach
+from warpgrains.kernels.data import WALLS, Contacts, Grains, Pair, Progress, Wall, Watch
 from warpgrains.kernels.variant import Variant
 from warpgrains.neighbors import NeighborSearch, empty_rows
 from warpgrains.replay import Replay
@@ -24,6 +23,8 @@ class ContactList:
     grains : Grains
     watch : Watch
         Its reaches decide what is listed.
+    progress : Progress
+        Tells whether the step is being solved again.
     variant : Variant
         What the scene's kernels are compiled for.
     replay : Replay
@@ -38,12 +39,20 @@ class ContactList:
     """
 
     def __init__(
-        self, scene: Scene, grains: Grains, watch: Watch, variant: Variant, replay: Replay, slack: float
+        self,
+        scene: Scene,
+        grains: Grains,
+        watch: Watch,
+        progress: Progress,
+        variant: Variant,
+        replay: Replay,
+        slack: float,
     ):
-        self._scene, self._grains, self._watch, self._slack = scene, grains, watch, slack
+        self._scene, self._grains, self._slack = scene, grains, slack
+        self._watch, self._progress = watch, progress
         self._replay, device = replay, replay.device
         self._detect, self._order = detect.kernels(variant), order.kernels(variant)
-        self._carry, self._watching = carry.kernels(variant), watch_kernels.kernels(variant)
+        self._carry, self._reach = carry.kernels(variant), reach.kernels(variant)
         cell_size = 2.0 * (float(np.median(scene.radius)) + slack)
         self._search = NeighborSearch(grains, watch, variant, replay, cell_size)
         self._old_rows = empty_rows(scene.n, device)
@@ -68,6 +77,7 @@ class ContactList:
             (contacts, "pairs"),
             (contacts, "pair_dv_start"),
             (contacts, "group_start"),
+            (rows, "found"),
             (rows, "neighbor"),
             (old_rows, "neighbor"),
             (self, "_old_pair_dv"),
@@ -94,9 +104,10 @@ class ContactList:
         self._replay(self._set_old_aside)
         self._lost.fill_(1)
         while self._lost.numpy()[0]:
-            self._replay(self._search.count)
-            self._reserve(self._search.total)
-            self._replay(self._fill)
+            self._replay(self._search.find)
+            if self._reserve(self._search.total):
+                self._replay(self._search.find)
+            self._replay(self._sort)
         groups = self.groups
         self._replay(self._arrange)
         if self.groups > groups:
@@ -110,11 +121,21 @@ class ContactList:
         wp.copy(self._old_rows.neighbor, rows.neighbor)
         self._wall_dv.zero_()
         each(self._detect.save_walls, n, self.contacts, self._wall_dv)
-        each(self._watching.renew_reach, n, self._grains, self._watch, self._slack, self._scene.dt)
+        self._renew_reaches()
 
-    def _fill(self) -> None:
-        """Write the pairs down; where one that carries a correction is lost, its reach is widened."""
-        self._search.fill()
+    def _renew_reaches(self) -> None:
+        """Choose what the new list must reach."""
+        each, scene, watch, kernels = self._replay.each, self._scene, self._watch, self._reach
+        each(kernels.renew, scene.n, self._grains, watch, self._progress, self._slack, scene.dt)
+        each(kernels.clear, 1, watch)
+        each(kernels.find_mean, scene.n, watch)
+        each(kernels.find_spread, scene.n, watch)
+        room, acceleration = 0.5 * float(np.median(scene.radius)), float(np.hypot(*scene.gravity))
+        each(kernels.find_horizon, 1, watch, self._slack, room, acceleration, scene.dt)
+
+    def _sort(self) -> None:
+        """Sort the pairs; where one that carries a correction is not among them, widen its reach."""
+        self._search.sort()
         self._lost.zero_()
         rows, old_rows = self._search.rows, self._old_rows
         self._replay.each(
@@ -147,10 +168,10 @@ class ContactList:
         walls = (self._watch, scene.radius_in, scene.radius_out, self._wall_dv)
         each(self._detect.find_walls, scene.n, self._grains, contacts, *walls)
 
-    def _reserve(self, pairs: int) -> None:
-        """Make room for so many pairs; what the buffers hold stays."""
+    def _reserve(self, pairs: int) -> bool:
+        """Make room for so many pairs, keeping what the buffers hold. Returns whether they have grown."""
         if pairs <= self._capacity:
-            return
+            return False
         self._capacity = pairs + pairs // 4
         for owner, name in self._buffers:
             old = getattr(owner, name)
@@ -159,6 +180,7 @@ class ContactList:
                 wp.copy(new, old, count=old.shape[0])
             setattr(owner, name, new)
         self._replay.forget()
+        return True
 
     def corrections(self) -> Corrections:
         """Return what the contacts carry after the last good step."""

@@ -42,11 +42,14 @@ def allocate_watch(grains: int, device: wp.Device) -> Watch:
     """Allocate the watch over a scene's list of contacts; at first no reach suffices."""
     watch = Watch()
     watch.peak = wp.zeros(grains, dtype=wp.float64, device=device)
+    watch.limit = wp.zeros(grains, dtype=wp.float64, device=device)
+    watch.recent = wp.zeros(grains, dtype=wp.float64, device=device)
     watch.reach = wp.full(grains, -1.0, dtype=wp.float64, device=device)
     watch.built_position = wp.zeros(grains, dtype=wp.vec2d, device=device)
-    watch.frame = wp.zeros(2, dtype=wp.vec2d, device=device)
-    watch.scalar = wp.zeros(3, dtype=wp.float64, device=device)
-    watch.flag = wp.zeros(3, dtype=wp.int32, device=device)
+    watch.built_velocity = wp.zeros(grains, dtype=wp.vec2d, device=device)
+    watch.frame = wp.zeros(3, dtype=wp.vec2d, device=device)
+    watch.scalar = wp.zeros(7, dtype=wp.float64, device=device)
+    watch.flag = wp.zeros(4, dtype=wp.int32, device=device)
     return watch
 
 

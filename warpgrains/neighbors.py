@@ -16,11 +16,13 @@ def empty_rows(grains: int, device: wp.Device) -> Rows:
     rows.start = wp.zeros(grains + 1, dtype=wp.int32, device=device)
     rows.cursor = wp.zeros(grains + 1, dtype=wp.int32, device=device)
     rows.neighbor = wp.zeros(0, dtype=wp.int32, device=device)
+    rows.found = wp.zeros(0, dtype=wp.vec2i, device=device)
+    rows.total = wp.zeros(1, dtype=wp.int32, device=device)
     return rows
 
 
 class NeighborSearch:
-    """Finds every pair with gap <= reach_i + reach_j.
+    """Finds every pair within reach (kernels/watch.py).
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ class NeighborSearch:
     Attributes
     ----------
     rows : Rows
-        The pairs found. Its `neighbor` must be given room for `total` entries before `fill`.
+        The pairs found. Its `found` and `neighbor` must have room for `total` entries before `sort`.
     """
 
     def __init__(self, grains: Grains, watch: Watch, variant: Variant, replay: Replay, cell_size: float):
@@ -53,27 +55,29 @@ class NeighborSearch:
         grid.width = 1 << int(np.ceil(np.log2(self._n) / 2))
         grid.cell_start = wp.zeros(grid.width**2 + 1, dtype=wp.int32, device=device)
         grid.cell_cursor = wp.zeros(grid.width**2 + 1, dtype=wp.int32, device=device)
+        grid.extent = wp.zeros(self._n, dtype=wp.float64, device=device)
         grid.cell_grain = wp.zeros(self._n, dtype=wp.int32, device=device)
         return grid
 
     @property
     def total(self) -> int:
-        """Pairs counted."""
-        return int(self.rows.start.numpy()[-1])
+        """Pairs found."""
+        return int(self.rows.total.numpy()[0])
 
-    def count(self) -> None:
-        """Sort the grains into cells and count the pairs within reach."""
+    def find(self) -> None:
+        """Sort the grains into cells, and find the pairs within reach as far as there is room for them."""
         each, kernels, grid, rows = self._replay.each, self._kernels, self._grid, self.rows
         grid.cell_cursor.zero_()
-        each(kernels.count_cells, self._n, self._grains, grid)
+        each(kernels.count_cells, self._n, self._grains, self._watch, grid)
         wp.utils.array_scan(grid.cell_cursor, grid.cell_start, inclusive=False)
         each(kernels.fill_cells, self._n, self._grains, grid)
         rows.cursor.zero_()
-        each(kernels.count_pairs, self._n, self._grains, self._watch, grid, rows)
-        wp.utils.array_scan(rows.cursor, rows.start, inclusive=False)
+        rows.total.zero_()
+        each(kernels.find_pairs, self._n, self._grains, self._watch, grid, rows)
 
-    def fill(self) -> None:
-        """Write the pairs down."""
+    def sort(self) -> None:
+        """Put the pairs found in lexicographic order."""
         each, kernels, rows = self._replay.each, self._kernels, self.rows
-        each(kernels.fill_pairs, self._n, self._grains, self._watch, self._grid, rows)
+        wp.utils.array_scan(rows.cursor, rows.start, inclusive=False)
+        each(kernels.fill_rows, rows.found.shape[0], rows)
         each(kernels.sort_rows, self._n, rows)

@@ -22,6 +22,7 @@ class Replay:
         self.in_line = device.is_cpu
         self._crew = Crew()
         self._crew.first = 0
+        self._crew.arrivals = wp.zeros(1, dtype=wp.int64, device=device)
         self._crew.workers = 1 if device.is_cpu else GPU_WORKERS
         self.slots = 1 if device.is_cpu else GPU_SLOTS
         self._graphs: dict[str, wp.Graph] = {}

@@ -15,6 +15,7 @@ from warpgrains.forces import pair_contacts, wall_contacts
 from warpgrains.grains import allocate_grains, allocate_progress, allocate_watch, variant_of
 from warpgrains.kernels import iteration, measure, motion, sweep, watch
 from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, ZETA
+from warpgrains.kernels.iteration import Stop
 from warpgrains.replay import Replay
 from warpgrains.reports import (
     Corrections,
@@ -63,7 +64,12 @@ class Simulation:
         self._grains = allocate_grains(scene, variant, replay.device)
         self._watch = allocate_watch(scene.n, replay.device)
         self._progress = allocate_progress(replay.slots, replay.device)
-        self._list = ContactList(scene, self._grains, self._watch, variant, replay, self._slack)
+        self._list = ContactList(
+            scene, self._grains, self._watch, self._progress, variant, replay, self._slack
+        )
+        self._stop = Stop()
+        self._stop.tolerance, self._stop.max_iterations = scene.tolerance, scene.max_iterations
+        self._stop.calm = 0.1 * self._slack / scene.dt
         nothing = Corrections(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(scene.n))
         self.restore(State(0, scene.position, scene.velocity, nothing))
 
@@ -94,10 +100,10 @@ class Simulation:
     def _attempt(self) -> None:
         """Solve the step for the listed contacts, and take it if none was missing."""
         self._warm_start()
-        self._verify(reserve=0.1 * self._slack)
+        self._verify(reserve=0.1 * self._slack, foreseen=1.0)
         self._replay.each(self._iteration.start, 1, self._watch, self._progress)
-        wp.capture_while(self._progress.iterating, self._iterate)
-        self._verify(reserve=0.0)
+        self._iterate()
+        self._verify(reserve=0.0, foreseen=0.0)
         self._replay.each(self._iteration.judge, 1, self._watch, self._progress)
         wp.capture_if(self._progress.accepted, self._finish)
 
@@ -111,30 +117,36 @@ class Simulation:
         share(self._sweep.start_walls, grains, contacts, scene.radius_in, scene.radius_out, scene.dt)
         self._replay.each(self._watching.clear, 1, self._watch)
         share(self._watching.find_frame, grains, self._watch)
-        share(self._watching.first_look, grains, self._watch)
+        share(self._watching.first_look, grains, self._watch, scene.dt)
 
     def _iterate(self) -> None:
-        """Correct every pair and every wall once, and decide whether to go on."""
-        scene, share, contacts = self.scene, self._replay.share, self._list.contacts
-        state = (self._grains, contacts, self._watch, self._progress)
-        for first, last in self._replay.group_ranges(self._list.groups):
-            share(self._sweep.sweep_pairs, *state, first, last)
-        share(self._sweep.sweep_walls, *state)
-        calm = 0.005 * self._slack / scene.dt
-        stop = (scene.tolerance, scene.max_iterations, calm)
-        self._replay.each(self._iteration.stop, 1, self._watch, self._progress, *stop)
+        """Correct contact by contact, again and again, until the corrections no longer change."""
+        state = (self._grains, self._list.contacts, self._watch, self._progress)
+        if self._replay.in_line:
+            self._replay.share(self._sweep.iterate, *state, self._stop)
+        else:
+            wp.capture_while(self._progress.iterating, self._iterate_once)
 
-    def _verify(self, reserve: float) -> None:
+    def _iterate_once(self) -> None:
+        """One iteration on a GPU, where a launch ends before the next begins."""
+        state = (self._grains, self._list.contacts, self._watch, self._progress)
+        for group in range(self._list.groups):
+            self._replay.share(self._sweep.sweep_pairs, *state, group)
+        self._replay.share(self._sweep.sweep_walls, *state)
+        self._replay.each(self._sweep.decide, 1, self._watch, self._progress, self._stop)
+        self._replay.share(self._sweep.look, self._grains, self._watch)
+
+    def _verify(self, reserve: float, foreseen: float) -> None:
         """Check that no contact is missing, with a reserve [m], and that every number is finite."""
         rounding = 16.0 * np.finfo(float).eps * self.scene.radius_out
-        self._replay.share(
-            self._watching.verify, self._grains, self._watch, self.scene.dt, reserve + rounding
-        )
+        limits = (self.scene.dt, reserve + rounding, foreseen)
+        self._replay.share(self._watching.verify, self._grains, self._watch, *limits)
 
     def _finish(self) -> None:
         """Move, and measure what the report tells."""
         scene, share = self.scene, self._replay.share
         share(self._motion.move, self._grains, scene.dt)
+        share(self._watching.remember, self._watch)
         self._replay.each(self._watching.shift_frame, 1, self._watch, scene.dt)
         walls = (scene.radius_in, scene.radius_out)
         share(self._measure.overlaps, self._grains, self._list.contacts, self._progress, *walls)

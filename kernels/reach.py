@@ -1,0 +1,86 @@
+"""How far a new list of candidates must reach (see watch.py for what it is then good for)."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from .data import (
+    DRIFT,
+    ELAPSED,
+    FRAME_REACH,
+    FRAME_SHIFT,
+    FRAME_VELOCITY,
+    HORIZON,
+    INFLUENCE,
+    ITERATIONS,
+    MEAN_VELOCITY,
+    SPREAD,
+    Grains,
+    Progress,
+    Watch,
+)
+from .variant import Variant
+
+f64 = wp.float64
+LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the kernels for one kind of scene."""
+
+    @wp.kernel(module=variant.module)
+    def renew(grains: Grains, watch: Watch, progress: Progress, slack: f64, dt: f64):
+        """Choose w_i, and reach_i: slack [m], and a fifth more than what this step, or the last, has needed.
+
+        A step that is solved again keeps its w_i and its peaks; otherwise w_i is what the grain has now.
+        """
+        i = wp.tid()
+        u = watch.frame[FRAME_VELOCITY]
+        needed = watch.recent[i]
+        w = grains.next_velocity[i]
+        if progress.report[ITERATIONS] > f64(0.0):
+            needed = wp.max(needed, wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT])
+            w = watch.built_velocity[i] + u
+        watch.recent[i] = needed
+        watch.reach[i] = slack + f64(1.2) * dt * needed
+        watch.built_position[i] = grains.position[i]
+        watch.built_velocity[i] = w
+
+    @wp.kernel(module=variant.module)
+    def clear(watch: Watch):
+        """Start the frame and the sums anew."""
+        zero = wp.vec2d(f64(0.0), f64(0.0))
+        watch.frame[FRAME_SHIFT] = zero
+        watch.frame[MEAN_VELOCITY] = zero
+        watch.scalar[ELAPSED] = f64(0.0)
+        watch.scalar[INFLUENCE] = f64(0.0)
+        watch.scalar[SPREAD] = f64(0.0)
+
+    @wp.kernel(module=variant.module)
+    def find_mean(watch: Watch):
+        """Mean of the w_i."""
+        n = watch.reach.shape[0]
+        wp.atomic_add(watch.frame, MEAN_VELOCITY, watch.built_velocity[wp.tid()] / f64(n))
+
+    @wp.kernel(module=variant.module)
+    def find_spread(watch: Watch):
+        """Largest |w_i - mean|."""
+        w = watch.built_velocity[wp.tid()]
+        wp.atomic_max(watch.scalar, SPREAD, wp.length(w - watch.frame[MEAN_VELOCITY]))
+
+    @wp.kernel(module=variant.module)
+    def find_horizon(watch: Watch, slack: f64, room: f64, acceleration: f64, dt: f64):
+        """As many steps as let no grain come further than `room` [m] beside the others, at least one.
+
+        The frame's reach lets it fall for as long with the gravity's `acceleration` [m/s2].
+        """
+        steps = wp.clamp(wp.floor(room / (dt * watch.scalar[SPREAD])), f64(1.0), LONGEST)
+        horizon = steps * dt
+        watch.scalar[HORIZON] = horizon
+        watch.scalar[FRAME_REACH] = slack + f64(1.2) * acceleration * horizon * (f64(0.5) * horizon + dt)
+
+    return SimpleNamespace(
+        renew=renew, clear=clear, find_mean=find_mean, find_spread=find_spread, find_horizon=find_horizon
+    )
