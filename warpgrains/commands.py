@@ -64,12 +64,11 @@ def _refuse_bad_output(scene: Scene, arguments: Namespace) -> None:
 
 def _simulate(scene: Scene, steps: int, arguments: Namespace) -> Summary:
     start_warp()
-    from warpgrains.kernel_cache import is_compiled
+    from warpgrains.kernel_cache import load_kernels
     from warpgrains.simulation import Simulation
 
     simulation = Simulation(scene, arguments.device)
-    if not is_compiled(scene, arguments.device):
-        print("compiling kernels for such a scene, this first time only ...", file=sys.stderr)
+    load_kernels(scene, arguments.device)
     progress = sys.stderr.isatty()
     return simulation.run(steps, record=arguments.output, fps=arguments.fps, progress=progress)
 
