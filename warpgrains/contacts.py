@@ -7,7 +7,7 @@ from warpgrains.kernels import carry, detect, order, reach
 from warpgrains.kernels.data import WALLS, Contacts, Grains, Pair, Progress, Wall, Watch
 from warpgrains.kernels.variant import Variant
 from warpgrains.neighbors import NeighborSearch, empty_rows
-from warpgrains.replay import Replay
+from warpgrains.replay import Replay, reader
 from warpgrains.reports import Corrections, IntArray
 from warpgrains.scene import Scene
 
@@ -34,8 +34,8 @@ class ContactList:
 
     Attributes
     ----------
-    contacts : Contacts
-        The list on the device.
+    device : Contacts
+        The list on its device.
     """
 
     def __init__(
@@ -56,16 +56,18 @@ class ContactList:
         cell_size = 2.0 * (float(np.median(scene.radius)) + slack)
         self._search = NeighborSearch(grains, watch, variant, replay, cell_size)
         self._old_rows = empty_rows(scene.n, device)
-        self.contacts = Contacts()
-        self.contacts.count = wp.zeros(3, dtype=wp.int32, device=device)
-        self.contacts.walls = wp.zeros(scene.n, dtype=Wall, device=device)
-        self.contacts.wall_dv_start = wp.zeros(scene.n, dtype=wp.float64, device=device)
+        self.device = Contacts()
+        self.device.count = wp.zeros(3, dtype=wp.int32, device=device)
+        self._read_count = reader(self.device.count)
+        self.device.walls = wp.zeros(scene.n, dtype=Wall, device=device)
+        self.device.wall_dv_start = wp.zeros(scene.n, dtype=wp.float64, device=device)
         self._wall_dv = wp.zeros(scene.n, dtype=wp.float64, device=device)
         self._influence = wp.zeros(scene.n, dtype=wp.float64, device=device)
         self._next_level = wp.zeros(scene.n, dtype=wp.int32, device=device)
         self._used_colors = wp.zeros(scene.n, dtype=wp.uint64, device=device)
         self._lost = wp.zeros(1, dtype=wp.int32, device=device)
-        contacts, rows, old_rows = self.contacts, self._search.rows, self._old_rows
+        self._read_lost = reader(self._lost)
+        contacts, rows, old_rows = self.device, self._search.rows, self._old_rows
         contacts.pairs = wp.zeros(0, dtype=Pair, device=device)
         contacts.weights = wp.zeros(0, dtype=wp.vec2d, device=device)
         contacts.group_start = wp.zeros(2, dtype=wp.int32, device=device)
@@ -91,7 +93,7 @@ class ContactList:
     @property
     def counts(self) -> tuple[int, int, int]:
         """Candidate pairs, groups that they are swept in, and grains that may reach a wall."""
-        pairs, groups, walls = self.contacts.count.numpy().tolist()
+        pairs, groups, walls = self._read_count().tolist()
         return pairs, groups, walls
 
     @property
@@ -102,12 +104,13 @@ class ContactList:
     def rebuild(self) -> None:
         """List every pair and wall within reach, with the corrections that they carry."""
         self._replay(self._set_old_aside)
-        self._lost.fill_(1)
-        while self._lost.numpy()[0]:
+        while True:
             self._replay(self._search.find)
             if self._reserve(self._search.total):
                 self._replay(self._search.find)
             self._replay(self._sort)
+            if not self._read_lost()[0]:
+                break
         groups = self.groups
         self._replay(self._arrange)
         if self.groups > groups:
@@ -116,11 +119,11 @@ class ContactList:
     def _set_old_aside(self) -> None:
         """Keep the pairs and corrections of the old list, and choose the reaches of the new one."""
         each, n, rows = self._replay.each, self._scene.n, self._search.rows
-        each(self._carry.save_pairs, n, rows, self._slot, self.contacts, self._old_pair_dv)
+        each(self._carry.save_pairs, n, rows, self._slot, self.device, self._old_pair_dv)
         wp.copy(self._old_rows.start, rows.start)
         wp.copy(self._old_rows.neighbor, rows.neighbor)
         self._wall_dv.zero_()
-        each(self._detect.save_walls, n, self.contacts, self._wall_dv)
+        each(self._detect.save_walls, n, self.device, self._wall_dv)
         self._renew_reaches()
 
     def _renew_reaches(self) -> None:
@@ -151,7 +154,7 @@ class ContactList:
 
     def _arrange(self) -> None:
         """Put the pairs in sweeping order, and list the walls."""
-        each, scene, contacts, rows = self._replay.each, self._scene, self.contacts, self._search.rows
+        each, scene, contacts, rows = self._replay.each, self._scene, self.device, self._search.rows
         in_line = self._replay.in_line
         if scene.order == "color":
             each(self._order.colors, 1, rows, self._used_colors, self._group)
@@ -186,9 +189,9 @@ class ContactList:
         """Return what the contacts carry after the last good step."""
         pairs, _, walls = self.counts
         i, j, slot = self._listed_pairs(pairs)
-        dv = self.contacts.pairs.numpy()["dv"][slot]
+        dv = self.device.pairs.numpy()["dv"][slot]
         carrying = dv != 0.0
-        wall = self.contacts.walls.numpy()[:walls]
+        wall = self.device.walls.numpy()[:walls]
         wall_correction = np.zeros(self._scene.n)
         wall_correction[wall["i"]] = wall["dv"]
         return Corrections(np.stack([i, j], axis=1)[carrying], dv[carrying], wall_correction)
@@ -205,7 +208,7 @@ class ContactList:
         pairs, walls = len(corrections.pair), len(carrying)
         self._reserve(pairs)
         i, j = corrections.pair.T
-        rows, contacts = self._search.rows, self.contacts
+        rows, contacts = self._search.rows, self.device
         starts = np.searchsorted(i, np.arange(self._scene.n + 1))
         rows.start.assign(starts.astype(np.int32))
         _write(rows.neighbor, j)
@@ -221,8 +224,8 @@ class ContactList:
         """Take back what an unfinished step did to the corrections."""
         pairs, _, walls = self.counts
         for contacts, start, count in (
-            (self.contacts.pairs, self.contacts.pair_dv_start, pairs),
-            (self.contacts.walls, self.contacts.wall_dv_start, walls),
+            (self.device.pairs, self.device.pair_dv_start, pairs),
+            (self.device.walls, self.device.wall_dv_start, walls),
         ):
             records = contacts.numpy()
             records["dv"][:count] = start.numpy()[:count]

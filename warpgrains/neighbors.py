@@ -7,7 +7,7 @@ from warpgrains.kernels import detect
 from warpgrains.kernels.data import Grains, Watch
 from warpgrains.kernels.detect import Grid, Rows
 from warpgrains.kernels.variant import Variant
-from warpgrains.replay import Replay
+from warpgrains.replay import Replay, reader
 
 
 def empty_rows(grains: int, device: wp.Device) -> Rows:
@@ -46,6 +46,7 @@ class NeighborSearch:
         self._kernels = detect.kernels(variant)
         self._n = grains.position.shape[0]
         self.rows = empty_rows(self._n, replay.device)
+        self._read_total = reader(self.rows.total)
         self._grid = self._empty_grid(cell_size)
 
     def _empty_grid(self, cell_size: float) -> Grid:
@@ -62,7 +63,7 @@ class NeighborSearch:
     @property
     def total(self) -> int:
         """Pairs found."""
-        return int(self.rows.total.numpy()[0])
+        return int(self._read_total()[0])
 
     def find(self) -> None:
         """Sort the grains into cells, and find the pairs within reach as far as there is room for them."""

@@ -2,12 +2,21 @@
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
 import warp as wp
 
 from warpgrains.kernels.crew import Crew
 
 GPU_WORKERS = 1 << 16
 GPU_SLOTS = 64  # over which a GPU's workers spread their parts of a maximum
+
+
+def reader(array: wp.array) -> Callable[[], np.ndarray]:
+    """Return a function that reads a device array; on a CPU it is one view, made once."""
+    if array.device.is_cpu:
+        view = array.numpy()
+        return lambda: view
+    return array.numpy
 
 
 class Replay:

@@ -1,0 +1,165 @@
+"""StepSolver: one time step, solved exactly for a list of contacts that proves itself complete."""
+
+import numpy as np
+import warp as wp
+
+from warpgrains.contacts import ContactList
+from warpgrains.errors import SimulationError
+from warpgrains.grains import allocate_grains, allocate_progress, allocate_watch, variant_of
+from warpgrains.kernels import iteration, measure, motion, sweep, watch
+from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, ZETA
+from warpgrains.kernels.iteration import Stop
+from warpgrains.replay import Replay, reader
+from warpgrains.reports import State, StepReport
+from warpgrains.scene import Scene
+
+SLACK = 0.15  # of the smallest radius: how far grains stray before contacts are searched anew
+CALM = 0.1  # of the slack: what a grain may stray in a step without being watched
+RESERVE = 0.1  # of the slack: what must be left of a reach before the iteration starts
+
+
+class StepSolver:
+    """Advances the grains of a scene on a device.
+
+    Parameters
+    ----------
+    scene : Scene
+    device : wp.Device
+
+    Attributes
+    ----------
+    grains : Grains
+        State on the device.
+    contacts : ContactList
+        Candidate contacts, and the corrections that they carry.
+    """
+
+    def __init__(self, scene: Scene, device: wp.Device):
+        self._scene, self._replay, variant = scene, Replay(device), variant_of(scene)
+        self._motion, self._sweep = motion.kernels(variant), sweep.kernels(variant)
+        self._watching, self._iteration = watch.kernels(variant), iteration.kernels(variant)
+        self._measure = measure.kernels(variant)
+        self._slack = SLACK * scene.radius.min().item()
+        self.grains = allocate_grains(scene, variant, device)
+        self._watch = allocate_watch(scene.n, device)
+        self._progress = allocate_progress(self._replay.slots, device)
+        self._read_report = reader(self._progress.report)
+        self.contacts = ContactList(
+            scene, self.grains, self._watch, self._progress, variant, self._replay, self._slack
+        )
+        self._stop = Stop()
+        self._stop.tolerance, self._stop.max_iterations = scene.tolerance, scene.max_iterations
+        self._stop.calm = CALM * self._slack / scene.dt
+
+    def load(self, state: State) -> None:
+        """Continue from a state."""
+        self.grains.position.assign(state.position)
+        self.grains.velocity.assign(state.velocity)
+        self.grains.last_position.assign(state.position)
+        self.contacts.load(state.corrections)
+        self._watch.reach.fill_(-1.0)
+
+    def solve(self) -> StepReport:
+        """Advance by one time step.
+
+        Raises
+        ------
+        SimulationError
+            A number is no longer finite. The state is that before the step.
+        """
+        self._replay(self._solve_step)
+        rebuilds = redos = 0
+        while not self._accepted():
+            redos += bool(self._read_report()[ITERATIONS])
+            rebuilds += 1
+            self.contacts.rebuild()
+            self._replay(self._attempt)
+        return self._step_report(rebuilds, redos)
+
+    def _solve_step(self) -> None:
+        """Free velocity, contacts, move: stages 1 to 3 of SPEC.md."""
+        scene = self._scene
+        gravity = wp.vec2d(*scene.gravity)
+        self._replay.share(self._motion.free_velocity, self.grains, gravity, scene.drag, scene.dt)
+        self._attempt()
+
+    def _attempt(self) -> None:
+        """Solve the step for the listed contacts, and take it if none was missing."""
+        self._warm_start()
+        self._verify(reserve=RESERVE * self._slack, foreseen=1.0)
+        self._replay.each(self._iteration.start, 1, self._watch, self._progress)
+        self._iterate()
+        self._verify(reserve=0.0, foreseen=0.0)
+        self._replay.each(self._iteration.judge, 1, self._watch, self._progress)
+        wp.capture_if(self._progress.accepted, self._finish)
+
+    def _warm_start(self) -> None:
+        """Freeze normals and gaps, and re-apply the corrections of the previous step (iteration 0)."""
+        scene, grains, contacts = self._scene, self.grains, self.contacts.device
+        share = self._replay.share
+        share(self._motion.reset, grains)
+        for first, last in self._replay.group_ranges(self.contacts.groups):
+            share(self._sweep.start_pairs, grains, contacts, scene.dt, first, last)
+        share(self._sweep.start_walls, grains, contacts, scene.radius_in, scene.radius_out, scene.dt)
+        self._replay.each(self._watching.clear, 1, self._watch)
+        share(self._watching.find_frame, grains, self._watch)
+        share(self._watching.first_look, grains, self._watch, scene.dt)
+
+    def _iterate(self) -> None:
+        """Correct contact by contact, again and again, until the corrections no longer change."""
+        state = (self.grains, self.contacts.device, self._watch, self._progress)
+        if self._replay.in_line:
+            self._replay.share(self._sweep.iterate, *state, self._stop)
+        else:
+            wp.capture_while(self._progress.iterating, self._iterate_once)
+
+    def _iterate_once(self) -> None:
+        """One iteration on a GPU, where a launch ends before the next begins."""
+        state = (self.grains, self.contacts.device, self._watch, self._progress)
+        for group in range(self.contacts.groups):
+            self._replay.share(self._sweep.sweep_pairs, *state, group)
+        self._replay.share(self._sweep.sweep_walls, *state)
+        self._replay.each(self._sweep.decide, 1, self._watch, self._progress, self._stop)
+        self._replay.share(self._sweep.look, self.grains, self._watch)
+
+    def _verify(self, reserve: float, foreseen: float) -> None:
+        """Check that no contact is missing, with a reserve [m], and that every number is finite."""
+        rounding = 16.0 * np.finfo(float).eps * self._scene.radius_out
+        limits = (self._scene.dt, reserve + rounding, foreseen)
+        self._replay.share(self._watching.verify, self.grains, self._watch, *limits)
+
+    def _finish(self) -> None:
+        """Move, and measure what the report tells."""
+        scene, share = self._scene, self._replay.share
+        share(self._motion.move, self.grains, scene.dt)
+        share(self._watching.remember, self._watch)
+        self._replay.each(self._watching.shift_frame, 1, self._watch, scene.dt)
+        walls = (scene.radius_in, scene.radius_out)
+        share(self._measure.overlaps, self.grains, self.contacts.device, self._progress, *walls)
+        self._replay.each(self._iteration.gather, 1, self._progress)
+
+    def _accepted(self) -> bool:
+        """Whether the attempt solved the step; raise if it cannot be solved."""
+        if self._read_report()[ACCEPTED]:
+            return True
+        grain = int(self._watch.flag.numpy()[BAD_GRAIN])
+        if grain >= 0:
+            velocity = self.grains.next_velocity.numpy()[grain].tolist()
+            self.contacts.revert()
+            raise SimulationError(f"grain {grain} reached a velocity of {velocity} m/s")
+        return False
+
+    def _step_report(self, rebuilds: int, redos: int) -> StepReport:
+        report = self._read_report()
+        pairs, _, walls = self.contacts.counts
+        zeta = report[ZETA].item()
+        return StepReport(
+            iterations=int(report[ITERATIONS]),
+            zeta=zeta,
+            converged=zeta <= self._scene.tolerance,
+            contacts=int(report[CARRYING]),
+            candidates=pairs + walls,
+            overlap=report[OVERLAP].item(),
+            rebuilds=rebuilds,
+            redos=redos,
+        )
