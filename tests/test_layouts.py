@@ -26,6 +26,12 @@ def test_rows_as_wide_as_the_outer_wall():
     assert overlaps((position, radius), 0.2, 1.0) == (0, 0)
 
 
+def test_rows_wider_than_the_count():
+    position, _ = rows(0.5, 2.0, count=2, radius=0.1, columns=5)
+    assert np.array_equal(position, rows(0.5, 2.0, count=15, radius=0.1, columns=5)[0][:2])
+    assert len(rows(0.5, 2.0, count=2, radius=0.1, columns=10**9)[0]) == 2
+
+
 def test_lattice_fills_from_the_bottom():
     filled, _ = lattice(0.3, 1.0, radius=0.05)
     position, radius = lattice(0.3, 1.0, radius=0.05, count=50)
@@ -79,6 +85,7 @@ def test_column_stands_a_little_apart_on_the_outer_wall():
         ),
         (rows, {"count": 5, "radius": 0.1, "columns": 0}, "grains.columns is 0"),
         (rows, {"count": 5, "radius": 0.1, "spacing": 0}, "grains.spacing is 0.0"),
+        (lattice, {"radius": 0.1, "spacing": 1e-9}, "grains.spacing is 1e-09 radii: it must be at least 0.1"),
         (rows, {"count": 5, "radius": 0.1, "height": "1"}, "grains.height is '1': it must be a number"),
         (rows, {"count": 50, "radius": 0.1}, "grains.count is 50: the rows have room for 5 grains only"),
         (lattice, {"count": 500, "radius": 0.1}, "grains.count is 500: only"),

@@ -228,6 +228,12 @@ def test_overrides_replace_values_and_stay_with_the_text(write):
     assert made.text.endswith("# --set grains.mass=[1.0, 3.0]")
 
 
+def test_text_tells_what_was_changed_after_reading(write):
+    made = Scene.load(write(FILE)).replace(drag=0.5, order="sequential")
+    assert made.text == FILE + "\n# changed afterwards: drag, order"
+    assert scene().replace(drag=0.5).text == ""
+
+
 def test_mass_by_area(write):
     made = Scene.load(write(FILE.replace("mass = 2.0", "density = 10.0")))
     assert np.array_equal(made.mass, 10.0 * np.pi * made.radius**2)
@@ -333,7 +339,10 @@ def test_file_that_is_no_text(tmp_path):
         ("a.csv", "radius\n1\n", "has no positions"),
         ("a.csv", "x,y\n", "position has shape (0, 2)"),
         ("a.csv", "x,y,mass\n0.75,0,1\n", "grains.mass is given twice"),
+        ("a.csv", "x,y\n\x00,1\n", "grains.file 'a.csv'"),
         ("a.npz", "no archive", "grains.file 'a.npz' cannot be read"),
+        ("a.npz", "PK\x03\x04", "grains.file 'a.npz' cannot be read"),
+        ("a.npz", "", "grains.file 'a.npz' cannot be read"),
     ],
 )
 def test_bad_grain_file_is_one_line(write, tmp_path, name, content, message):

@@ -81,10 +81,10 @@ def domain(radius_in: Any, radius_out: Any) -> tuple[float, float]:
 
 def vector(field: str, value: Any) -> tuple[float, float]:
     """Return two finite numbers as a pair."""
-    if isinstance(value, str) or not np.iterable(value) or len(list(value)) != 2:
+    components = list(value) if np.iterable(value) and not isinstance(value, str) else []
+    if len(components) != 2:
         raise SceneError(f"{field} is {value!r}: it must be two numbers")
-    x, y = value
-    return number(f"{field}[0]", x), number(f"{field}[1]", y)
+    return number(f"{field}[0]", components[0]), number(f"{field}[1]", components[1])
 
 
 def vectors(field: str, value: Any) -> FloatArray:
@@ -126,7 +126,7 @@ def _floats(field: str, value: Any) -> FloatArray:
     except ValueError:
         raise SceneError(f"{field} is ragged: every grain must have as many numbers") from None
     if array.dtype.kind not in "iuf" and array.size > 0:
-        raise SceneError(f"{field} holds {array.dtype.name} values: it must hold numbers")
+        raise SceneError(f"{field} holds {array.dtype.name} values: it must hold real numbers")
     return np.array(array, dtype=np.float64, order="C")
 
 

@@ -7,7 +7,6 @@ A `.csv` file names its columns in the first line: `x` and `y`, and any of `vx` 
 import csv
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
@@ -49,7 +48,7 @@ def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
         grains = readers[path.suffix](path)
     except SceneError as error:
         raise SceneError(f"grains.file {name!r}: {error}") from None
-    except (OSError, ValueError, BadZipFile) as error:
+    except Exception as error:  # the readers of foreign files raise of all kinds
         raise SceneError(f"grains.file {name!r} cannot be read: {error}") from None
     if "position" not in grains:
         raise SceneError(f"grains.file {name!r} has no positions")

@@ -12,6 +12,7 @@ from warpgrains.errors import SceneError
 from warpgrains.overlaps import IntArray, distance, overlapping_pairs
 
 MOST_GRAINS = 10_000_000
+LEAST_SPACING = 0.1  # in radii: such grains all but coincide
 GROUPS = 16  # random grains are placed in so many groups, the largest grains first
 ATTEMPTS = 1_000  # of one group
 
@@ -55,14 +56,14 @@ def rows(
         A value is not what it must be, or the rows reach the outer wall before all grains have a place.
     """
     count, radius = _count(count), _radius(radius_in, radius_out, radius)
-    spacing = checks.positive("grains.spacing", spacing)
+    spacing = _spacing(spacing)
     height, shift = checks.number("grains.height", height), checks.number("grains.shift", shift)
     if columns is None:
         widths = _fitting_widths(count, radius_out - radius, radius_in + height * radius, spacing * radius)
     else:
         columns = checks.whole_number("grains.columns", columns)
         widths = np.full(-(-count // columns), columns)
-    row = np.repeat(np.arange(len(widths)), widths)[:count]
+    row = np.repeat(np.arange(len(widths)), np.minimum(widths, count))[:count]
     column = np.arange(count) - (np.cumsum(widths) - widths)[row]
     x = column * radius * spacing - (widths[row] - 1) * spacing / 2 * radius + shift
     y = row * radius * spacing + height * radius + radius_in
@@ -91,7 +92,7 @@ def lattice(
         A value is not what it must be, or fewer than `count` grains fit.
     """
     radius = _radius(radius_in, radius_out, radius)
-    pitch = checks.positive("grains.spacing", spacing) * radius
+    pitch = _spacing(spacing) * radius
     reach = radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
     if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
@@ -135,7 +136,8 @@ def random(radius_in: float, radius_out: float, *, count: int, radius: Any, seed
     smallest, largest = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
     if smallest > largest:
         raise SceneError(f"grains.radius is ({smallest}, {largest}) m: the smallest radius comes first")
-    _radius(radius_in, radius_out, smallest), _radius(radius_in, radius_out, largest)
+    for extreme in (smallest, largest):
+        _radius(radius_in, radius_out, extreme)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = smallest + (largest - smallest) * generator.random(count)
     position = np.empty((count, 2))
@@ -167,7 +169,7 @@ def column(
         A value is not what it must be.
     """
     count, radius = _count(count), _radius(radius_in, radius_out, radius)
-    spacing = checks.positive("grains.spacing", spacing)
+    spacing = _spacing(spacing)
     y = (np.arange(1, count + 1) * spacing - 1.0) * radius - radius_out
     return np.column_stack([np.zeros(count), y]), np.full(count, radius)
 
@@ -189,6 +191,13 @@ def _radius(radius_in: float, radius_out: float, value: Any) -> float:
     if 2.0 * radius > radius_out - radius_in and (radius_in > 0.0 or radius >= radius_out):
         raise SceneError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
     return radius
+
+
+def _spacing(value: Any) -> float:
+    spacing = checks.positive("grains.spacing", value)
+    if spacing < LEAST_SPACING:
+        raise SceneError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
+    return spacing
 
 
 def _is_between_walls(position: FloatArray, radius: Any, radius_in: float, radius_out: float) -> Any:
@@ -232,5 +241,5 @@ def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> An
         y = lowest + len(widths) * pitch
         if abs(y) > reach:
             raise SceneError(f"grains.count is {count}: the rows have room for {count - missing} grains only")
-        widths.append(1 + floor(2.0 * sqrt(reach * reach - y * y) / pitch))
+        widths.append(1 + floor(min(MOST_GRAINS, 2.0 * sqrt(reach * reach - y * y) / pitch)))
     return np.array(widths)

@@ -108,7 +108,9 @@ class Scene:
         return cls(**read_scene(name_or_path, overrides))
 
     def replace(self, **changes: Any) -> Self:
-        """Return the same scene with some fields changed, checked again."""
+        """Return the same scene with some fields changed, checked again; its text tells which ones."""
+        if self.text and changes:
+            changes = {"text": f"{self.text}\n# changed afterwards: {', '.join(changes)}", **changes}
         return replace(self, **changes)
 
     @property

@@ -29,7 +29,7 @@ import numpy as np
 from warpgrains import checks
 from warpgrains.errors import SceneError
 from warpgrains.grain_file import read_grains
-from warpgrains.layouts import LAYOUTS
+from warpgrains.layouts import LAYOUTS, Placement
 
 Table = dict[str, Any]
 
@@ -59,13 +59,13 @@ def read_scene(name_or_path: str | os.PathLike[str], overrides: Iterable[str] = 
         raise SceneError(f"{name_or_path} is not TOML: {error}") from None
     for override in overrides:
         _override(document, override)
-        text += f"\n# --set {override}"
+        text += f"\n# --set {' '.join(override.split())}"
     return {**_fields(document, path.parent), "name": path.stem, "text": text}
 
 
 def _read_text(path: Path) -> str:
     source: Path | Traversable = path
-    if not path.is_file():
+    if path.is_dir() or not path.exists():
         if str(path) not in shipped_scenes():
             raise checks.unknown("scene, neither a file nor a shipped one,", str(path), shipped_scenes())
         source = files("warpgrains.scenes") / f"{path}.toml"
@@ -138,7 +138,7 @@ def _grains(table: Table, radius_in: float, radius_out: float, folder: Path) -> 
     return grains
 
 
-def _lay_out(layout: Any, parameters: Table, radius_in: float, radius_out: float) -> Any:
+def _lay_out(layout: Any, parameters: Table, radius_in: float, radius_out: float) -> Placement:
     """Call a layout with the keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = {
