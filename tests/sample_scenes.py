@@ -1,0 +1,108 @@
+"""Scenes that are hard on the solver: random ones, and ones that make it solve a step again."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from warpgrains import Scene
+from warpgrains.checks import FloatArray
+
+
+def random_scene(seed: int) -> Scene:
+    """Draw grains anywhere between the walls, whatever they overlap; eight kinds of scene in turn.
+
+    The kinds are a half of a half of all combinations of gravity, drag, inner wall, distinct radii and
+    distinct masses: every two of these five are met together, apart, and neither.
+    """
+    rng = np.random.default_rng(seed)
+    gravity, drag, inner_wall = (bool(seed >> bit & 1) for bit in range(3))
+    n = {7: 1, 0: 2, 1: 60}.get(seed) or int(rng.integers(2, 61))
+    radius_in = rng.uniform(0.1, 0.4) if inner_wall else 0.0
+    spread = rng.choice([0.5, 3.0, 6.0])
+    mass = 10.0 ** (rng.uniform(-spread, spread, n) if gravity != inner_wall else np.full(n, -1.0))
+    dt = rng.choice([0.01, 0.003])
+    return Scene(
+        position=_anywhere(rng, n, radius_in),
+        velocity=rng.normal(0.0, 2.0, (n, 2)),
+        radius=10.0 ** (rng.uniform(-3.0, -0.6, n) if gravity != drag else np.full(n, -1.0)),
+        mass=mass,
+        radius_in=radius_in,
+        radius_out=1.0,
+        gravity=tuple(rng.normal(0.0, 10.0, 2)) if gravity else (0.0, 0.0),
+        drag=rng.uniform(0.0, 0.9) * mass.min() / dt if drag else 0.0,
+        dt=dt,
+        tolerance=rng.choice([0.0, 1e-6, 1e-3]),
+        max_iterations=int(rng.choice([1, 10, 100])),
+    )
+
+
+def _anywhere(rng: np.random.Generator, n: int, radius_in: float) -> FloatArray:
+    angle = rng.uniform(0.0, 2.0 * np.pi, n)
+    return rng.uniform(radius_in, 1.0, (n, 1)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def bullet() -> Scene:
+    """A grain of 100 m/s crosses the domain in a few steps and hits a heap at the bottom."""
+    heap = _heap(8, 6, spacing=0.11)
+    return Scene(
+        position=np.vstack([[0.05, 1.7], heap]),
+        velocity=np.vstack([[3.0, -100.0], np.zeros_like(heap)]),
+        radius=0.05,
+        mass=0.1,
+        radius_out=2.0,
+        tolerance=1e-5,
+        max_iterations=300,
+    )
+
+
+def explosion() -> Scene:
+    """Thirty grains almost at the same place, among others at rest that they will reach in one step."""
+    rng = np.random.default_rng(5)
+    return Scene(
+        position=np.vstack([rng.normal(0.0, 1e-3, (30, 2)), _heap(8, 4, spacing=0.11)]),
+        radius=0.05,
+        mass=np.append(np.full(30, 0.3), np.full(32, 0.1)),
+        radius_out=2.0,
+        drag=1.0,
+        tolerance=1e-5,
+        max_iterations=300,
+    )
+
+
+def squeezed_light_grains() -> Scene:
+    """Grains of 1 mg between grains of 1 kg that close in on them: they shoot out to the sides."""
+    heavy = np.array([[0.0, 0.3 * k - 1.0] for k in range(6)])
+    light = np.array([[0.02 * (-1) ** k, 0.3 * k - 0.85] for k in range(5)])
+    return Scene(
+        position=np.vstack([heavy, light, _heap(8, 3, spacing=0.11, x=0.5, y=-1.4)]),
+        velocity=np.vstack([[[0.0, -4.0 * k] for k in range(6)], np.zeros((29, 2))]),
+        radius=np.concatenate([np.full(6, 0.12), np.full(5, 0.03), np.full(24, 0.05)]),
+        mass=np.concatenate([np.full(6, 1.0), np.full(5, 1e-6), np.full(24, 0.1)]),
+        radius_out=2.0,
+        tolerance=1e-5,
+        max_iterations=300,
+    )
+
+
+def falling_cloud() -> Scene:
+    """Grains that fall together at 60 m/s, at rest in their own frame, until they meet a wall and others."""
+    cloud, resting = _heap(8, 8, spacing=0.13, y=0.8), _heap(8, 3, spacing=0.11)
+    return Scene(
+        position=np.vstack([cloud, resting]),
+        velocity=np.vstack([np.tile([5.0, -60.0], (64, 1)), np.zeros((24, 2))]),
+        radius=0.05,
+        mass=0.1,
+        radius_in=0.1,
+        radius_out=2.0,
+        tolerance=1e-5,
+        max_iterations=300,
+    )
+
+
+def _heap(columns: int, rows: int, spacing: float, x: float = 1e-3, y: float = -1.7) -> FloatArray:
+    """A square lattice about x, from y upwards."""
+    column, row = np.meshgrid(np.arange(columns) - (columns - 1) / 2.0, np.arange(rows))
+    return np.stack([x + spacing * column.ravel(), y + spacing * row.ravel()], axis=1)
+
+
+SUDDEN: tuple[Callable[[], Scene], ...] = (bullet, explosion, squeezed_light_grains, falling_cloud)

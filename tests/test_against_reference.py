@@ -1,0 +1,82 @@
+"""The sequential order against the course's program in C: the same bits, step after step."""
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from c_reference import Grains, Reference, assert_same_bits
+from sample_scenes import SUDDEN, random_scene
+
+from warpgrains import Scene, Simulation, StepReport
+
+MakeReference = Callable[..., Reference]
+
+
+def step_both(simulation: Simulation, reference: Reference, steps: int) -> list[StepReport]:
+    """Hold every step against the reference."""
+    reports = []
+    for _ in range(steps):
+        report = simulation.step()
+        iterations, zeta = reference.step()
+        assert (report.iterations, report.zeta) == (iterations, zeta)
+        assert report.converged == (zeta <= simulation.scene.tolerance)
+        assert_same_bits(simulation, reference)
+        carrying = np.count_nonzero(reference.pair_correction) + np.count_nonzero(reference.wall_correction)
+        assert report.contacts == carrying
+        reports.append(report)
+    return reports
+
+
+def test_python_side_of_the_reference(reference: MakeReference) -> None:
+    scene = Scene.load("annulus")
+    in_c, in_python = reference(scene), reference(scene)
+    for _ in range(200):
+        in_c.update()
+        in_python.step()
+    for name in ("position", "velocity", "pair_correction", "wall_correction"):
+        assert np.array_equal(getattr(in_c, name), getattr(in_python, name))
+
+
+def test_annulus_is_the_scene_of_the_course(c_library: ctypes.CDLL) -> None:
+    scene = Scene.load("annulus")
+    created = c_library.femGrainsCreateSimple(15, 0.1, 0.1, 0.5, 2.0)
+    course: Grains = created.contents
+    assert (course.radiusIn, course.radiusOut) == (scene.radius_in, scene.radius_out)
+    assert (*course.gravity, course.gamma) == (*scene.gravity, scene.drag)
+    for values, name in zip((*scene.position.T, scene.radius, scene.mass), "xyrm", strict=True):
+        assert getattr(course, name)[: scene.n] == values.tolist()
+    c_library.femGrainsFree(created)
+
+
+@pytest.mark.parametrize("name", ["annulus", "column", "no_inner_wall", "polydisperse"])
+def test_shipped_scene(reference: MakeReference, name: str) -> None:
+    scene = Scene.load(name)
+    reports = step_both(Simulation(scene), reference(scene), steps=500)
+    assert all(report.converged for report in reports)
+
+
+def test_pile_from_its_start(reference: MakeReference) -> None:
+    scene = Scene.load("pile").replace(max_iterations=200)
+    step_both(Simulation(scene), reference(scene), steps=20)
+
+
+def test_pile_that_settles(reference: MakeReference) -> None:
+    scene = Scene.load("pile").replace(max_iterations=200)
+    simulation = Simulation(scene)
+    simulation.run(steps=200)
+    reports = step_both(simulation, reference(scene, simulation.state()), steps=5)
+    assert min(report.contacts for report in reports) > scene.n
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_scene(reference: MakeReference, seed: int) -> None:
+    scene = random_scene(seed)
+    step_both(Simulation(scene), reference(scene), steps=500)
+
+
+@pytest.mark.parametrize("make", SUDDEN)
+def test_step_that_is_solved_again(reference: MakeReference, make: Callable[[], Scene]) -> None:
+    scene = make()
+    reports = step_both(Simulation(scene), reference(scene), steps=200)
+    assert sum(report.redos for report in reports) > 0
