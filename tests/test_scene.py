@@ -76,6 +76,10 @@ BAD_VALUES = [
     ({"radius": [0.1, 0.3, 0.1]}, "radius of grain 1 is 0.3: at most 0.25 m fit between the walls"),
     ({"radius": 2.0, "radius_in": 0.0}, "radius of grain 0 is 2.0: at most 1.0 m fit between the walls"),
     (
+        {"position": [[0.7, 0.0], [0.0, 1e300]]},
+        "position of grain 1 is (0.0, 1e+300): it is outside the outer",
+    ),
+    (
         {"position": [[0.7, 0.0], [0.0, 1.7]]},
         "position of grain 1 is (0.0, 1.7): it is outside the outer wall",
     ),

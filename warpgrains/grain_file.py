@@ -56,7 +56,7 @@ def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
 
 
 def _read_npz(path: Path) -> dict[str, FloatArray]:
-    with np.load(path, allow_pickle=False) as archive:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         for name in archive.files:
             checks.one_of("array", name, FIELDS)
         return dict(archive)

@@ -15,7 +15,8 @@ ROUNDING = 8 * np.finfo(np.float64).eps
 
 def distance(vectors: FloatArray) -> FloatArray:
     """Return the lengths of vectors, shape (m, 2) to (m,), in the arithmetic of the solver."""
-    return np.sqrt(vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1])
+    with np.errstate(over="ignore"):
+        return np.sqrt(vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1])
 
 
 def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:

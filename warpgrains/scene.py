@@ -191,7 +191,8 @@ class Scene:
             raise SceneError(f"position of grain {second} is {place}: grain {first} has the same centre")
 
     def _check_drag_step(self) -> None:
-        reversing = self.drag * self.dt / self.mass >= 1.0
+        with np.errstate(over="ignore"):
+            reversing = self.drag * self.dt / self.mass >= 1.0
         if reversing.any():
             lightest = int(np.argmin(self.mass))
             mass = self.mass[lightest].item()
