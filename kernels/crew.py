@@ -6,6 +6,10 @@ depends on their number.
 
 import warp as wp
 
+from .variant import OPTIONS
+
+wp.set_module_options(OPTIONS)
+
 
 @wp.struct
 class Crew:
@@ -36,13 +40,18 @@ def slot_of(crew: Crew, tid: int, slots: int) -> int:
     if (workers > 1) {
         long long ticket = __atomic_fetch_add(arrivals.data, 1LL, __ATOMIC_ACQ_REL);
         long long all_here = (ticket / workers + 1) * workers;
-        while (__atomic_load_n(arrivals.data, __ATOMIC_ACQUIRE) < all_here)
-            ;
+        for (int look = 0; __atomic_load_n(arrivals.data, __ATOMIC_ACQUIRE) < all_here; look++) {
+#if defined(__linux__) || defined(__APPLE__)
+            int yield_processor(void) __asm__("sched_yield");
+            if (look > 1000)
+                yield_processor();
+#endif
+        }
     }
 #endif
 """)
 def wait_for_all(arrivals: wp.array(dtype=wp.int64), workers: int):
-    """Wait until all CPU workers have come here equally often."""
+    """Wait until all CPU workers have come here equally often; give the core away if it takes long."""
     ...
 
 
@@ -53,3 +62,9 @@ def meet(crew: Crew):
     On a GPU workers meet at the end of a launch.
     """
     wait_for_all(crew.arrivals, crew.workers)
+
+
+@wp.kernel
+def meet_here(crew: Crew):
+    """Meet between two launches."""
+    meet(crew)

@@ -90,14 +90,13 @@ def kernels(variant: Variant) -> SimpleNamespace:
         watch.flag[BAD_GRAIN] = -1
 
     @wp.kernel(module=variant.module)
-    def find_frame(crew: Crew, grains: Grains, watch: Watch):
+    def find_frame(grains: Grains, watch: Watch):
         """u, the mean of v_i - w_i: what all grains do together, such as falling, strays nobody."""
+        i = wp.tid()
         n = grains.position.shape[0]
-        begin, end = share(crew, wp.tid(), 0, n)
-        total = wp.vec2d(f64(0.0), f64(0.0))
-        for i in range(begin, end):
-            total = total + (grains.next_velocity[i] - watch.built_velocity[i])
-        wp.atomic_add(watch.frame, FRAME_VELOCITY, total / f64(n))
+        wp.atomic_add(
+            watch.frame, FRAME_VELOCITY, (grains.next_velocity[i] - watch.built_velocity[i]) / f64(n)
+        )
 
     @wp.kernel(module=variant.module)
     def first_look(crew: Crew, grains: Grains, watch: Watch, dt: f64):

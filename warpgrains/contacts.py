@@ -103,16 +103,16 @@ class ContactList:
 
     def rebuild(self) -> None:
         """List every pair and wall within reach, with the corrections that they carry."""
-        self._replay(self._set_old_aside)
+        self._replay.alone(self._set_old_aside)
         while True:
-            self._replay(self._search.find)
+            self._replay.alone(self._search.find)
             if self._reserve(self._search.total):
-                self._replay(self._search.find)
-            self._replay(self._sort)
+                self._replay.alone(self._search.find)
+            self._replay.alone(self._sort)
             if not self._read_lost()[0]:
                 break
         groups = self.groups
-        self._replay(self._arrange)
+        self._replay.alone(self._arrange)
         if self.groups > groups:
             self._replay.forget()
 

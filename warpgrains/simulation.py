@@ -37,6 +37,8 @@ class Simulation:
         What is simulated.
     device : str
         A Warp device, "cpu" or "cuda:0".
+    threads : int
+        OS threads that share the work on a CPU. The result is the same for any number.
     **overrides
         Fields of the scene that are to be changed, such as order="color" or tolerance=1e-8.
 
@@ -46,9 +48,9 @@ class Simulation:
         The device is unknown, or a change makes no scene.
     """
 
-    def __init__(self, scene: Scene, device: str = "cpu", **overrides: Any):
+    def __init__(self, scene: Scene, device: str = "cpu", threads: int = 1, **overrides: Any):
         self.scene = scene.replace(**overrides) if overrides else scene
-        self._solver = StepSolver(self.scene, _find_device(device))
+        self._solver = StepSolver(self.scene, _find_device(device), threads)
         nothing = Corrections(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(scene.n))
         self.restore(State(0, scene.position, scene.velocity, nothing))
 

@@ -14,7 +14,7 @@ from warpgrains.reports import State, StepReport
 from warpgrains.scene import Scene
 
 SLACK = 0.15  # of the smallest radius: how far grains stray before contacts are searched anew
-CALM = 0.1  # of the slack: what a grain may stray in a step without being watched
+CALM = 0.3  # of the slack: what a grain may stray in a step without being watched
 RESERVE = 0.1  # of the slack: what must be left of a reach before the iteration starts
 
 
@@ -25,6 +25,8 @@ class StepSolver:
     ----------
     scene : Scene
     device : wp.Device
+    threads : int
+        OS threads that share the work on a CPU.
 
     Attributes
     ----------
@@ -34,8 +36,8 @@ class StepSolver:
         Candidate contacts, and the corrections that they carry.
     """
 
-    def __init__(self, scene: Scene, device: wp.Device):
-        self._scene, self._replay, variant = scene, Replay(device), variant_of(scene)
+    def __init__(self, scene: Scene, device: wp.Device, threads: int):
+        self._scene, self._replay, variant = scene, Replay(device, threads), variant_of(scene)
         self._motion, self._sweep = motion.kernels(variant), sweep.kernels(variant)
         self._watching, self._iteration = watch.kernels(variant), iteration.kernels(variant)
         self._measure = measure.kernels(variant)
@@ -102,13 +104,13 @@ class StepSolver:
             share(self._sweep.start_pairs, grains, contacts, scene.dt, first, last)
         share(self._sweep.start_walls, grains, contacts, scene.radius_in, scene.radius_out, scene.dt)
         self._replay.each(self._watching.clear, 1, self._watch)
-        share(self._watching.find_frame, grains, self._watch)
+        self._replay.each(self._watching.find_frame, scene.n, grains, self._watch)
         share(self._watching.first_look, grains, self._watch, scene.dt)
 
     def _iterate(self) -> None:
         """Correct contact by contact, again and again, until the corrections no longer change."""
         state = (self.grains, self.contacts.device, self._watch, self._progress)
-        if self._replay.in_line:
+        if self._replay.device.is_cpu:
             self._replay.share(self._sweep.iterate, *state, self._stop)
         else:
             wp.capture_while(self._progress.iterating, self._iterate_once)
