@@ -1,0 +1,97 @@
+"""The order by colors: the program in C run in that order gives the same bits, and both orders agree."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from c_reference import Reference, assert_same_bits
+from graphs import complete, first_fit_colors
+from optimality import solve_one_step
+from sample_scenes import SUDDEN, random_scene
+
+from warpgrains import Scene, Simulation
+from warpgrains.reports import IntArray
+
+MakeReference = Callable[..., Reference]
+
+
+def swept_pairs(simulation: Simulation) -> IntArray:
+    """Read in which order the last step swept its pairs, shape (m, 2)."""
+    contacts = simulation._solver.contacts
+    slots = contacts.device.pairs.numpy()[: contacts.counts[0]]
+    return np.stack([slots["i"], slots["j"]], axis=1)
+
+
+def full_order(simulation: Simulation) -> IntArray:
+    """The pairs as swept, then all pairs that were left out, which must stay silent, then all walls."""
+    n, swept = simulation.scene.n, swept_pairs(simulation)
+    listed = {tuple(pair) for pair in swept.tolist()}
+    silent = [pair for pair in complete(n).tolist() if tuple(pair) not in listed]
+    walls = [(i, -1) for i in range(n)]
+    return np.array([*swept.tolist(), *silent, *walls], np.int32)
+
+
+def step_both(simulation: Simulation, reference: Reference, steps: int) -> None:
+    for _ in range(steps):
+        report = simulation.step()
+        assert (report.iterations, report.zeta) == reference.step(full_order(simulation))
+        assert_same_bits(simulation, reference)
+
+
+@pytest.mark.parametrize("name", ["annulus", "column", "no_inner_wall", "polydisperse"])
+def test_shipped_scene(reference: MakeReference, name: str) -> None:
+    scene = Scene.load(name).replace(order="color", max_iterations=200)
+    step_both(Simulation(scene), reference(scene), steps=200)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_scene(reference: MakeReference, seed: int) -> None:
+    scene = random_scene(seed).replace(order="color")
+    step_both(Simulation(scene), reference(scene), steps=100)
+
+
+@pytest.mark.parametrize("make", SUDDEN)
+def test_step_that_is_solved_again(reference: MakeReference, make: Callable[[], Scene]) -> None:
+    scene = make().replace(order="color")
+    step_both(Simulation(scene), reference(scene), steps=60)
+
+
+@pytest.mark.parametrize("order", ["sequential", "color"])
+def test_iteration_by_iteration(reference: MakeReference, order: str) -> None:
+    """Two steps of k = 1, 2, 3, ... iterations; the second one starts warm."""
+    simulation = Simulation(Scene.load("polydisperse"))
+    simulation.run(steps=60)
+    scene = simulation.scene.replace(position=simulation.position, velocity=simulation.velocity)
+    for k in range(1, 41):
+        cut = scene.replace(order=order, tolerance=0.0, max_iterations=k)
+        step_both(Simulation(cut), reference(cut), steps=2)
+
+
+def test_pairs_are_swept_by_first_fit_colors() -> None:
+    simulation = Simulation(Scene.load("polydisperse"), order="color")
+    simulation.run(steps=60)
+    swept = swept_pairs(simulation)
+    listed = swept[np.lexsort(swept.T[::-1])]
+    in_order = np.argsort(first_fit_colors(listed), kind="stable")
+    assert np.array_equal(swept, listed[in_order])
+
+
+@pytest.mark.parametrize("name", ["column", "no_inner_wall", "polydisperse"])
+@pytest.mark.parametrize("steps", [40, 120])
+def test_both_orders_agree(name: str, steps: int) -> None:
+    simulation = Simulation(Scene.load(name))
+    simulation.run(steps=steps)
+    start = {"position": simulation.position, "velocity": simulation.velocity}
+    scene = simulation.scene.replace(**start, tolerance=1e-8, max_iterations=1_000_000)
+    one, other = (solve_one_step(scene.replace(order=order)) for order in ("sequential", "color"))
+    for solved in (one, other):
+        # A correction makes its own delta 0. Others, after it in the last iteration, are <= zeta, and each
+        # changes that delta by at most its share, which is <= 1.
+        assert np.abs(solved.delta).max() <= solved.others * scene.tolerance + solved.delta_rounding
+    # With M (v - v*) + J^T lambda = M e and complementarity for b + delta,
+    # |v1 - v2|^2 <= |lambda1 - lambda2|^T |delta1 - delta2| + |v1 - v2| |e1 - e2| in the norm of M.
+    delta = np.abs(one.delta - other.delta) + one.delta_rounding + other.delta_rounding
+    rounding = np.sqrt(2.0 * scene.mass.sum()) * (one.velocity_rounding + other.velocity_rounding)
+    bound = np.sqrt(np.abs(one.impulse - other.impulse) @ delta) + rounding
+    difference = np.sqrt(scene.mass @ ((one.velocity - other.velocity) ** 2).sum(axis=1))
+    assert difference <= bound
