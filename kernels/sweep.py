@@ -24,31 +24,42 @@ from .watch import look_again, watch_grain
 f64 = wp.float64
 
 
+# Warp's own indexing allows negative indices and any stride; the innermost loop would pay a sixth of its time
+# for that.
+@wp.func_native("return velocity.data[i];")
+def velocity_of(velocity: wp.array(dtype=wp.vec2d), i: int) -> wp.vec2d:
+    """Read a velocity [m/s]."""
+    ...
+
+
+@wp.func_native("velocity.data[i] = value;")
+def set_velocity(velocity: wp.array(dtype=wp.vec2d), i: int, value: wp.vec2d):
+    """Write a velocity [m/s]."""
+    ...
+
+
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the kernels for one kind of scene."""
-    half = wp.constant(f64(0.5))
 
     @wp.func
-    def apply_pair(velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, c: int, impulse: wp.vec2d):
-        """v_i -= dv n m_j/(m_i+m_j) and v_j += dv n m_i/(m_i+m_j); impulse = dv n [m/s]."""
-        i = contacts.pairs[c].i
-        j = contacts.pairs[c].j
+    def weights_of(contacts: Contacts, c: int) -> wp.vec2d:
+        """Parts of a pair's correction that its grains take: m_j / (m_i + m_j) and m_i / (m_i + m_j)."""
         if wp.static(variant.distinct_masses):
-            weight = contacts.weights[c]
-            velocity[i] = velocity[i] - impulse * weight[0]
-            velocity[j] = velocity[j] + impulse * weight[1]
-        else:
-            velocity[i] = velocity[i] - impulse * half
-            velocity[j] = velocity[j] + impulse * half
+            return contacts.weights[c]
+        return wp.vec2d(f64(0.5), f64(0.5))
 
     @wp.func
     def correct_pair(velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, c: int) -> f64:
         """One pair's correction, in place. Returns |dv|."""
         pair = contacts.pairs[c]
-        vn = wp.dot(velocity[pair.i] - velocity[pair.j], pair.n)
+        weight = weights_of(contacts, c)
+        vi = velocity_of(velocity, pair.i)
+        vj = velocity_of(velocity, pair.j)
+        vn = wp.dot(vi - vj, pair.n)
         dv = law.pair_correction(vn, pair.dv, pair.gap_rate)
-        apply_pair(velocity, contacts, c, dv * pair.n)
+        set_velocity(velocity, pair.i, vi - dv * pair.n * weight[0])
+        set_velocity(velocity, pair.j, vj + dv * pair.n * weight[1])
         contacts.pairs[c].dv = pair.dv + dv
         return wp.abs(dv)
 
@@ -75,7 +86,9 @@ def kernels(variant: Variant) -> SimpleNamespace:
         contacts.pairs[c].n = n
         contacts.pairs[c].gap_rate = law.pair_gap(distance, radius_i, radius_j) / dt
         contacts.pair_dv_start[c] = pair.dv
-        apply_pair(grains.next_velocity, contacts, c, pair.dv * n)
+        weight = weights_of(contacts, c)
+        grains.next_velocity[pair.i] = grains.next_velocity[pair.i] - pair.dv * n * weight[0]
+        grains.next_velocity[pair.j] = grains.next_velocity[pair.j] + pair.dv * n * weight[1]
 
     @wp.func
     def sweep_group(
