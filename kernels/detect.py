@@ -15,6 +15,9 @@ from .data import FRAME_REACH, HORIZON, MEAN_VELOCITY, WALLS, Contacts, Grains, 
 from .variant import Variant
 
 f64 = wp.float64
+TOO_WIDE = wp.constant(
+    f64(1.0 + 1.0e-12)
+)  # bounds are a hair too wide, so that rounding leaves no contact out
 
 
 @wp.struct
@@ -84,38 +87,46 @@ def kernels(variant: Variant) -> SimpleNamespace:
 
     @wp.func
     def is_within_reach(grains: Grains, watch: Watch, a: int, b: int, distance: f64) -> bool:
-        """The criterion of watch.py; a hair too wide, so that rounding leaves no pair out."""
+        """The criterion of watch.py."""
         w = watch.built_velocity[b] - watch.built_velocity[a]
         reach = watch.reach[a] + watch.reach[b] + watch.scalar[HORIZON] * wp.length(w)
-        return distance <= (radius_of(grains, a) + radius_of(grains, b) + reach) * f64(1.0 + 1.0e-12)
+        return distance <= (radius_of(grains, a) + radius_of(grains, b) + reach) * TOO_WIDE
 
     @wp.func
-    def note_pair(rows: Rows, a: int, b: int):
-        """Count a pair in the row of its first grain, and write it down if there is room."""
-        wp.atomic_add(rows.cursor, wp.min(a, b), 1)
-        place = wp.atomic_add(rows.total, 0, 1)
-        if place < rows.found.shape[0]:
-            rows.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
+    def try_pair(grains: Grains, watch: Watch, grid: Grid, rows: Rows, a: int, b: int):
+        """Take a pair within reach, if a is the one to find it: the larger, or, of equals, the first.
+
+        It is counted in the row of its first grain, and written down if there is room.
+        """
+        extent_a = grid.extent[a]
+        extent_b = grid.extent[b]
+        if extent_b < extent_a or (extent_b == extent_a and b > a):
+            distance = wp.length(grains.position[b] - grains.position[a])
+            if distance <= (extent_a + extent_b) * TOO_WIDE and is_within_reach(
+                grains, watch, a, b, distance
+            ):
+                wp.atomic_add(rows.cursor, wp.min(a, b), 1)
+                place = wp.atomic_add(rows.total, 0, 1)
+                if place < rows.found.shape[0]:
+                    rows.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
 
     @wp.kernel(module=variant.module)
     def find_pairs(grains: Grains, watch: Watch, grid: Grid, rows: Rows):
-        """Find the pairs of which a grain is the larger, or, of equals, the first."""
+        """Find a grain's pairs in the cells around it, or among all grains where that is less to look at."""
         a = wp.tid()
         x = grains.position[a]
-        extent = grid.extent[a]
-        radius = f64(2.0) * extent * f64(1.0 + 1.0e-12)
-        for cy in range(cell_of(x[1] - radius, grid.size), cell_of(x[1] + radius, grid.size) + 1):
-            for cx in range(cell_of(x[0] - radius, grid.size), cell_of(x[0] + radius, grid.size) + 1):
-                bucket = bucket_of(cx, cy, grid.width)
-                for k in range(grid.cell_start[bucket], grid.cell_start[bucket + 1]):
-                    b = grid.cell_grain[k]
-                    if grid.extent[b] < extent or (grid.extent[b] == extent and b > a):
-                        y = grains.position[b]
-                        distance = wp.length(y - x)
-                        if distance <= (extent + grid.extent[b]) * f64(1.0 + 1.0e-12):
-                            in_cell = cell_of(y[0], grid.size) == cx and cell_of(y[1], grid.size) == cy
-                            if in_cell and is_within_reach(grains, watch, a, b, distance):
-                                note_pair(rows, a, b)
+        radius = f64(2.0) * grid.extent[a] * TOO_WIDE
+        first_x, last_x = cell_of(x[0] - radius, grid.size), cell_of(x[0] + radius, grid.size)
+        first_y, last_y = cell_of(x[1] - radius, grid.size), cell_of(x[1] + radius, grid.size)
+        if last_x - first_x >= grid.width or last_y - first_y >= grid.width:
+            for b in range(grains.position.shape[0]):
+                try_pair(grains, watch, grid, rows, a, b)
+        else:
+            for cy in range(first_y, last_y + 1):
+                for cx in range(first_x, last_x + 1):
+                    bucket = bucket_of(cx, cy, grid.width)
+                    for k in range(grid.cell_start[bucket], grid.cell_start[bucket + 1]):
+                        try_pair(grains, watch, grid, rows, a, grid.cell_grain[k])
 
     @wp.kernel(module=variant.module)
     def fill_rows(rows: Rows):
@@ -159,7 +170,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         """Whether grain i may meet a wall, or is held by one."""
         distance = wp.length(grains.position[i])
         path = watch.scalar[HORIZON] * wp.length(watch.built_velocity[i])
-        reach = (watch.reach[i] + watch.scalar[FRAME_REACH] + path) * f64(1.0 + 1.0e-12)
+        reach = (watch.reach[i] + watch.scalar[FRAME_REACH] + path) * TOO_WIDE
         near = law.outer_gap(distance, radius_of(grains, i), radius_out) <= reach
         if wp.static(variant.inner_wall):
             near = near or law.inner_gap(distance, radius_of(grains, i), radius_in) <= reach
