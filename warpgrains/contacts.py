@@ -6,6 +6,7 @@ import warp as wp
 from warpgrains.kernels import carry, detect, order, reach
 from warpgrains.kernels.data import WALLS, Contacts, Grains, Pair, Progress, Wall, Watch
 from warpgrains.kernels.variant import Variant
+from warpgrains.memory import require_memory
 from warpgrains.neighbors import NeighborSearch, empty_rows
 from warpgrains.replay import Replay, reader
 from warpgrains.reports import Corrections, IntArray
@@ -175,6 +176,7 @@ class ContactList:
         """Make room for so many pairs, keeping what the buffers hold. Returns whether they have grown."""
         if pairs <= self._capacity:
             return False
+        require_memory(0, pairs, self._replay.device)
         self._capacity = pairs + pairs // 4
         for owner, name in self._buffers:
             old = getattr(owner, name)

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 from tqdm import tqdm
 
+from warpgrains import checks
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.forces import pair_contacts, wall_contacts
 from warpgrains.reports import (
@@ -37,19 +38,23 @@ class Simulation:
         What is simulated.
     device : str
         A Warp device, "cpu" or "cuda:0".
-    threads : int
-        OS threads that share the work on a CPU. The result is the same for any number.
+    threads : int, optional
+        OS threads that share the work on a CPU; by default as many as pay. The result is the same for any.
     **overrides
         Fields of the scene that are to be changed, such as order="color" or tolerance=1e-8.
 
     Raises
     ------
     SceneError
-        The device is unknown, or a change makes no scene.
+        The device is unknown, the number of threads is not positive, or a change makes no scene.
+    SimulationError
+        The scene does not fit in memory.
     """
 
-    def __init__(self, scene: Scene, device: str = "cpu", threads: int = 1, **overrides: Any):
+    def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None, **overrides: Any):
         self.scene = scene.replace(**overrides) if overrides else scene
+        if threads is not None:
+            checks.whole_number("threads", threads)
         self._solver = StepSolver(self.scene, _find_device(device), threads)
         nothing = Corrections(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(scene.n))
         self.restore(State(0, scene.position, scene.velocity, nothing))

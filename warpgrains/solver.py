@@ -1,5 +1,7 @@
 """StepSolver: one time step, solved exactly for a list of contacts that proves itself complete."""
 
+import os
+
 import numpy as np
 import warp as wp
 
@@ -9,13 +11,26 @@ from warpgrains.grains import allocate_grains, allocate_progress, allocate_watch
 from warpgrains.kernels import iteration, measure, motion, sweep, watch
 from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, ZETA
 from warpgrains.kernels.iteration import Stop
+from warpgrains.memory import require_memory
 from warpgrains.replay import Replay, reader
 from warpgrains.reports import State, StepReport
 from warpgrains.scene import Scene
 
 SLACK = 0.15  # of the smallest radius: how far grains stray before contacts are searched anew
-CALM = 0.3  # of the slack: what a grain may stray in a step without being watched
+CALM = 0.1  # of the slack: what a grain may stray in a step without being watched
+PAIRS_PER_GRAIN = 4  # that a list may come to hold
+PAIRS_PER_MEETING = 125  # that a crew must sweep to gain more than its meeting costs
 RESERVE = 0.1  # of the slack: what must be left of a reach before the iteration starts
+
+
+def paying_threads(scene: Scene) -> int:
+    """Return how many threads pay: all cores, if there is enough to sweep between two meetings.
+
+    A pile has about 3 contacts a grain; they fall in about 12 colors, or in 7 sqrt(n) levels (DESIGN.md).
+    """
+    groups = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return cores if 3.0 * scene.n / groups > PAIRS_PER_MEETING else 1
 
 
 class StepSolver:
@@ -25,8 +40,13 @@ class StepSolver:
     ----------
     scene : Scene
     device : wp.Device
-    threads : int
-        OS threads that share the work on a CPU.
+    threads : int, optional
+        OS threads that share the work on a CPU; by default as many as pay.
+
+    Raises
+    ------
+    SimulationError
+        The scene does not fit in memory.
 
     Attributes
     ----------
@@ -36,7 +56,9 @@ class StepSolver:
         Candidate contacts, and the corrections that they carry.
     """
 
-    def __init__(self, scene: Scene, device: wp.Device, threads: int):
+    def __init__(self, scene: Scene, device: wp.Device, threads: int | None):
+        require_memory(scene.n, PAIRS_PER_GRAIN * scene.n, device)
+        threads = paying_threads(scene) if threads is None else threads
         self._scene, self._replay, variant = scene, Replay(device, threads), variant_of(scene)
         self._motion, self._sweep = motion.kernels(variant), sweep.kernels(variant)
         self._watching, self._iteration = watch.kernels(variant), iteration.kernels(variant)

@@ -1,0 +1,44 @@
+"""Whether a scene fits in memory: asked before buffers are allocated, not found out by a killed process."""
+
+from pathlib import Path
+
+import warp as wp
+
+from warpgrains.errors import SimulationError
+
+BYTES_PER_GRAIN = 300
+BYTES_PER_PAIR = 104
+
+
+def require_memory(grains: int, pairs: int, device: wp.Device) -> None:
+    """Refuse what does not fit.
+
+    Parameters
+    ----------
+    grains, pairs : int
+        How many grains, and candidate pairs of them, need room.
+    device : wp.Device
+
+    Raises
+    ------
+    SimulationError
+        They need more memory than the device has free.
+    """
+    needed = grains * BYTES_PER_GRAIN + pairs * BYTES_PER_PAIR
+    free = _free_memory(device)
+    if needed > free:
+        raise SimulationError(
+            f"{grains} grains with {pairs} candidate pairs need about {needed / 1e9:.2f} GB,"
+            f" and {device.alias} has {free / 1e9:.2f} GB free"
+        )
+
+
+def _free_memory(device: wp.Device) -> float:
+    """Return the free memory of a device [bytes], infinite where it is not told."""
+    if device.is_cuda:
+        return float(device.free_memory)
+    meminfo = Path("/proc/meminfo")
+    if not meminfo.exists():
+        return float("inf")
+    fields = dict(line.split(":") for line in meminfo.read_text().splitlines())
+    return 1024.0 * float(fields["MemAvailable"].split()[0])
