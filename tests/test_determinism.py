@@ -1,0 +1,43 @@
+"""The same bits on every run, in every process and for any number of threads."""
+
+import hashlib
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, Simulation
+
+IN_A_FRESH_PROCESS = "import sys, test_determinism as t; print(t.golden_hash(sys.argv[1], int(sys.argv[2])))"
+
+
+def golden_hash(order: str, threads: int) -> str:
+    """Hash all that a run leaves behind, and all that it reports."""
+    simulation = Simulation(Scene.load("polydisperse"), threads=threads, order=order)
+    reports = [simulation.step() for _ in range(80)]
+    state = simulation.state()
+    told = [(r.iterations, r.zeta, r.contacts, r.overlap) for r in reports]
+    digest = hashlib.sha256(np.array(told).tobytes())
+    for array in (state.position, state.velocity, *vars(state.corrections).values()):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize("order", ["sequential", "color"])
+def test_fresh_processes(order: str) -> None:
+    here = golden_hash(order, threads=1)
+    assert golden_hash(order, threads=1) == here
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    for threads in ("1", "2"):
+        command = [sys.executable, "-c", IN_A_FRESH_PROCESS, order, threads]
+        process = subprocess.run(command, env=environment, capture_output=True, text=True)
+        assert process.returncode == 0, process.stderr
+        assert process.stdout.splitlines()[-1] == here
+
+
+@pytest.mark.parametrize("order", ["sequential", "color"])
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads(order: str, threads: int) -> None:
+    assert golden_hash(order, threads) == golden_hash(order, threads=1)
