@@ -1,0 +1,92 @@
+"""State out and in: a run continues with the same bits, also after a step that failed."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, Simulation, SimulationError, State
+
+ORDERS = ("sequential", "color")
+
+
+def assert_same_state(one: State, other: State) -> None:
+    assert one.steps == other.steps
+    for name in ("position", "velocity"):
+        assert np.array_equal(getattr(one, name), getattr(other, name))
+    for field in fields(one.corrections):
+        assert np.array_equal(getattr(one.corrections, field.name), getattr(other.corrections, field.name))
+
+
+@pytest.fixture(params=ORDERS)
+def scene(request: pytest.FixtureRequest) -> Scene:
+    return Scene.load("polydisperse").replace(order=request.param)
+
+
+def test_state_that_was_restored(scene: Scene) -> None:
+    simulation, fresh = Simulation(scene), Simulation(scene)
+    simulation.run(steps=100)
+    state = simulation.state()
+    assert len(state.corrections.pair) > 0
+    assert np.count_nonzero(state.corrections.wall_correction) > 0
+    fresh.restore(state)
+    assert_same_state(fresh.state(), state)
+    assert fresh.time == simulation.time
+
+
+def test_fresh_simulation_continues_with_the_same_bits(scene: Scene) -> None:
+    simulation, fresh = Simulation(scene), Simulation(scene)
+    simulation.run(steps=100)
+    fresh.restore(simulation.state())
+    for _ in range(50):
+        one, other = simulation.step(), fresh.step()
+        assert (one.iterations, one.zeta) == (other.iterations, other.zeta)
+        assert_same_state(simulation.state(), fresh.state())
+
+
+def test_same_simulation_goes_back(scene: Scene) -> None:
+    simulation = Simulation(scene)
+    simulation.run(steps=100)
+    state = simulation.state()
+    simulation.run(steps=50)
+    first = simulation.state()
+    simulation.restore(state)
+    simulation.run(steps=50)
+    assert_same_state(simulation.state(), first)
+
+
+def test_state_is_a_copy(scene: Scene) -> None:
+    simulation = Simulation(scene)
+    simulation.run(steps=100)
+    state, again = simulation.state(), simulation.state()
+    simulation.run(steps=5)
+    assert_same_state(state, again)
+
+
+def test_step_that_is_not_finite(scene: Scene) -> None:
+    """It names the grain, changes nothing, and a good state continues as if nothing had happened."""
+    simulation = Simulation(scene)
+    simulation.run(steps=100)
+    good = simulation.state()
+    velocity = good.velocity.copy()
+    velocity[7] = [1e308, -1e308]
+    bad = State(good.steps, good.position, velocity, good.corrections)
+    simulation.restore(bad)
+    for _ in range(2):
+        with pytest.raises(SimulationError, match=r"step 101, .*: grain \d+ reached"):
+            simulation.step()
+        assert_same_state(simulation.state(), bad)
+    simulation.restore(good)
+    simulation.run(steps=20)
+    undisturbed = Simulation(scene)
+    undisturbed.restore(good)
+    undisturbed.run(steps=20)
+    assert_same_state(simulation.state(), undisturbed.state())
+
+
+def test_failed_step_names_the_grain() -> None:
+    position = [[0.0, -0.5], [0.5, 0.0], [-0.5, 0.0]]
+    velocity = [[0.0, 0.0], [1e308, 0.0], [0.0, 0.0]]
+    scene = Scene(position=position, velocity=velocity, radius=0.1, mass=1.0, radius_out=2.0, dt=10.0)
+    with pytest.raises(SimulationError, match=r"step 1, from t = 0.0 s: grain 1 reached"):
+        Simulation(scene).step()
