@@ -1,0 +1,108 @@
+"""The search for candidate pairs against a loop over all pairs."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import warp as wp
+from warpgrains.kernels.data import HORIZON, MEAN_VELOCITY
+
+from warpgrains import Scene
+from warpgrains.checks import FloatArray
+from warpgrains.grains import allocate_grains, allocate_watch, variant_of
+from warpgrains.neighbors import NeighborSearch
+from warpgrains.replay import Replay
+from warpgrains.reports import IntArray
+
+TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/detect.py)
+
+
+class Cloud(NamedTuple):
+    """Grains, and how far they reach: a pair is sought if gap <= reach_i + reach_j + horizon |w_i - w_j|."""
+
+    position: FloatArray
+    radius: FloatArray
+    reach: FloatArray
+    velocity: FloatArray
+    horizon: float
+
+
+def cloud(position: FloatArray, radius: FloatArray | float, seed: int = 0) -> Cloud:
+    """Give every grain some reach and velocity of the order of its radius."""
+    rng, n = np.random.default_rng(seed), len(position)
+    radius = np.broadcast_to(radius, n)
+    velocity = np.array([3.0, -1.0]) + rng.normal(0.0, np.median(radius), (n, 2))
+    return Cloud(position, radius, radius * rng.uniform(0.0, 0.5, n), velocity, horizon=0.3)
+
+
+def uniform(n: int, low: float, high: float) -> FloatArray:
+    return np.random.default_rng(n).uniform(low, high, (n, 2))
+
+
+def clusters() -> FloatArray:
+    rng = np.random.default_rng(4)
+    return np.repeat(rng.uniform(-5.0, 5.0, (6, 2)), 50, axis=0) + rng.normal(0.0, 0.1, (300, 2))
+
+
+CLOUDS: dict[str, Callable[[], Cloud]] = {
+    "even": lambda: cloud(uniform(500, -1.0, 1.0), 0.03),
+    "radii from 1 to 200": lambda: cloud(uniform(400, -1.0, 1.0), 10.0 ** uniform(200, -3.0, -0.7).ravel()),
+    "one huge among small": lambda: cloud(uniform(300, -2.0, 2.0), np.append(np.full(299, 0.02), 1.5)),
+    "clusters": lambda: cloud(clusters(), 0.05),
+    "nearly at one place": lambda: cloud(uniform(100, 0.0, 1e-9) + 0.5, 0.1),
+    "negative coordinates": lambda: cloud(uniform(500, -9.0, -8.0), 0.02),
+    "far from the origin": lambda: cloud(uniform(500, -1.0, 1.0) + np.array([1e6, -3e6]), 0.03),
+    "beyond the last cell": lambda: cloud(uniform(500, -1.0, 1.0) + np.array([1e9, -3e9]), 0.03),
+    "two grains": lambda: cloud(np.array([[0.1, 0.0], [0.0, 0.1]]), 0.06),
+    "one grain": lambda: cloud(np.array([[1.0, 1.0]]), 0.1),
+}
+
+
+def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
+    scene = Scene(position=sought.position, radius=sought.radius, mass=1.0, radius_out=1e10)
+    device, variant = wp.get_device("cpu"), variant_of(scene)
+    grains, watch = allocate_grains(scene, variant, device), allocate_watch(scene.n, device)
+    grains.position.assign(sought.position)
+    watch.reach.assign(sought.reach)
+    watch.built_velocity.assign(sought.velocity)
+    watch.frame.numpy()[MEAN_VELOCITY] = sought.velocity.mean(axis=0)
+    watch.scalar.numpy()[HORIZON] = sought.horizon
+    search = NeighborSearch(grains, watch, variant, Replay(device), cell_size)
+    search.find()
+    rows, total = search.rows, search.total
+    rows.found = wp.zeros(total, dtype=wp.vec2i, device=device)
+    rows.neighbor = wp.full(total, -1, dtype=wp.int32, device=device)
+    search.find()
+    search.sort()
+    first = np.repeat(np.arange(scene.n), np.diff(rows.start.numpy()))
+    return np.stack([first, rows.neighbor.numpy()], axis=1)
+
+
+def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:
+    i, j = np.triu_indices(len(sought.position), 1)
+    distance = np.hypot(*(sought.position[j] - sought.position[i]).T)
+    extent, path = sought.radius + sought.reach, np.hypot(*(sought.velocity[j] - sought.velocity[i]).T)
+    within = distance <= (extent[i] + extent[j] + sought.horizon * path) * (1.0 + wider)
+    return np.stack([i, j], axis=1)[within]
+
+
+@pytest.mark.parametrize("relative_cell_size", [0.1, 2.3, 40.0])
+@pytest.mark.parametrize("make", CLOUDS.values(), ids=CLOUDS)
+def test_pairs_within_reach(make: Callable[[], Cloud], relative_cell_size: float) -> None:
+    sought = make()
+    expected = pairs_within_reach(sought)
+    # No pair of these clouds is so near its limit that the search may or may not find it.
+    assert np.array_equal(expected, pairs_within_reach(sought, wider=2.0 * TOO_WIDE))
+    cell_size = relative_cell_size * float(np.median(sought.radius))
+    assert np.array_equal(listed_pairs(sought, cell_size), expected)
+
+
+def test_pair_exactly_at_its_reach() -> None:
+    """On a lattice of powers of two every distance is exact."""
+    x, y = np.meshgrid(np.arange(8) - 4.0, np.arange(8) - 3.0)
+    position, n = np.stack([x.ravel() + 0.5, y.ravel()], axis=1), 64
+    lattice = Cloud(position, np.full(n, 0.375), np.full(n, 0.125), np.zeros((n, 2)), horizon=0.0)
+    expected = pairs_within_reach(lattice)
+    assert len(expected) == 2 * 8 * 7
+    assert np.array_equal(listed_pairs(lattice, cell_size=1.0), expected)
