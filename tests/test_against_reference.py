@@ -13,6 +13,18 @@ from warpgrains import Scene, Simulation, StepReport
 MakeReference = Callable[..., Reference]
 
 
+def worst_overlap(simulation: Simulation) -> float:
+    """Measure the overlaps of all pairs and of all grains with the walls [m]."""
+    scene, x = simulation.scene, simulation.position
+    i, j = np.triu_indices(scene.n, 1)
+    d, rho = x[j] - x[i], np.sqrt(x[:, 0] * x[:, 0] + x[:, 1] * x[:, 1])
+    pair_gap = np.sqrt(d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1]) - (scene.radius[i] + scene.radius[j])
+    wall_gap = scene.radius_out - rho - scene.radius
+    if scene.radius_in > 0.0:
+        wall_gap = np.minimum(wall_gap, rho - scene.radius_in - scene.radius)
+    return max(0.0, -pair_gap.min(initial=0.0), -wall_gap.min())
+
+
 def step_both(simulation: Simulation, reference: Reference, steps: int) -> list[StepReport]:
     """Hold every step against the reference."""
     reports = []
@@ -24,6 +36,7 @@ def step_both(simulation: Simulation, reference: Reference, steps: int) -> list[
         assert_same_bits(simulation, reference)
         carrying = np.count_nonzero(reference.pair_correction) + np.count_nonzero(reference.wall_correction)
         assert report.contacts == carrying
+        assert report.overlap == worst_overlap(simulation)
         reports.append(report)
     return reports
 
