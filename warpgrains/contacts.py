@@ -3,13 +3,13 @@
 import numpy as np
 import warp as wp
 
+from warpgrains.contact_buffers import ContactBuffers
 from warpgrains.kernels import carry, detect, order, reach
-from warpgrains.kernels.data import WALLS, Contacts, Grains, Pair, Progress, Wall, Watch
+from warpgrains.kernels.data import WALLS, Contacts, Grains, Progress, Watch
 from warpgrains.kernels.variant import Variant
-from warpgrains.memory import require_memory
-from warpgrains.neighbors import NeighborSearch, empty_rows
+from warpgrains.neighbors import NeighborSearch
 from warpgrains.replay import Replay, reader
-from warpgrains.reports import Corrections, IntArray
+from warpgrains.reports import Corrections, Lists
 from warpgrains.scene import Scene
 
 WINDOW = 2048  # pairs that one worker interleaves by levels: many hide latency, few stay in cache
@@ -29,14 +29,9 @@ class ContactList:
     variant : Variant
         What the scene's kernels are compiled for.
     replay : Replay
-        Launches the kernels; forgets its graphs when buffers have grown.
+        Launches the kernels.
     slack : float
-        How far grains may move, beyond what they move in a step, before the list is built anew [m].
-
-    Attributes
-    ----------
-    device : Contacts
-        The list on its device.
+        How far grains may stray before the list is built anew [m].
     """
 
     def __init__(
@@ -50,82 +45,55 @@ class ContactList:
         slack: float,
     ):
         self._scene, self._grains, self._slack = scene, grains, slack
-        self._watch, self._progress = watch, progress
-        self._replay, device = replay, replay.device
+        self._watch, self._progress, self._replay = watch, progress, replay
         self._detect, self._order = detect.kernels(variant), order.kernels(variant)
         self._carry, self._reach = carry.kernels(variant), reach.kernels(variant)
+        self._buffers = ContactBuffers(scene.n, variant.distinct_masses, replay)
         cell_size = 2.0 * (float(np.median(scene.radius)) + slack)
-        self._search = NeighborSearch(grains, watch, variant, replay, cell_size)
-        self._old_rows = empty_rows(scene.n, device)
-        self.device = Contacts()
-        self.device.count = wp.zeros(3, dtype=wp.int32, device=device)
-        self._read_count = reader(self.device.count)
-        self.device.walls = wp.zeros(scene.n, dtype=Wall, device=device)
-        self.device.wall_dv_start = wp.zeros(scene.n, dtype=wp.float64, device=device)
-        self._wall_dv = wp.zeros(scene.n, dtype=wp.float64, device=device)
-        self._influence = wp.zeros(scene.n, dtype=wp.float64, device=device)
-        self._next_level = wp.zeros(scene.n, dtype=wp.int32, device=device)
-        self._used_colors = wp.zeros(scene.n, dtype=wp.uint64, device=device)
-        self._lost = wp.zeros(1, dtype=wp.int32, device=device)
+        self._search = NeighborSearch(grains, watch, self._buffers.rows, variant, replay, cell_size)
+        self._influence = wp.zeros(scene.n, dtype=wp.float64, device=replay.device)
+        self._next_level = wp.zeros(scene.n, dtype=wp.int32, device=replay.device)
+        self._used_colors = wp.zeros(scene.n, dtype=wp.uint64, device=replay.device)
+        self._lost = wp.zeros(1, dtype=wp.int32, device=replay.device)
         self._read_lost = reader(self._lost)
-        contacts, rows, old_rows = self.device, self._search.rows, self._old_rows
-        contacts.pairs = wp.zeros(0, dtype=Pair, device=device)
-        contacts.weights = wp.zeros(0, dtype=wp.vec2d, device=device)
-        contacts.group_start = wp.zeros(2, dtype=wp.int32, device=device)
-        contacts.pair_dv_start = wp.zeros(0, dtype=wp.float64, device=device)
-        self._old_pair_dv = wp.zeros(0, dtype=wp.float64, device=device)
-        self._slot = wp.zeros(0, dtype=wp.int32, device=device)
-        self._group = wp.zeros(0, dtype=wp.int32, device=device)
-        self._buffers = [
-            (contacts, "pairs"),
-            (contacts, "pair_dv_start"),
-            (contacts, "group_start"),
-            (rows, "found"),
-            (rows, "neighbor"),
-            (old_rows, "neighbor"),
-            (self, "_old_pair_dv"),
-            (self, "_slot"),
-            (self, "_group"),
-        ]
-        if variant.distinct_masses:
-            self._buffers.append((contacts, "weights"))
-        self._capacity = 0
+
+    @property
+    def device(self) -> Contacts:
+        """The list on its device."""
+        return self._buffers.contacts
 
     @property
     def counts(self) -> tuple[int, int, int]:
         """Candidate pairs, groups that they are swept in, and grains that may reach a wall."""
-        pairs, groups, walls = self._read_count().tolist()
-        return pairs, groups, walls
+        return self._buffers.counts
 
     @property
     def groups(self) -> int:
         """Groups of pairs that are swept one after the other."""
-        return self.counts[1]
+        return self._buffers.counts[1]
 
     def rebuild(self) -> None:
         """List every pair and wall within reach, with the corrections that they carry."""
         self._replay.alone(self._set_old_aside)
+        self._replay.alone(self._renew_reaches)
         while True:
             self._replay.alone(self._search.find)
-            if self._reserve(self._search.total):
+            if self._buffers.reserve(self._search.total):
                 self._replay.alone(self._search.find)
             self._replay.alone(self._sort)
             if not self._read_lost()[0]:
                 break
-        groups = self.groups
-        self._replay.alone(self._arrange)
-        if self.groups > groups:
-            self._replay.forget()
+        self._put_in_order()
+        self._replay.alone(self._list_walls)
 
     def _set_old_aside(self) -> None:
-        """Keep the pairs and corrections of the old list, and choose the reaches of the new one."""
-        each, n, rows = self._replay.each, self._scene.n, self._search.rows
-        each(self._carry.save_pairs, n, rows, self._slot, self.device, self._old_pair_dv)
-        wp.copy(self._old_rows.start, rows.start)
-        wp.copy(self._old_rows.neighbor, rows.neighbor)
-        self._wall_dv.zero_()
-        each(self._detect.save_walls, n, self.device, self._wall_dv)
-        self._renew_reaches()
+        """Keep the pairs and corrections of the old list."""
+        each, n, buffers = self._replay.each, self._scene.n, self._buffers
+        each(self._carry.save_pairs, n, buffers.rows, buffers.slot, buffers.contacts, buffers.old_pair_dv)
+        wp.copy(buffers.old_rows.start, buffers.rows.start)
+        wp.copy(buffers.old_rows.neighbor, buffers.rows.neighbor)
+        buffers.wall_dv.zero_()
+        each(self._detect.save_walls, n, buffers.contacts, buffers.wall_dv)
 
     def _renew_reaches(self) -> None:
         """Choose what the new list must reach."""
@@ -141,101 +109,64 @@ class ContactList:
         """Sort the pairs; where one that carries a correction is not among them, widen its reach."""
         self._search.sort()
         self._lost.zero_()
-        rows, old_rows = self._search.rows, self._old_rows
+        buffers = self._buffers
+        old = (buffers.old_rows, buffers.old_pair_dv)
         self._replay.each(
-            self._carry.hold_pairs,
-            self._scene.n,
-            self._grains,
-            self._watch,
-            old_rows,
-            self._old_pair_dv,
-            rows,
-            self._lost,
+            self._carry.hold_pairs, self._scene.n, self._grains, self._watch, *old, buffers.rows, self._lost
         )
 
+    def _put_in_order(self) -> None:
+        """Put the pairs in sweeping order; where every group is a launch, more of them need a new graph."""
+        groups = self.groups
+        self._replay.alone(self._arrange)
+        if self._replay.by_group and self.groups > groups:
+            self._replay.forget()
+
     def _arrange(self) -> None:
-        """Put the pairs in sweeping order, and list the walls."""
-        each, scene, contacts, rows = self._replay.each, self._scene, self.device, self._search.rows
-        in_line = self._replay.in_line
-        if scene.order == "color":
-            each(self._order.colors, 1, rows, self._used_colors, self._group)
+        """Give every pair its slot, and write it there with the correction that it carries."""
+        each, n, buffers, in_line = self._replay.each, self._scene.n, self._buffers, self._replay.in_line
+        rows, contacts, slot, group = buffers.rows, buffers.contacts, buffers.slot, buffers.group
+        if self._scene.order == "color":
+            each(self._order.colors, 1, rows, self._used_colors, group)
         else:
             window = WINDOW if in_line else np.iinfo(np.int32).max
-            each(self._order.levels, 1, rows, window, self._next_level, self._group)
-        each(self._order.place, 1, rows, self._group, int(in_line), contacts, self._slot)
-        old_rows, old_dv = self._old_rows, self._old_pair_dv
-        each(self._carry.fill_slots, scene.n, self._grains, old_rows, old_dv, rows, self._slot, contacts)
+            each(self._order.levels, 1, rows, window, self._next_level, group)
+        each(self._order.place, 1, rows, group, int(in_line), contacts, slot)
+        old = (buffers.old_rows, buffers.old_pair_dv)
+        each(self._carry.fill_slots, n, self._grains, *old, rows, slot, contacts)
         self._influence.zero_()
-        each(self._carry.weigh, scene.n, rows, self._slot, contacts, self._influence)
-        each(self._carry.find_influence, scene.n, self._influence, self._watch)
-        contacts.count[WALLS:].zero_()
-        walls = (self._watch, scene.radius_in, scene.radius_out, self._wall_dv)
-        each(self._detect.find_walls, scene.n, self._grains, contacts, *walls)
+        each(self._carry.weigh, n, rows, slot, contacts, self._influence)
+        each(self._carry.find_influence, n, self._influence, self._watch)
 
-    def _reserve(self, pairs: int) -> bool:
-        """Make room for so many pairs, keeping what the buffers hold. Returns whether they have grown."""
-        if pairs <= self._capacity:
-            return False
-        require_memory(0, pairs, self._replay.device)
-        self._capacity = pairs + pairs // 4
-        for owner, name in self._buffers:
-            old = getattr(owner, name)
-            new = wp.zeros(self._capacity + 2, dtype=old.dtype, device=self._replay.device)
-            if old.shape[0] > 0:
-                wp.copy(new, old, count=old.shape[0])
-            setattr(owner, name, new)
-        self._replay.forget()
-        return True
+    def _list_walls(self) -> None:
+        """List the grains that may reach a wall, with the corrections that they carry."""
+        scene, buffers = self._scene, self._buffers
+        buffers.contacts.count[WALLS:].zero_()
+        walls = (self._watch, scene.radius_in, scene.radius_out, buffers.wall_dv)
+        self._replay.each(self._detect.find_walls, scene.n, self._grains, buffers.contacts, *walls)
 
     def corrections(self) -> Corrections:
         """Return what the contacts carry after the last good step."""
-        pairs, _, walls = self.counts
-        i, j, slot = self._listed_pairs(pairs)
-        dv = self.device.pairs.numpy()["dv"][slot]
-        carrying = dv != 0.0
-        wall = self.device.walls.numpy()[:walls]
-        wall_correction = np.zeros(self._scene.n)
-        wall_correction[wall["i"]] = wall["dv"]
-        return Corrections(np.stack([i, j], axis=1)[carrying], dv[carrying], wall_correction)
-
-    def _listed_pairs(self, pairs: int) -> tuple[IntArray, IntArray, IntArray]:
-        """Return first grain, second grain and slot of every listed pair, in lexicographic order."""
-        rows = self._search.rows
-        first = np.repeat(np.arange(self._scene.n, dtype=np.int32), np.diff(rows.start.numpy()))
-        return first, rows.neighbor.numpy()[:pairs], self._slot.numpy()[:pairs]
-
-    def load(self, corrections: Corrections) -> None:
-        """List just what carries a correction; the watch must ask for a new list before anything is swept."""
-        carrying = np.flatnonzero(corrections.wall_correction).astype(np.int32)
-        pairs, walls = len(corrections.pair), len(carrying)
-        self._reserve(pairs)
-        i, j = corrections.pair.T
-        rows, contacts = self._search.rows, self.device
-        starts = np.searchsorted(i, np.arange(self._scene.n + 1))
-        rows.start.assign(starts.astype(np.int32))
-        _write(rows.neighbor, j)
-        _write(self._slot, np.arange(pairs))
-        _write(contacts.pair_dv_start, corrections.pair_correction)
-        _write(contacts.wall_dv_start, corrections.wall_correction[carrying])
-        wall = np.zeros(self._scene.n, dtype=contacts.walls.numpy().dtype)
-        wall["i"][:walls] = carrying
-        contacts.walls.assign(wall)
-        contacts.count.assign([pairs, 0, walls])
+        return self._buffers.corrections()
 
     def revert(self) -> None:
         """Take back what an unfinished step did to the corrections."""
-        pairs, _, walls = self.counts
-        for contacts, start, count in (
-            (self.device.pairs, self.device.pair_dv_start, pairs),
-            (self.device.walls, self.device.wall_dv_start, walls),
-        ):
-            records = contacts.numpy()
-            records["dv"][:count] = start.numpy()[:count]
-            contacts.assign(records)
+        self._buffers.revert()
 
+    def lists(self) -> Lists:
+        """Return what is listed, and what the watch has seen of it."""
+        watch = {name: getattr(self._watch, name).numpy().copy() for name in Lists.WATCHED}
+        return Lists(self._buffers.listed_pairs(), self._buffers.listed_walls(), **watch)
 
-def _write(array: wp.array, values: np.ndarray) -> None:
-    """Write values to the beginning of a device array."""
-    host = array.numpy()
-    host[: len(values)] = values
-    array.assign(host)
+    def load(self, corrections: Corrections, lists: Lists | None) -> None:
+        """List what was listed; or, if that is not known, let the watch ask for a new list."""
+        if lists is None:
+            walls = np.flatnonzero(corrections.wall_correction).astype(np.int32)
+            self._buffers.load(corrections.pair, walls, corrections)
+            self._watch.reach.fill_(-1.0)
+            self._watch.recent.zero_()
+            return
+        self._buffers.load(lists.pair, lists.wall, corrections)
+        self._put_in_order()
+        for name in Lists.WATCHED:
+            getattr(self._watch, name).assign(getattr(lists, name))

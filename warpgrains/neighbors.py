@@ -10,17 +10,6 @@ from warpgrains.kernels.variant import Variant
 from warpgrains.replay import Replay, reader
 
 
-def empty_rows(grains: int, device: wp.Device) -> Rows:
-    """Allocate rows of pairs by their first grain; the pairs themselves are counted first."""
-    rows = Rows()
-    rows.start = wp.zeros(grains + 1, dtype=wp.int32, device=device)
-    rows.cursor = wp.zeros(grains + 1, dtype=wp.int32, device=device)
-    rows.neighbor = wp.zeros(0, dtype=wp.int32, device=device)
-    rows.found = wp.zeros(0, dtype=wp.vec2i, device=device)
-    rows.total = wp.zeros(1, dtype=wp.int32, device=device)
-    return rows
-
-
 class NeighborSearch:
     """Finds every pair within reach (kernels/watch.py).
 
@@ -29,24 +18,28 @@ class NeighborSearch:
     grains : Grains
     watch : Watch
         Holds the reaches [m].
+    rows : Rows
+        Where the pairs are put. `found` and `neighbor` must have room for `total` entries before `sort`.
     variant : Variant
         What the scene's kernels are compiled for.
     replay : Replay
     cell_size : float
         Side of a cell [m]; about the diameter of the grains that are most frequent.
-
-    Attributes
-    ----------
-    rows : Rows
-        The pairs found. Its `found` and `neighbor` must have room for `total` entries before `sort`.
     """
 
-    def __init__(self, grains: Grains, watch: Watch, variant: Variant, replay: Replay, cell_size: float):
-        self._grains, self._watch, self._replay = grains, watch, replay
+    def __init__(
+        self,
+        grains: Grains,
+        watch: Watch,
+        rows: Rows,
+        variant: Variant,
+        replay: Replay,
+        cell_size: float,
+    ):
+        self._grains, self._watch, self._rows, self._replay = grains, watch, rows, replay
         self._kernels = detect.kernels(variant)
         self._n = grains.position.shape[0]
-        self.rows = empty_rows(self._n, replay.device)
-        self._read_total = reader(self.rows.total)
+        self._read_total = reader(self._rows.total)
         self._grid = self._empty_grid(cell_size)
 
     def _empty_grid(self, cell_size: float) -> Grid:
@@ -67,7 +60,7 @@ class NeighborSearch:
 
     def find(self) -> None:
         """Sort the grains into cells, and find the pairs within reach as far as there is room for them."""
-        each, kernels, grid, rows = self._replay.each, self._kernels, self._grid, self.rows
+        each, kernels, grid, rows = self._replay.each, self._kernels, self._grid, self._rows
         grid.cell_cursor.zero_()
         each(kernels.count_cells, self._n, self._grains, self._watch, grid)
         wp.utils.array_scan(grid.cell_cursor, grid.cell_start, inclusive=False)
@@ -78,7 +71,7 @@ class NeighborSearch:
 
     def sort(self) -> None:
         """Put the pairs found in lexicographic order."""
-        each, kernels, rows = self._replay.each, self._kernels, self.rows
+        each, kernels, rows = self._replay.each, self._kernels, self._rows
         wp.utils.array_scan(rows.cursor, rows.start, inclusive=False)
         each(kernels.fill_rows, rows.found.shape[0], rows)
         each(kernels.sort_rows, self._n, rows)

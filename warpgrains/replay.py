@@ -37,8 +37,6 @@ class Replay:
 
     Attributes
     ----------
-    in_line : bool
-        Whether one worker does all the work, in order.
     slots : int
         Parts in which workers keep a maximum or a sum.
     """
@@ -46,7 +44,6 @@ class Replay:
     def __init__(self, device: wp.Device, threads: int = 1):
         self.device = device
         workers = threads if device.is_cpu else GPU_WORKERS
-        self.in_line = workers == 1
         self.slots = threads if device.is_cpu else GPU_SLOTS
         arrivals = wp.zeros(1, dtype=wp.int64, device=device)
         launchers = workers if device.is_cpu else 1
@@ -55,6 +52,16 @@ class Replay:
         self._crew = self._alone
         self._pool = ThreadPoolExecutor(launchers - 1) if launchers > 1 else None
         self._graphs: dict[str, list[wp.Graph]] = {}
+
+    @property
+    def by_group(self) -> bool:
+        """Whether every group is a launch of its own."""
+        return not self.device.is_cpu
+
+    @property
+    def in_line(self) -> bool:
+        """Whether one worker sweeps all groups, in order."""
+        return not self.by_group and len(self._crews) == 1
 
     def __call__(self, launches: Callable[[], None]) -> None:
         """Replay the launches of a function with all workers; at first it is called, to be captured."""
@@ -101,10 +108,10 @@ class Replay:
 
     def group_ranges(self, groups: int) -> Iterator[tuple[int, int]]:
         """Yield first and last of the groups that one launch may sweep, in order."""
-        if self.device.is_cpu:
-            yield 0, ALL_GROUPS
-        else:
+        if self.by_group:
             yield from ((group, group + 1) for group in range(groups))
+        else:
+            yield 0, ALL_GROUPS
 
 
 def _crew(first: int, workers: int, arrivals: wp.array) -> Crew:

@@ -1,6 +1,7 @@
 """What a simulation tells of itself."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,6 +130,32 @@ class Corrections:
 
 
 @dataclass(frozen=True, eq=False)
+class Lists:
+    """What is listed as a candidate contact, and what the watch has seen of it (kernels/watch.py).
+
+    Colors depend on what is listed, so a run in color order continues with the same bits only from these.
+
+    Attributes
+    ----------
+    pair, wall : ndarray
+        Listed pairs i < j in lexicographic order, shape (m, 2), and listed grains at the walls, shape (k,).
+    reach, recent, built_position, built_velocity, frame, scalar : ndarray
+        As in `kernels.data.Watch`.
+    """
+
+    WATCHED: ClassVar = ("reach", "recent", "built_position", "built_velocity", "frame", "scalar")
+
+    pair: IntArray
+    wall: IntArray
+    reach: FloatArray
+    recent: FloatArray
+    built_position: FloatArray
+    built_velocity: FloatArray
+    frame: FloatArray
+    scalar: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class State:
     """The exact state between two steps: all that the following steps depend on.
 
@@ -140,12 +167,15 @@ class State:
         [m] and [m/s], shape (n, 2).
     corrections : Corrections
         What the contacts carry.
+    lists : Lists or None
+        What was listed; without it, a run in color order continues with an order of its own.
     """
 
     steps: int
     position: FloatArray
     velocity: FloatArray
     corrections: Corrections
+    lists: Lists | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,7 +143,8 @@ class Simulation:
 
     def state(self) -> State:
         """Return the exact state, from which `restore` continues with the same bits."""
-        return State(self._steps, self.position, self.velocity, self._solver.contacts.corrections())
+        contacts = self._solver.contacts
+        return State(self._steps, self.position, self.velocity, contacts.corrections(), contacts.lists())
 
     def restore(self, state: State) -> None:
         """Continue from a state of this scene."""

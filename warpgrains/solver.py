@@ -19,7 +19,7 @@ from warpgrains.scene import Scene
 SLACK = 0.15  # of the smallest radius: how far grains stray before contacts are searched anew
 CALM = 0.1  # of the slack: what a grain may stray in a step without being watched
 PAIRS_PER_GRAIN = 4  # that a list may come to hold
-PAIRS_PER_MEETING = 125  # that a crew must sweep to gain more than its meeting costs
+PAIRS_PER_MEETING = 1000  # that a crew must sweep to gain far more than a meeting costs, on busy cores too
 RESERVE = 0.1  # of the slack: what must be left of a reach before the iteration starts
 
 
@@ -80,8 +80,7 @@ class StepSolver:
         self.grains.position.assign(state.position)
         self.grains.velocity.assign(state.velocity)
         self.grains.last_position.assign(state.position)
-        self.contacts.load(state.corrections)
-        self._watch.reach.fill_(-1.0)
+        self.contacts.load(state.corrections, state.lists)
 
     def solve(self) -> StepReport:
         """Advance by one time step.
@@ -132,10 +131,10 @@ class StepSolver:
     def _iterate(self) -> None:
         """Correct contact by contact, again and again, until the corrections no longer change."""
         state = (self.grains, self.contacts.device, self._watch, self._progress)
-        if self._replay.device.is_cpu:
-            self._replay.share(self._sweep.iterate, *state, self._stop)
-        else:
+        if self._replay.by_group:
             wp.capture_while(self._progress.iterating, self._iterate_once)
+        else:
+            self._replay.share(self._sweep.iterate, *state, self._stop)
 
     def _iterate_once(self) -> None:
         """One iteration on a GPU, where a launch ends before the next begins."""

@@ -1,0 +1,84 @@
+"""The same bits for any number of workers, any way of launching, and any care taken with lists."""
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, Simulation, State, solver
+from warpgrains.replay import Replay
+from warpgrains.scene import ORDERS
+
+STEPS = 60
+
+
+def scene(order: str) -> Scene:
+    """Return eighty grains of many sizes that fall, knock and settle."""
+    return Scene.load("polydisperse", [f"solver.order={order}", "solver.max_iterations=100"])
+
+
+def final_state(order: str, **options: int) -> State:
+    simulation = Simulation(scene(order), **options)
+    simulation.run(steps=STEPS)
+    return simulation.state()
+
+
+@pytest.fixture(scope="module", params=ORDERS)
+def order(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def expected(order: str) -> State:
+    return final_state(order, threads=1)
+
+
+def assert_same_bits(state: State, expected: State) -> None:
+    assert np.array_equal(state.position, expected.position)
+    assert np.array_equal(state.velocity, expected.velocity)
+    assert np.array_equal(state.corrections.pair, expected.corrections.pair)
+    assert np.array_equal(state.corrections.pair_correction, expected.corrections.pair_correction)
+    assert np.array_equal(state.corrections.wall_correction, expected.corrections.wall_correction)
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads(order: str, expected: State, threads: int) -> None:
+    assert_same_bits(final_state(order, threads=threads), expected)
+
+
+def test_a_launch_for_every_group_as_on_a_gpu(
+    order: str, expected: State, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Replay, "by_group", True)
+    assert_same_bits(final_state(order, threads=1), expected)
+
+
+@pytest.fixture(scope="module")
+def expected_in_sequence() -> State:
+    return final_state("sequential", threads=1)
+
+
+def test_no_list_is_used_for_two_steps(expected_in_sequence: State, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solver, "SLACK", 1e-6)
+    simulation = Simulation(scene("sequential"), threads=1)
+    rebuilds = [simulation.step().rebuilds for _ in range(STEPS)]
+    assert min(rebuilds) >= 1
+    assert_same_bits(simulation.state(), expected_in_sequence)
+
+
+def test_lists_are_used_again(order: str) -> None:
+    simulation = Simulation(scene(order), threads=1)
+    assert 0 in [simulation.step().rebuilds for _ in range(STEPS)]
+
+
+def test_every_sweep_is_watched(expected_in_sequence: State, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solver, "CALM", 0.0)
+    assert_same_bits(final_state("sequential", threads=1), expected_in_sequence)
+
+
+def test_a_restored_state_continues_as_if_nothing_had_been(order: str, expected: State) -> None:
+    first = Simulation(scene(order), threads=1)
+    first.run(steps=STEPS // 2)
+    second = Simulation(scene(order), threads=1)
+    second.restore(first.state())
+    reports = [second.step() for _ in range(STEPS // 2)]
+    assert_same_bits(second.state(), expected)
+    assert reports == [first.step() for _ in range(STEPS // 2)]

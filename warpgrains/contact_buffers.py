@@ -1,0 +1,153 @@
+"""The buffers behind a list of contacts: counted first, grown, and read and written by the host."""
+
+import numpy as np
+import warp as wp
+
+from warpgrains.kernels.data import Contacts, Pair, Wall
+from warpgrains.kernels.detect import Rows
+from warpgrains.memory import require_memory
+from warpgrains.replay import Replay, reader
+from warpgrains.reports import Corrections, IntArray
+
+
+class ContactBuffers:
+    """Contacts in sweeping order, and the same pairs in lexicographic order.
+
+    Parameters
+    ----------
+    grains : int
+    weighted : bool
+        Whether masses differ, so that every pair needs weights.
+    replay : Replay
+        Forgets its graphs when buffers have grown.
+
+    Attributes
+    ----------
+    contacts : Contacts
+        In sweeping order.
+    rows, old_rows : Rows
+        The listed pairs by first grain, and those of the list before.
+    slot, group : array of int
+        Place of every pair in sweeping order, and the group that it is swept with.
+    old_pair_dv, wall_dv : array of float
+        Corrections of the pairs of the list before, and by grain those of the walls [m/s].
+    """
+
+    def __init__(self, grains: int, weighted: bool, replay: Replay):
+        self._grains, self._replay, self._capacity = grains, replay, 0
+        self.rows, self.old_rows = self._empty_rows(), self._empty_rows()
+        self.contacts = contacts = Contacts()
+        contacts.pairs = self._zeros(0, Pair)
+        contacts.weights = self._zeros(0, wp.vec2d)
+        contacts.pair_dv_start = self._zeros(0, wp.float64)
+        contacts.group_start = self._zeros(2, wp.int32)
+        contacts.walls = self._zeros(grains, Wall)
+        contacts.wall_dv_start = self._zeros(grains, wp.float64)
+        contacts.count = self._zeros(3, wp.int32)
+        self._read_count = reader(contacts.count)
+        self.slot, self.group = self._zeros(0, wp.int32), self._zeros(0, wp.int32)
+        self.old_pair_dv, self.wall_dv = self._zeros(0, wp.float64), self._zeros(grains, wp.float64)
+        self._growing = [
+            (contacts, "pairs"),
+            (contacts, "pair_dv_start"),
+            (contacts, "group_start"),
+            (self.rows, "found"),
+            (self.rows, "neighbor"),
+            (self.old_rows, "neighbor"),
+            (self, "old_pair_dv"),
+            (self, "slot"),
+            (self, "group"),
+        ]
+        if weighted:
+            self._growing.append((contacts, "weights"))
+
+    def _zeros(self, count: int, dtype: type) -> wp.array:
+        return wp.zeros(count, dtype=dtype, device=self._replay.device)
+
+    def _empty_rows(self) -> Rows:
+        rows = Rows()
+        rows.start, rows.cursor = (
+            self._zeros(self._grains + 1, wp.int32),
+            self._zeros(self._grains + 1, wp.int32),
+        )
+        rows.neighbor, rows.found = self._zeros(0, wp.int32), self._zeros(0, wp.vec2i)
+        rows.total = self._zeros(1, wp.int32)
+        return rows
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Listed pairs, groups that they are swept in, and listed grains at the walls."""
+        pairs, groups, walls = self._read_count().tolist()
+        return pairs, groups, walls
+
+    def reserve(self, pairs: int) -> bool:
+        """Make room for so many pairs, keeping what the buffers hold. Returns whether they have grown."""
+        if pairs <= self._capacity:
+            return False
+        require_memory(0, pairs, self._replay.device)
+        self._capacity = pairs + pairs // 4
+        for owner, name in self._growing:
+            old = getattr(owner, name)
+            new = self._zeros(self._capacity + 2, old.dtype)
+            if old.shape[0] > 0:
+                wp.copy(new, old, count=old.shape[0])
+            setattr(owner, name, new)
+        self._replay.forget()
+        return True
+
+    def listed_pairs(self) -> IntArray:
+        """Return the listed pairs in lexicographic order, shape (m, 2)."""
+        first = np.repeat(np.arange(self._grains, dtype=np.int32), np.diff(self.rows.start.numpy()))
+        return np.stack([first, self.rows.neighbor.numpy()[: len(first)]], axis=1)
+
+    def listed_walls(self) -> IntArray:
+        """Return the grains that are listed at the walls, in ascending order."""
+        return np.sort(self.contacts.walls.numpy()["i"][: self.counts[2]])
+
+    def corrections(self) -> Corrections:
+        """Return what the contacts carry after the last good step."""
+        pairs, _, walls = self.counts
+        dv = self.contacts.pairs.numpy()["dv"][self.slot.numpy()[:pairs]]
+        carrying = dv != 0.0
+        wall = self.contacts.walls.numpy()[:walls]
+        wall_correction = np.zeros(self._grains)
+        wall_correction[wall["i"]] = wall["dv"]
+        return Corrections(self.listed_pairs()[carrying], dv[carrying], wall_correction)
+
+    def load(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
+        """List pairs, in lexicographic order, and walls, as of before they were put in sweeping order."""
+        self.reserve(len(pair))
+        dv = np.zeros(len(pair))
+        key = np.array([self._grains, 1])
+        dv[np.searchsorted(pair @ key, corrections.pair @ key)] = corrections.pair_correction
+        starts = np.searchsorted(pair[:, 0], np.arange(self._grains + 1))
+        for rows in (self.rows, self.old_rows):
+            rows.start.assign(starts.astype(np.int32))
+            _write(rows.neighbor, pair[:, 1])
+        _write(self.slot, np.arange(len(pair)))
+        _write(self.contacts.pair_dv_start, dv)
+        _write(self.old_pair_dv, dv)
+        records = np.zeros(self._grains, dtype=self.contacts.walls.numpy().dtype)
+        records["i"][: len(wall)] = wall
+        records["dv"][: len(wall)] = corrections.wall_correction[wall]
+        self.contacts.walls.assign(records)
+        _write(self.contacts.wall_dv_start, corrections.wall_correction[wall])
+        self.contacts.count.assign([len(pair), 0, len(wall)])
+
+    def revert(self) -> None:
+        """Take back what an unfinished step did to the corrections."""
+        pairs, _, walls = self.counts
+        for contacts, start, count in (
+            (self.contacts.pairs, self.contacts.pair_dv_start, pairs),
+            (self.contacts.walls, self.contacts.wall_dv_start, walls),
+        ):
+            records = contacts.numpy()
+            records["dv"][:count] = start.numpy()[:count]
+            contacts.assign(records)
+
+
+def _write(array: wp.array, values: np.ndarray) -> None:
+    """Write values to the beginning of a device array."""
+    host = array.numpy()
+    host[: len(values)] = values
+    array.assign(host)
