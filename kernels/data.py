@@ -64,7 +64,7 @@ class Watch:
     built_position: wp.array(dtype=wp.vec2d)  # when the list was built [m]
     built_velocity: wp.array(dtype=wp.vec2d)  # w_i [m/s]
     frame: wp.array(dtype=wp.vec2d)  # FRAME_VELOCITY [m/s], FRAME_SHIFT [m], MEAN_VELOCITY of the w_i [m/s]
-    scalar: wp.array(dtype=f64)  # FRAME_REACH, DRIFT, LOOK_DRIFT, INFLUENCE, ELAPSED, HORIZON, SPREAD
+    scalar: wp.array(dtype=f64)  # SLACK, FRAME_REACH, DRIFT, LOOK_DRIFT, INFLUENCE, ELAPSED, HORIZON, SPREAD
     flag: wp.array(dtype=wp.int32)  # WATCHING, LOOK, MISSED, BAD_GRAIN
 
 
@@ -82,6 +82,8 @@ class Progress:
 
 PAIRS, GROUPS, WALLS = (wp.constant(k) for k in range(3))
 FRAME_VELOCITY, FRAME_SHIFT, MEAN_VELOCITY = (wp.constant(k) for k in range(3))
-FRAME_REACH, DRIFT, LOOK_DRIFT, INFLUENCE, ELAPSED, HORIZON, SPREAD = (wp.constant(k) for k in range(7))
+SLACK, FRAME_REACH, DRIFT, LOOK_DRIFT, INFLUENCE, ELAPSED, HORIZON, SPREAD = (
+    wp.constant(k) for k in range(8)
+)
 WATCHING, LOOK, MISSED, BAD_GRAIN = (wp.constant(k) for k in range(4))
 ACCEPTED, ITERATIONS, ZETA, OVERLAP, CARRYING = (wp.constant(k) for k in range(5))

@@ -16,6 +16,7 @@ from .data import (
     LOOK_DRIFT,
     MISSED,
     OVERLAP,
+    SLACK,
     WATCHING,
     ZETA,
     Progress,
@@ -32,7 +33,7 @@ class Stop:
 
     tolerance: f64  # on zeta [m/s]
     max_iterations: wp.int32
-    calm: f64  # change of a grain's velocity that need not be watched [m/s]
+    calm: f64  # change of a grain's velocity that need not be watched, in slacks [1/s]
 
 
 @wp.func
@@ -62,8 +63,9 @@ def decide_after_iteration(watch: Watch, progress: Progress, stop: Stop):
     change = watch.scalar[INFLUENCE] * zeta
     if watch.flag[WATCHING] == 0:
         watch.scalar[DRIFT] = watch.scalar[DRIFT] + change
-    watch.flag[WATCHING] = 1 if change > stop.calm else 0
-    watch.flag[LOOK] = 1 if watch.scalar[DRIFT] > stop.calm else 0
+    calm = stop.calm * watch.scalar[SLACK]
+    watch.flag[WATCHING] = 1 if change > calm else 0
+    watch.flag[LOOK] = 1 if watch.scalar[DRIFT] > calm else 0
     if watch.flag[LOOK] != 0:
         watch.scalar[LOOK_DRIFT] = watch.scalar[DRIFT]
         watch.scalar[DRIFT] = f64(0.0)

@@ -15,6 +15,7 @@ from .data import (
     INFLUENCE,
     ITERATIONS,
     MEAN_VELOCITY,
+    SLACK,
     SPREAD,
     Grains,
     Progress,
@@ -23,6 +24,7 @@ from .data import (
 from .variant import Variant
 
 f64 = wp.float64
+NARROWEST, WIDEST = wp.constant(f64(0.02)), wp.constant(f64(0.2))  # slack, in radii
 LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
 
 
@@ -31,8 +33,17 @@ def kernels(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the kernels for one kind of scene."""
 
     @wp.kernel(module=variant.module)
-    def renew(grains: Grains, watch: Watch, progress: Progress, slack: f64, dt: f64):
-        """Choose w_i, and reach_i: slack [m], and a fifth more than what this step, or the last, has needed.
+    def adapt_slack(watch: Watch, progress: Progress, radius: f64, dt: f64):
+        """Widen the slack [m] after a list that did not last, narrow it after one that did."""
+        steps = watch.scalar[ELAPSED] / dt
+        if progress.report[ITERATIONS] == f64(0.0) and steps < f64(4.5):
+            watch.scalar[SLACK] = wp.min(f64(1.25) * watch.scalar[SLACK], WIDEST * radius)
+        elif steps > f64(20.5):
+            watch.scalar[SLACK] = wp.max(f64(0.7) * watch.scalar[SLACK], NARROWEST * radius)
+
+    @wp.kernel(module=variant.module)
+    def renew(grains: Grains, watch: Watch, progress: Progress, dt: f64):
+        """Choose w_i, and reach_i: the slack, and a fifth more than what this step, or the last, has needed.
 
         A step that is solved again keeps its w_i and its peaks; otherwise w_i is what the grain has now.
         """
@@ -44,7 +55,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
             needed = wp.max(needed, wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT])
             w = watch.built_velocity[i] + u
         watch.recent[i] = needed
-        watch.reach[i] = slack + f64(1.2) * dt * needed
+        watch.reach[i] = watch.scalar[SLACK] + f64(1.2) * dt * needed
         watch.built_position[i] = grains.position[i]
         watch.built_velocity[i] = w
 
@@ -71,7 +82,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         wp.atomic_max(watch.scalar, SPREAD, wp.length(w - watch.frame[MEAN_VELOCITY]))
 
     @wp.kernel(module=variant.module)
-    def find_horizon(watch: Watch, slack: f64, room: f64, acceleration: f64, dt: f64):
+    def find_horizon(watch: Watch, room: f64, acceleration: f64, dt: f64):
         """As many steps as let no grain come further than `room` [m] beside the others, at least one.
 
         The frame's reach lets it fall for as long with the gravity's `acceleration` [m/s2].
@@ -79,8 +90,15 @@ def kernels(variant: Variant) -> SimpleNamespace:
         steps = wp.clamp(wp.floor(room / (dt * watch.scalar[SPREAD])), f64(1.0), LONGEST)
         horizon = steps * dt
         watch.scalar[HORIZON] = horizon
-        watch.scalar[FRAME_REACH] = slack + f64(1.2) * acceleration * horizon * (f64(0.5) * horizon + dt)
+        watch.scalar[FRAME_REACH] = watch.scalar[SLACK] + f64(1.2) * acceleration * horizon * (
+            f64(0.5) * horizon + dt
+        )
 
     return SimpleNamespace(
-        renew=renew, clear=clear, find_mean=find_mean, find_spread=find_spread, find_horizon=find_horizon
+        adapt_slack=adapt_slack,
+        renew=renew,
+        clear=clear,
+        find_mean=find_mean,
+        find_spread=find_spread,
+        find_horizon=find_horizon,
     )

@@ -35,6 +35,7 @@ from .data import (
     HORIZON,
     LOOK_DRIFT,
     MISSED,
+    SLACK,
     WATCHING,
     Grains,
     Watch,
@@ -109,11 +110,13 @@ def kernels(variant: Variant) -> SimpleNamespace:
             watch.limit[i] = wp.max(f64(0.0), allowed) * allowed
 
     @wp.kernel(module=variant.module)
-    def verify(crew: Crew, grains: Grains, watch: Watch, dt: f64, reserve: f64, foreseen: f64):
-        """Flag MISSED where a reach has no reserve [m] left, and BAD_GRAIN where a number is not finite.
+    def verify(crew: Crew, grains: Grains, watch: Watch, dt: f64, rounding: f64, reserve: f64, foreseen: f64):
+        """Flag MISSED where a reach does not suffice, and BAD_GRAIN where a number is not finite.
 
-        Before the iteration, peaks are foreseen: so many times those of the last step.
+        Before the iteration, a reserve of so many slacks is asked for, and peaks are foreseen, so many times
+        those of the last step.
         """
+        least = rounding + reserve * watch.scalar[SLACK]
         n = grains.position.shape[0]
         begin, end = share(crew, wp.tid(), 0, n)
         for i in range(begin, end):
@@ -122,10 +125,10 @@ def kernels(variant: Variant) -> SimpleNamespace:
             used = strayed(x, watch, i) + dt * peak
             if not wp.isfinite(x + dt * grains.next_velocity[i]):
                 wp.atomic_max(watch.flag, BAD_GRAIN, i)
-            elif not (used + reserve <= watch.reach[i]):
+            elif not (used + least <= watch.reach[i]):
                 watch.flag[MISSED] = 1
         path = wp.length(watch.frame[FRAME_SHIFT]) + dt * wp.length(watch.frame[FRAME_VELOCITY])
-        if not (path + reserve <= watch.scalar[FRAME_REACH]):
+        if not (path + least <= watch.scalar[FRAME_REACH]):
             watch.flag[MISSED] = 1
         if not (watch.scalar[ELAPSED] + f64(0.5) * dt <= watch.scalar[HORIZON]):
             watch.flag[MISSED] = 1

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains.contact_buffers import ContactBuffers
-from warpgrains.kernels import carry, detect, order, reach
+from warpgrains.kernels import carry, data, detect, order, reach
 from warpgrains.kernels.data import WALLS, Contacts, Grains, Progress, Watch
 from warpgrains.kernels.variant import Variant
 from warpgrains.neighbors import NeighborSearch
@@ -12,6 +12,7 @@ from warpgrains.replay import Replay, reader
 from warpgrains.reports import Corrections, Lists
 from warpgrains.scene import Scene
 
+SLACK = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
 WINDOW = 2048  # pairs that one worker interleaves by levels: many hide latency, few stay in cache
 
 
@@ -30,8 +31,6 @@ class ContactList:
         What the scene's kernels are compiled for.
     replay : Replay
         Launches the kernels.
-    slack : float
-        How far grains may stray before the list is built anew [m].
     """
 
     def __init__(
@@ -42,14 +41,13 @@ class ContactList:
         progress: Progress,
         variant: Variant,
         replay: Replay,
-        slack: float,
     ):
-        self._scene, self._grains, self._slack = scene, grains, slack
+        self._scene, self._grains, self._smallest = scene, grains, scene.radius.min().item()
         self._watch, self._progress, self._replay = watch, progress, replay
         self._detect, self._order = detect.kernels(variant), order.kernels(variant)
         self._carry, self._reach = carry.kernels(variant), reach.kernels(variant)
         self._buffers = ContactBuffers(scene.n, variant.distinct_masses, replay)
-        cell_size = 2.0 * (float(np.median(scene.radius)) + slack)
+        cell_size = 2.0 * (float(np.median(scene.radius)) + SLACK * self._smallest)
         self._search = NeighborSearch(grains, watch, self._buffers.rows, variant, replay, cell_size)
         self._influence = wp.zeros(scene.n, dtype=wp.float64, device=replay.device)
         self._next_level = wp.zeros(scene.n, dtype=wp.int32, device=replay.device)
@@ -98,12 +96,13 @@ class ContactList:
     def _renew_reaches(self) -> None:
         """Choose what the new list must reach."""
         each, scene, watch, kernels = self._replay.each, self._scene, self._watch, self._reach
-        each(kernels.renew, scene.n, self._grains, watch, self._progress, self._slack, scene.dt)
+        each(kernels.adapt_slack, 1, watch, self._progress, self._smallest, scene.dt)
+        each(kernels.renew, scene.n, self._grains, watch, self._progress, scene.dt)
         each(kernels.clear, 1, watch)
         each(kernels.find_mean, scene.n, watch)
         each(kernels.find_spread, scene.n, watch)
         room, acceleration = 0.5 * float(np.median(scene.radius)), float(np.hypot(*scene.gravity))
-        each(kernels.find_horizon, 1, watch, self._slack, room, acceleration, scene.dt)
+        each(kernels.find_horizon, 1, watch, room, acceleration, scene.dt)
 
     def _sort(self) -> None:
         """Sort the pairs; where one that carries a correction is not among them, widen its reach."""
@@ -165,6 +164,9 @@ class ContactList:
             self._buffers.load(corrections.pair, walls, corrections)
             self._watch.reach.fill_(-1.0)
             self._watch.recent.zero_()
+            scalar = np.zeros(self._watch.scalar.shape)
+            scalar[data.SLACK] = SLACK * self._smallest
+            self._watch.scalar.assign(scalar)
             return
         self._buffers.load(lists.pair, lists.wall, corrections)
         self._put_in_order()

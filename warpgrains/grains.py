@@ -48,7 +48,7 @@ def allocate_watch(grains: int, device: wp.Device) -> Watch:
     watch.built_position = wp.zeros(grains, dtype=wp.vec2d, device=device)
     watch.built_velocity = wp.zeros(grains, dtype=wp.vec2d, device=device)
     watch.frame = wp.zeros(3, dtype=wp.vec2d, device=device)
-    watch.scalar = wp.zeros(7, dtype=wp.float64, device=device)
+    watch.scalar = wp.zeros(8, dtype=wp.float64, device=device)
     watch.flag = wp.zeros(4, dtype=wp.int32, device=device)
     return watch
 

@@ -16,7 +16,6 @@ from warpgrains.replay import Replay, reader
 from warpgrains.reports import State, StepReport
 from warpgrains.scene import Scene
 
-SLACK = 0.15  # of the smallest radius: how far grains stray before contacts are searched anew
 CALM = 0.1  # of the slack: what a grain may stray in a step without being watched
 PAIRS_PER_GRAIN = 4  # that a list may come to hold
 PAIRS_PER_MEETING = 1000  # that a crew must sweep to gain far more than a meeting costs, on busy cores too
@@ -63,17 +62,14 @@ class StepSolver:
         self._motion, self._sweep = motion.kernels(variant), sweep.kernels(variant)
         self._watching, self._iteration = watch.kernels(variant), iteration.kernels(variant)
         self._measure = measure.kernels(variant)
-        self._slack = SLACK * scene.radius.min().item()
         self.grains = allocate_grains(scene, variant, device)
         self._watch = allocate_watch(scene.n, device)
         self._progress = allocate_progress(self._replay.slots, device)
         self._read_report = reader(self._progress.report)
-        self.contacts = ContactList(
-            scene, self.grains, self._watch, self._progress, variant, self._replay, self._slack
-        )
+        self.contacts = ContactList(scene, self.grains, self._watch, self._progress, variant, self._replay)
         self._stop = Stop()
         self._stop.tolerance, self._stop.max_iterations = scene.tolerance, scene.max_iterations
-        self._stop.calm = CALM * self._slack / scene.dt
+        self._stop.calm = CALM / scene.dt
 
     def load(self, state: State) -> None:
         """Continue from a state."""
@@ -109,7 +105,7 @@ class StepSolver:
     def _attempt(self) -> None:
         """Solve the step for the listed contacts, and take it if none was missing."""
         self._warm_start()
-        self._verify(reserve=RESERVE * self._slack, foreseen=1.0)
+        self._verify(reserve=RESERVE, foreseen=1.0)
         self._replay.each(self._iteration.start, 1, self._watch, self._progress)
         self._iterate()
         self._verify(reserve=0.0, foreseen=0.0)
@@ -146,9 +142,9 @@ class StepSolver:
         self._replay.share(self._sweep.look, self.grains, self._watch)
 
     def _verify(self, reserve: float, foreseen: float) -> None:
-        """Check that no contact is missing, with a reserve [m], and that every number is finite."""
+        """Check that no contact is missing, with a reserve of slacks, and that every number is finite."""
         rounding = 16.0 * np.finfo(float).eps * self._scene.radius_out
-        limits = (self._scene.dt, reserve + rounding, foreseen)
+        limits = (self._scene.dt, rounding, reserve, foreseen)
         self._replay.share(self._watching.verify, self.grains, self._watch, *limits)
 
     def _finish(self) -> None:
