@@ -1,23 +1,26 @@
 """Recordings: a run as a USD file that other programs read."""
 
-from __future__ import annotations
-
-import tempfile
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, UsdGeom, UsdUtils, Vt
+from pxr import Sdf
 
+from warpgrains.appearance import Frame, GrainColors
+from warpgrains.chunk_writer import ChunkWriter
 from warpgrains.errors import SceneError
-from warpgrains.safe_files import publish, require_writable_folder
-from warpgrains.usd_stage import GRAINS, define_stage, vec3f
-
-if TYPE_CHECKING:
-    from warpgrains.scene import Scene
+from warpgrains.reports import PairContacts, WallContacts
+from warpgrains.safe_files import require_writable_folder
+from warpgrains.scene import Scene
+from warpgrains.usd_chunks import ChunkFolder
+from warpgrains.usd_flat import count_frames, flatten
+from warpgrains.usd_forces import ForceChains
+from warpgrains.usd_grains import GrainPoints, GrainSpheres
+from warpgrains.usd_stage import Drawing, static_layer
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
 
@@ -58,44 +61,80 @@ def _as_written(value: float) -> Fraction:
 class Recorder:
     """Writes the frames of a run to one USD file: integer time codes 0, 1, 2, ..., one a frame.
 
-    Use it in a ``with`` block. The file appears under its name when the block ends well and only then;
-    a block left by an exception, Ctrl-C included, leaves what was there before.
+    Use it in a ``with`` block. The file appears under its name when the block ends well and only then.
+    Until then the frames gather in the folder `chunks` beside it, in chunks of a hundred or 16 MB; viewers
+    open its ``root.usda``. A block left by an exception, Ctrl-C included, leaves all frames there, or
+    nothing if they were less than a chunk. A killed process leaves all but the last chunk. `recover` makes
+    a file of them.
 
     Parameters
     ----------
     path : str or Path
-        Output; ``.usdc`` (binary), ``.usda`` (text) or ``.usdz`` (package) by its suffix.
+        Output; ``.usdc`` (binary), ``.usda`` (text) or ``.usdz`` (package) by its suffix. Text takes much
+        time and memory to check: it is for small recordings.
     scene : Scene
         What is recorded: radii, walls, time step and the scene's text go into the file.
     frames_per_second : float
         Wanted frames per second of simulated time [1/s], see `recording_stride`.
+    color_by : str
+        Color of the grains: "palette", "radius", "speed" or "pressure", see `GrainColors`.
+    forces : bool
+        Whether to draw force chains, see `ForceChains`.
+    as_spheres : bool
+        Whether to draw grains as instances of a sphere, for viewers that draw no points.
+    resume_at : int, optional
+        Continue the chunks of an earlier run of the same scene with this frame, dropping what follows it.
+        `flush` must have been called when the earlier run had recorded just as many frames.
 
     Attributes
     ----------
-    path : Path
-        Output file.
+    path, chunks : Path
+        Output file, and the folder that holds its frames until it is whole.
     stride : int
         Steps between two frames.
-    frames : int
-        Frames recorded so far.
+    needs_contacts : bool
+        Whether `record` must be given contacts: for force chains and colors by pressure.
 
     Raises
     ------
     SceneError
-        If the suffix is unknown or the folder cannot be written.
+        If the suffix or the coloring is unknown, the folder cannot be written, the chunks of an earlier
+        run are there, or those to continue are not.
     """
 
-    def __init__(self, path: str | Path, scene: Scene, frames_per_second: float) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        scene: Scene,
+        frames_per_second: float,
+        *,
+        color_by: str = "palette",
+        forces: bool = False,
+        as_spheres: bool = False,
+        resume_at: int | None = None,
+    ) -> None:
         self.path = Path(path)
-        if self.path.suffix not in SUFFIXES:
-            raise SceneError(f"output '{self.path}' must end in {', '.join(SUFFIXES)}")
-        if self.path.is_dir():
-            raise SceneError(f"output '{self.path}' is a folder")
+        self.chunks = chunks_of(self.path)
         self.stride = recording_stride(scene.dt, frames_per_second)
-        require_writable_folder(self.path.parent)
-        self.frames = 0
-        self._radius = np.asarray(scene.radius, dtype=np.float64)
-        self._stage = define_stage(scene, recording_rate(scene.dt, self.stride))
+        self.needs_contacts = forces or color_by == "pressure"
+        self._shape = scene.position.shape
+        grains = GrainSpheres if as_spheres else GrainPoints
+        self._drawings: list[Drawing] = [grains(scene, GrainColors(scene, color_by))]
+        if forces:
+            self._drawings.append(ForceChains(scene))
+        static = static_layer(scene, recording_rate(scene.dt, self.stride), self._drawings)
+        self._folder = ChunkFolder(self.chunks, static)
+        _require_place(self.path)
+        if resume_at is None:
+            self._folder.require_absent()
+        else:
+            self._folder.cut(resume_at)
+        self._writer = ChunkWriter(self._folder, resume_at or 0)
+
+    @property
+    def frames(self) -> int:
+        """Frames recorded so far."""
+        return self._writer.frames
 
     def __enter__(self) -> Self:
         return self
@@ -106,10 +145,22 @@ class Recorder:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if kind is None:
-            self.close()
+        try:
+            if kind is None:
+                self.close()
+            elif self._writer.has_written:
+                with suppress(OSError):  # what ended the block is the news
+                    self._writer.flush()
+        finally:
+            self._folder.remove_if_empty()
 
-    def record(self, position: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
+    def record(
+        self,
+        position: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        contacts: PairContacts | None = None,
+        wall_contacts: WallContacts | None = None,
+    ) -> None:
         """Append one frame.
 
         Parameters
@@ -118,74 +169,79 @@ class Recorder:
             Positions [m], shape (n, 2).
         velocity : ndarray
             Velocities [m/s], shape (n, 2).
+        contacts, wall_contacts
+            Contact forces, as `Simulation.contacts` and `Simulation.wall_contacts` return them; used only
+            where `needs_contacts`.
 
         Raises
         ------
         ValueError
-            If a shape is not (n, 2), n being the number of grains of the scene.
+            If a shape is not (n, 2), n being the number of grains of the scene, or contacts are needed
+            and missing.
+        OSError
+            If earlier frames could not be written; what was on the disk before is still there.
         """
-        shape = (len(self._radius), 2)
-        if np.shape(position) != shape or np.shape(velocity) != shape:
-            raise ValueError(
-                f"a frame has arrays of shape {shape}, not {np.shape(position)} and {np.shape(velocity)}"
-            )
-        grains = UsdGeom.Points(self._stage.GetPrimAtPath(GRAINS))
-        grains.GetPointsAttr().Set(vec3f(position), self.frames)
-        grains.GetVelocitiesAttr().Set(vec3f(velocity), self.frames)
-        grains.GetExtentAttr().Set(covering_extent(position, self._radius), self.frames)
-        self.frames += 1
+        if np.shape(position) != self._shape or np.shape(velocity) != self._shape:
+            shapes = f"{np.shape(position)} and {np.shape(velocity)}"
+            raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
+        frame = Frame(position, velocity, contacts, wall_contacts)
+        samples: dict[Sdf.Path, object] = {}
+        for drawing in self._drawings:
+            samples |= drawing.samples(frame)
+        self._writer.add(samples)
+
+    def flush(self) -> None:
+        """Put all frames so far on the disk: a later run can continue with ``resume_at=recorder.frames``."""
+        self._writer.flush()
 
     def close(self) -> None:
-        """Write the file, check that it holds every frame, and put it under its name.
+        """Make one file of all frames, check it, put it under its name and drop the chunks.
 
         Raises
         ------
         ValueError
             If no frame was recorded.
+        OSError
+            If the file cannot be written; the chunks are still there.
         """
         if self.frames == 0:
             raise ValueError(f"nothing was recorded for '{self.path}'")
-        self._stage.SetStartTimeCode(0)
-        self._stage.SetEndTimeCode(self.frames - 1)
-        with tempfile.TemporaryDirectory(dir=self.path.parent, prefix=f".{self.path.name}.") as folder:
-            draft = Path(folder) / self.path.name
-            _write(self._stage.GetRootLayer(), draft)
-            _require_frames(draft, self.frames)
-            publish(draft, self.path)
+        self._writer.flush()
+        flatten(self.chunks, self.path, self.frames)
+        self._folder.remove()
 
 
-def covering_extent(position: NDArray[np.float64], radius: NDArray[np.float64]) -> Vt.Vec3fArray:
-    """Return the float32 box [m] that covers every grain as the file shows it, rounded outwards.
+def recover(folder: str | Path) -> tuple[Path, int]:
+    """Make a file of the frames that a killed run left, and return its path and their number.
 
     Parameters
     ----------
-    position : ndarray
-        Positions [m], shape (n, 2).
-    radius : ndarray
-        Radii [m], shape (n,).
+    folder : str or Path
+        The run's chunks, ``<output>.chunks``; they are left as they are.
+
+    Raises
+    ------
+    SceneError
+        If this is no folder of chunks, or it holds no frames.
     """
-    shown = position.astype(np.float32).astype(np.float64)
-    half_width = (2.0 * radius).astype(np.float32).astype(np.float64)[:, np.newaxis] / 2.0
-    depth = half_width.max()
-    low = np.append((shown - half_width).min(axis=0), -depth)
-    high = np.append((shown + half_width).max(axis=0), depth)
-    infinity = np.float32(np.inf)
-    corners = [np.nextafter(np.float32(low), -infinity), np.nextafter(np.float32(high), infinity)]
-    return Vt.Vec3fArray.FromNumpy(np.stack(corners))
+    chunks = Path(folder)
+    target = chunks.with_suffix("")
+    if chunks != chunks_of(target) or target.suffix not in SUFFIXES or not chunks.is_dir():
+        raise SceneError(f"'{folder}' is not a folder of chunks, such as run.usdc.chunks")
+    frames = count_frames(chunks)
+    flatten(chunks, target, frames)
+    return target, frames
 
 
-def _write(layer: Sdf.Layer, draft: Path) -> None:
-    if draft.suffix != ".usdz":
-        layer.Export(str(draft))
-        return
-    inside = draft.with_suffix(".usdc")
-    layer.Export(str(inside))
-    UsdUtils.CreateNewUsdzPackage(str(inside), str(draft))
+def chunks_of(path: Path) -> Path:
+    """Return the folder that holds the frames of the recording `path` until it is whole."""
+    return path.with_name(path.name + ".chunks")
 
 
-def _require_frames(draft: Path, frames: int) -> None:
-    """Raise OSError unless the file can be read again and holds `frames` frames."""
-    layer = Sdf.Layer.OpenAsAnonymous(str(draft))
-    written = layer.GetNumTimeSamplesForPath(GRAINS.AppendProperty("points"))
-    if written != frames:
-        raise OSError(f"'{draft.name}' holds {written} frames of {frames} after writing")
+def _require_place(path: Path) -> None:
+    """Raise SceneError unless a recording can be written to `path`."""
+    if path.suffix not in SUFFIXES:
+        raise SceneError(f"output '{path}' must end in {', '.join(SUFFIXES)}")
+    if path.is_dir():
+        raise SceneError(f"output '{path}' is a folder")
+    require_writable_folder(path.parent)

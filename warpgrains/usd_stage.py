@@ -1,42 +1,36 @@
-"""The part of a recording that does not move: stage metadata, grains, walls and camera."""
+"""The part of a recording that does not move: metadata, walls, camera, and what each drawing declares."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 import warpgrains
+from warpgrains.appearance import Frame
+from warpgrains.scene import Scene
+from warpgrains.usd_values import vec3f
 
-if TYPE_CHECKING:
-    from warpgrains.scene import Scene
-
-GRAINS = Sdf.Path("/World/Grains")
-
-_PALETTE = np.array(
-    [
-        (0.90, 0.62, 0.00),
-        (0.34, 0.71, 0.91),
-        (0.00, 0.62, 0.45),
-        (0.94, 0.89, 0.26),
-        (0.00, 0.45, 0.70),
-        (0.84, 0.37, 0.00),
-        (0.80, 0.47, 0.65),
-    ],
-    dtype=np.float32,
-)  # Okabe and Ito's colours, told apart by colour-blind readers too
-_WALL_COLOUR = Gf.Vec3f(0.35, 0.35, 0.38)
+_WALL_COLOR = Gf.Vec3f(0.1, 0.1, 0.12)
 _WALL_SEGMENTS = 256
 _WALL_THICKNESS = 0.02  # of radius_out
-_CAMERA_MARGIN = 1.05  # picture's half-width, of the outer wall's outer radius
+_CAMERA_MARGIN = 1.05  # half-width of the picture, of the outer radius of the outer wall
 _FOCAL_LENGTH = 50.0
 _APERTURE = 24.0
 
 
-def define_stage(scene: Scene, rate: float) -> Usd.Stage:
-    """Return an in-memory stage with everything of `scene` that no frame changes.
+class Drawing(Protocol):
+    """Something that every frame shows: a prim whose values the frames set."""
+
+    def define(self, stage: Usd.Stage) -> None:
+        """Author the prim and all that no frame changes."""
+
+    def samples(self, frame: Frame) -> dict[Sdf.Path, object]:
+        """Return the value of each attribute that `frame` sets."""
+
+
+def static_layer(scene: Scene, rate: float, drawings: Iterable[Drawing]) -> Sdf.Layer:
+    """Return an anonymous layer with everything that no frame changes.
 
     Parameters
     ----------
@@ -44,18 +38,21 @@ def define_stage(scene: Scene, rate: float) -> Usd.Stage:
         What is recorded.
     rate : float
         Frames per second [1/s]; one frame is one time code.
+    drawings : iterable of Drawing
+        What the frames show.
     """
-    stage = Usd.Stage.CreateInMemory()
+    layer = Sdf.Layer.CreateAnonymous(".usdc")
+    stage = Usd.Stage.Open(layer)
     _define_metadata(stage, scene, rate)
-    _define_grains(stage, np.asarray(scene.radius))
+    for drawing in drawings:
+        drawing.define(stage)
     _define_walls(stage, scene.radius_in, scene.radius_out)
     _define_camera(stage, scene.radius_out)
-    return stage
+    return layer
 
 
 def _define_metadata(stage: Usd.Stage, scene: Scene, rate: float) -> None:
     world = UsdGeom.Xform.Define(stage, "/World").GetPrim()
-    Usd.ModelAPI(world).SetKind(Kind.Tokens.component)
     stage.SetDefaultPrim(world)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -69,17 +66,6 @@ def _define_metadata(stage: Usd.Stage, scene: Scene, rate: float) -> None:
     }
 
 
-def _define_grains(stage: Usd.Stage, radius: NDArray[np.float64]) -> None:
-    grains = UsdGeom.Points.Define(stage, GRAINS)
-    grains.CreateIdsAttr(Vt.Int64Array.FromNumpy(np.arange(len(radius), dtype=np.int64)))
-    diameter = (2.0 * radius).astype(np.float32)
-    all_equal = bool((diameter == diameter[0]).all())
-    grains.CreateWidthsAttr(Vt.FloatArray.FromNumpy(diameter[:1] if all_equal else diameter))
-    grains.SetWidthsInterpolation(UsdGeom.Tokens.constant if all_equal else UsdGeom.Tokens.vertex)
-    colour = _PALETTE[np.arange(len(radius)) % len(_PALETTE)]
-    grains.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex).Set(Vt.Vec3fArray.FromNumpy(colour))
-
-
 def _define_walls(stage: Usd.Stage, radius_in: float, radius_out: float) -> None:
     UsdGeom.Xform.Define(stage, "/World/Walls")
     thickness = _WALL_THICKNESS * radius_out
@@ -91,7 +77,7 @@ def _define_walls(stage: Usd.Stage, radius_in: float, radius_out: float) -> None
 def _define_ring(stage: Usd.Stage, path: str, inner: float, outer: float) -> None:
     """Define the flat ring between two radii [m] in the plane z = 0, made of quadrilaterals facing +z."""
     angle = np.linspace(0.0, 2.0 * np.pi, _WALL_SEGMENTS, endpoint=False)
-    circle = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     here = np.arange(_WALL_SEGMENTS, dtype=np.int32)
     onward = np.roll(here, -1)
     corners = np.stack([here, here + _WALL_SEGMENTS, onward + _WALL_SEGMENTS, onward], axis=1)
@@ -105,7 +91,7 @@ def _define_ring(stage: Usd.Stage, path: str, inner: float, outer: float) -> Non
     ring.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     ring.CreateDoubleSidedAttr(True)
     ring.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
-    ring.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(Vt.Vec3fArray([_WALL_COLOUR]))
+    ring.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(Vt.Vec3fArray([_WALL_COLOR]))
 
 
 def _define_camera(stage: Usd.Stage, radius_out: float) -> None:
@@ -119,10 +105,3 @@ def _define_camera(stage: Usd.Stage, radius_out: float) -> None:
     camera.CreateHorizontalApertureAttr(_APERTURE)
     camera.CreateVerticalApertureAttr(_APERTURE)
     camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
-
-
-def vec3f(values: NDArray[Any]) -> Vt.Vec3fArray:
-    """Return values, shape (n, 2) or (n, 3), as USD's float triples; a missing third component is 0."""
-    triples = np.zeros((len(values), 3), dtype=np.float32)
-    triples[:, : values.shape[1]] = values
-    return Vt.Vec3fArray.FromNumpy(triples)

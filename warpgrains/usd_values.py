@@ -1,0 +1,41 @@
+"""NumPy arrays as USD values."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Vt
+
+
+def triples(values: NDArray[Any]) -> NDArray[np.float32]:
+    """Return values, shape (n, 2), as the file shows them: float32, shape (n, 3), the third component 0."""
+    shown = np.zeros((len(values), 3), dtype=np.float32)
+    shown[:, :2] = values
+    return shown
+
+
+def vec3f(values: NDArray[Any]) -> Vt.Vec3fArray:
+    """Return values, shape (n, 2), as USD's float triples."""
+    return Vt.Vec3fArray.FromNumpy(triples(values))
+
+
+def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> Vt.Vec3fArray:
+    """Return the float32 box [m] that covers spheres, rounded outwards.
+
+    Parameters
+    ----------
+    shown : ndarray
+        Centres as the file shows them [m], float32, shape (n, 3), n >= 1.
+    half_width : ndarray
+        Half the widths that the file shows [m], shape (n,).
+    """
+    edges = np.empty((3, len(shown)))  # a row a component: NumPy reduces long rows much faster
+    box = np.empty((2, 3), dtype=np.float32)
+    low = np.subtract(shown.T, half_width, out=edges).min(axis=1)
+    np.nextafter(low.astype(np.float32), -_INFINITY, out=box[0])
+    high = np.add(shown.T, half_width, out=edges).max(axis=1)
+    np.nextafter(high.astype(np.float32), _INFINITY, out=box[1])
+    return Vt.Vec3fArray.FromNumpy(box)
+
+
+_INFINITY = np.float32(np.inf)
