@@ -1,0 +1,85 @@
+"""Render frames of a recording in Blender: python render.py RECORDING HALF_WIDTH PIXELS FOLDER FRAME ...
+
+Runs in an environment of its own, which has `bpy`. Each frame becomes a PNG seen from +z, HALF_WIDTH [m]
+from the centre to each edge, transparent where nothing is, and a NumPy file of the same red, green, blue and
+alpha, shape (PIXELS, PIXELS, 4). Prints what was imported as JSON.
+"""
+
+import json
+import sys
+
+import bpy
+import numpy as np
+
+
+def import_recording(path):
+    """Empty the scene, import the recording and return its top object."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.usd_import(filepath=path)
+    return bpy.data.objects["World"]
+
+
+def look_along_z(top, half_width):
+    """Put an orthographic camera in the recording's own axes: Blender turns what it imports upright."""
+    camera = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
+    camera.data.type = "ORTHO"
+    camera.data.ortho_scale = 2.0 * half_width
+    camera.parent = top
+    camera.location = (0.0, 0.0, 10.0)
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+
+
+def glow_in_display_color():
+    """Give everything a material that shows `displayColor` as it is."""
+    material = bpy.data.materials.new("Glow")
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    color, emission = nodes.new("ShaderNodeAttribute"), nodes.new("ShaderNodeEmission")
+    output = nodes.new("ShaderNodeOutputMaterial")
+    color.attribute_name = "displayColor"
+    material.node_tree.links.new(color.outputs["Color"], emission.inputs["Color"])
+    material.node_tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
+    for item in bpy.data.objects:
+        if hasattr(item.data, "materials"):
+            item.data.materials.clear()
+            item.data.materials.append(material)
+
+
+def render(pixels, folder, frames):
+    """Render each frame with one ray a pixel on the CPU."""
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.device = "CPU"
+    scene.cycles.samples = 1
+    scene.cycles.use_denoising = False
+    scene.cycles.pixel_filter_type = "BOX"
+    scene.cycles.filter_width = 0.01
+    scene.render.film_transparent = True
+    scene.render.resolution_x = scene.render.resolution_y = pixels
+    scene.render.resolution_percentage = 100
+    scene.view_settings.view_transform = "Standard"
+    scene.render.image_settings.file_format = "PNG"
+    scene.render.image_settings.color_mode = "RGBA"
+    for frame in frames:
+        scene.frame_set(frame)
+        scene.render.filepath = f"{folder}/{frame:04d}.png"
+        bpy.ops.render.render(write_still=True)
+        picture = np.array(bpy.data.images.load(scene.render.filepath).pixels)
+        np.save(f"{folder}/{frame:04d}.npy", picture.reshape(pixels, pixels, 4)[::-1])
+
+
+def main(path, half_width, pixels, folder, *frames):
+    """Import, render, and describe what was imported."""
+    top = import_recording(path)
+    look_along_z(top, float(half_width))
+    glow_in_display_color()
+    render(int(pixels), folder, [int(frame) for frame in frames])
+    scene = bpy.context.scene
+    types = {item.name: item.type for item in bpy.data.objects}
+    print(json.dumps({"types": types, "frames": [scene.frame_start, scene.frame_end]}))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
