@@ -77,35 +77,57 @@ class Summary:
     output: str | None
 
 
+@dataclass
 class Tally:
-    """Adds up the reports of a run's steps."""
+    """Adds up what a run has done; a checkpoint keeps it, so that a resumed run tells of all its steps.
 
-    def __init__(self) -> None:
-        self.steps = self.rebuilds = self.redos = self.unconverged = 0
-        self._iterations = self._iterations_max = 0
-        self._overlap = 0.0
+    Attributes
+    ----------
+    steps, frames : int
+        Steps done and frames recorded.
+    iterations, iterations_max : int
+        Sum and maximum over the steps.
+    unconverged : int
+        Steps that stopped at `max_iterations` with zeta above the tolerance.
+    overlap : float
+        Worst overlap after any step [m].
+    rebuilds, redos : int
+        Searches for candidates, and steps solved again because one might have been missing.
+    seconds : float
+        Wall time [s].
+    """
+
+    steps: int = 0
+    frames: int = 0
+    iterations: int = 0
+    iterations_max: int = 0
+    unconverged: int = 0
+    overlap: float = 0.0
+    rebuilds: int = 0
+    redos: int = 0
+    seconds: float = 0.0
 
     def add(self, report: StepReport) -> None:
         """Count one step."""
         self.steps += 1
-        self._iterations += report.iterations
-        self._iterations_max = max(self._iterations_max, report.iterations)
+        self.iterations += report.iterations
+        self.iterations_max = max(self.iterations_max, report.iterations)
         self.unconverged += not report.converged
-        self._overlap = max(self._overlap, report.overlap)
+        self.overlap = max(self.overlap, report.overlap)
         self.rebuilds += report.rebuilds
         self.redos += report.redos
 
-    def summary(self, seconds: float, output: str | None) -> Summary:
+    def summary(self, output: str | None) -> Summary:
         """Return the sums of what was counted."""
         return Summary(
             steps=self.steps,
-            iterations_mean=self._iterations / self.steps,
-            iterations_max=self._iterations_max,
+            iterations_mean=self.iterations / max(1, self.steps),
+            iterations_max=self.iterations_max,
             unconverged=self.unconverged,
-            overlap=self._overlap,
+            overlap=self.overlap,
             rebuilds=self.rebuilds,
             redos=self.redos,
-            seconds=seconds,
+            seconds=self.seconds,
             output=output,
         )
 

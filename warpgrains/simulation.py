@@ -1,17 +1,16 @@
 """Simulation: one scene, step by step."""
 
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
 import warp as wp
-from tqdm import tqdm
 
 from warpgrains import checks
+from warpgrains.checkpoint import Checkpoint, read_checkpoint, require_checkpoint_path, write_checkpoint
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.forces import pair_contacts, wall_contacts
+from warpgrains.plan import Plan
 from warpgrains.reports import (
     Corrections,
     FloatArray,
@@ -22,11 +21,10 @@ from warpgrains.reports import (
     Tally,
     WallContacts,
 )
+from warpgrains.run import carry_out
 from warpgrains.scene import Scene
 from warpgrains.solver import StepSolver
-
-if TYPE_CHECKING:
-    from warpgrains.recording import Recorder
+from warpgrains.state_checks import require_state
 
 
 class Simulation:
@@ -80,6 +78,8 @@ class Simulation:
         duration: float | None = None,
         record: str | Path | None = None,
         fps: float = 60.0,
+        checkpoint: str | Path | None = None,
+        every: int = 1000,
         progress: bool = False,
     ) -> Summary:
         """Advance by many time steps.
@@ -94,27 +94,30 @@ class Simulation:
             A USD file to write the frames to, the present state first.
         fps : float
             Wanted frames per second of simulated time [1/s], see `recording_stride`.
+        checkpoint : str or Path, optional
+            An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
+        every : int
+            Steps between two checkpoints.
         progress : bool
             Whether to show a progress bar on standard error.
 
         Raises
         ------
         SceneError
-            The recording cannot be written there.
+            The recording or the checkpoint cannot be written there.
         SimulationError
             A step failed.
         """
         if steps is None:
             steps = self.scene.steps if duration is None else self.scene.steps_in(duration)
-        start, tally = perf_counter(), Tally()
-        with _recorder(record, self.scene, fps) as recorder, tqdm(total=steps, disable=not progress) as bar:
-            for done in range(steps + 1):
-                if recorder is not None and done % recorder.stride == 0:
-                    recorder.record(self.position, self.velocity)
-                if done < steps:
-                    tally.add(self.step())
-                    bar.update()
-        return tally.summary(perf_counter() - start, None if record is None else str(record))
+        plan = Plan(
+            steps=steps,
+            record=None if record is None else str(record),
+            fps=fps,
+            checkpoint=None if checkpoint is None else str(checkpoint),
+            every=every,
+        )
+        return carry_out(self, plan, Tally(), progress)
 
     @property
     def time(self) -> float:
@@ -147,9 +150,48 @@ class Simulation:
         return State(self._steps, self.position, self.velocity, contacts.corrections(), contacts.lists())
 
     def restore(self, state: State) -> None:
-        """Continue from a state of this scene."""
+        """Continue from a state of this scene.
+
+        Raises
+        ------
+        SceneError
+            It is a state of other grains.
+        """
+        require_state(state, self.scene.n)
         self._steps = state.steps
         self._solver.load(state)
+
+    def save(self, path: str | Path) -> None:
+        """Save the exact state and the scene to a checkpoint, an .npz file, at once and whole.
+
+        Raises
+        ------
+        SceneError
+            It cannot be written there.
+        """
+        require_checkpoint_path(Path(path))
+        write_checkpoint(Path(path), Checkpoint(self.scene, self.state(), None, Tally()))
+
+    @classmethod
+    def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:
+        """Continue from a checkpoint, of `save` or of a run, with the same bits.
+
+        Parameters
+        ----------
+        path : str or Path
+            The checkpoint.
+        device, threads
+            See `Simulation`; not those that wrote the checkpoint, the result is the same for any.
+
+        Raises
+        ------
+        SceneError
+            The checkpoint cannot be read.
+        """
+        kept = read_checkpoint(Path(path))
+        simulation = cls(kept.scene, device, threads)
+        simulation.restore(kept.state)
+        return simulation
 
 
 def _find_device(name: str) -> wp.Device:
@@ -158,12 +200,3 @@ def _find_device(name: str) -> wp.Device:
     except (ValueError, RuntimeError) as error:
         known = ", ".join(device.alias for device in wp.get_devices())
         raise SceneError(f"device {name!r} is unknown here; choose {known}") from error
-
-
-def _recorder(path: str | Path | None, scene: Scene, fps: float) -> AbstractContextManager["Recorder | None"]:
-    """Open a recording, or nothing."""
-    if path is None:
-        return nullcontext()
-    from warpgrains.recording import Recorder
-
-    return Recorder(path, scene, fps)
