@@ -10,6 +10,7 @@ from warpgrains.kernels.data import HORIZON, MEAN_VELOCITY
 
 from warpgrains import Scene
 from warpgrains.checks import FloatArray
+from warpgrains.contact_buffers import ContactBuffers
 from warpgrains.grains import allocate_grains, allocate_watch, variant_of
 from warpgrains.neighbors import NeighborSearch
 from warpgrains.replay import Replay
@@ -68,15 +69,14 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     watch.built_velocity.assign(sought.velocity)
     watch.frame.numpy()[MEAN_VELOCITY] = sought.velocity.mean(axis=0)
     watch.scalar.numpy()[HORIZON] = sought.horizon
-    search = NeighborSearch(grains, watch, variant, Replay(device), cell_size)
+    replay = Replay(device)
+    buffers = ContactBuffers(scene.n, variant.distinct_masses, replay)
+    search = NeighborSearch(grains, watch, buffers.rows, variant, replay, cell_size)
     search.find()
-    rows, total = search.rows, search.total
-    rows.found = wp.zeros(total, dtype=wp.vec2i, device=device)
-    rows.neighbor = wp.full(total, -1, dtype=wp.int32, device=device)
+    buffers.reserve(search.total)
     search.find()
     search.sort()
-    first = np.repeat(np.arange(scene.n), np.diff(rows.start.numpy()))
-    return np.stack([first, rows.neighbor.numpy()], axis=1)
+    return buffers.listed_pairs()
 
 
 def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:

@@ -1,4 +1,4 @@
-"""The same bits on every run, in every process and for any number of threads."""
+"""The same bits on every run and in every process (for any number of workers: test_workers.py)."""
 
 import hashlib
 import os
@@ -35,9 +35,3 @@ def test_fresh_processes(order: str) -> None:
         process = subprocess.run(command, env=environment, capture_output=True, text=True)
         assert process.returncode == 0, process.stderr
         assert process.stdout.splitlines()[-1] == here
-
-
-@pytest.mark.parametrize("order", ["sequential", "color"])
-@pytest.mark.parametrize("threads", [2, 3])
-def test_threads(order: str, threads: int) -> None:
-    assert golden_hash(order, threads) == golden_hash(order, threads=1)
