@@ -87,7 +87,7 @@ def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:
     return np.stack([i, j], axis=1)[within]
 
 
-@pytest.mark.parametrize("relative_cell_size", [0.1, 2.3, 40.0])
+@pytest.mark.parametrize("relative_cell_size", [0.1, 0.2, 0.3, 2.3, 40.0])
 @pytest.mark.parametrize("make", CLOUDS.values(), ids=CLOUDS)
 def test_pairs_within_reach(make: Callable[[], Cloud], relative_cell_size: float) -> None:
     sought = make()
