@@ -21,7 +21,7 @@ from warpgrains.plan import Plan
 from warpgrains.reports import Corrections, Lists, State, Tally
 from warpgrains.safe_files import publish, require_writable_folder
 from warpgrains.scene import Scene
-from warpgrains.state_checks import require_state
+from warpgrains.states import require_state
 
 FORMAT = "warpgrains checkpoint"
 VERSION = 1

@@ -61,20 +61,26 @@ def _parser() -> argparse.ArgumentParser:
             description="Check in a recording what no USD validator checks; exit code 1: something is wrong.",
         )
     )
+    _add_recover(
+        subparsers.add_parser(
+            "recover",
+            help="make a file of what a killed run recorded",
+            description="Make a file of what a killed run recorded. To finish the run: run --resume.",
+        )
+    )
     return parser
 
 
 def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(command=commands.run)
-    parser.add_argument("scene", metavar="SCENE", help="a TOML file, or the name of a shipped scene")
-    parser.add_argument("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
-    length = parser.add_mutually_exclusive_group()
-    length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate")
-    length.add_argument(
-        "--duration", type=float, metavar="T", help="time to simulate [s] (default: the scene's)"
-    )
     parser.add_argument(
-        "--fps", type=float, default=60.0, metavar="F", help="frames recorded a second (default: 60)"
+        "scene", metavar="SCENE", nargs="?", help="a TOML file, or the name of a shipped scene"
+    )
+    _add_recording(parser.add_argument_group("recording"))
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate in all")
+    length.add_argument(
+        "--duration", type=float, metavar="T", help="time to simulate in all [s] (default: the scene's)"
     )
     parser.add_argument(
         "--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)"
@@ -83,14 +89,43 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set",
         action="append",
-        default=[],
         dest="overrides",
         metavar="SECTION.KEY=VALUE",
         help="replace a value of the scene, such as physics.drag=0.1; may be repeated",
     )
+    _add_checkpoints(parser.add_argument_group("checkpoints"))
     parser.add_argument("--json", action="store_true", help="print the summary as one JSON object")
+
+
+def _add_recording(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
+    group.add_argument("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    group.add_argument(
+        "--color-by", metavar="WHAT", help="palette, radius, speed or pressure (default: palette)"
+    )
+    group.add_argument("--forces", action="store_true", help="draw force chains")
+    group.add_argument(
+        "--as-spheres", action="store_true", help="draw spheres, for viewers that draw no points"
+    )
+
+
+def _add_checkpoints(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--checkpoint", metavar="FILE", help="save the run to this .npz file as it goes")
+    group.add_argument(
+        "--every", type=int, metavar="K", help="time steps between two checkpoints (default: 1000)"
+    )
+    group.add_argument(
+        "--resume",
+        metavar="FILE",
+        help="continue the run that left this checkpoint, and what it recorded: instead of SCENE",
+    )
 
 
 def _add_check(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(command=commands.check)
     parser.add_argument("file", metavar="FILE", help="the recording, a USD file")
+
+
+def _add_recover(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(command=commands.recover)
+    parser.add_argument("folder", metavar="DIR", help="the run's chunks, such as run.usdc.chunks")

@@ -20,6 +20,8 @@ class Plan:
         USD file to write the frames to.
     fps : float
         Wanted frames per second of simulated time [1/s].
+    color_by, forces, as_spheres
+        What the frames show, see `Recorder`.
     checkpoint : str, optional
         File that is to hold the state, and all that it takes to resume the run.
     every : int
@@ -34,6 +36,9 @@ class Plan:
     steps: int
     record: str | None = None
     fps: float = 60.0
+    color_by: str = "palette"
+    forces: bool = False
+    as_spheres: bool = False
     checkpoint: str | None = None
     every: int = 1000
 
@@ -41,9 +46,10 @@ class Plan:
         object.__setattr__(self, "steps", checks.whole_number("steps", self.steps, least=0))
         object.__setattr__(self, "every", checks.whole_number("every", self.every))
 
-    def asks_checkpoint(self, steps: int) -> bool:
-        """Tell whether a checkpoint is due after so many steps."""
-        return steps % self.every == 0 or steps == self.steps
+    def checkpoint_after(self, steps: int) -> Path | None:
+        """Return the checkpoint to write after so many steps, if one is due then."""
+        is_due = steps % self.every == 0 or steps == self.steps
+        return Path(self.checkpoint) if self.checkpoint is not None and is_due else None
 
     def stored(self, checkpoint: Path) -> dict[str, Any]:
         """Return what a checkpoint keeps: the recording as seen from there, so that both may be moved."""

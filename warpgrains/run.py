@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from warpgrains.checkpoint import Checkpoint, require_checkpoint_path, write_checkpoint
-from warpgrains.errors import SceneError
 from warpgrains.plan import Plan
 from warpgrains.reports import Summary, Tally
 from warpgrains.scene import Scene
@@ -40,35 +39,55 @@ def carry_out(simulation: Simulation, plan: Plan, tally: Tally, progress: bool =
     SimulationError
         A step failed.
     """
+    start = perf_counter() - tally.seconds
+    with open_outputs(plan, simulation.scene, tally) as recorder, _bar(plan, tally, progress) as bar:
+        _keep(simulation, plan, tally, recorder)
+        while tally.steps < plan.steps:
+            tally.add(simulation.step())
+            tally.seconds = perf_counter() - start
+            _keep(simulation, plan, tally, recorder)
+            bar.update()
+    tally.seconds = perf_counter() - start
+    return tally.summary(plan.record)
+
+
+def open_outputs(plan: Plan, scene: Scene, tally: Tally) -> AbstractContextManager[Recorder | None]:
+    """Return the recorder of a run, if it needs one; raise SceneError if it cannot write what it is to write.
+
+    The chunks of a run that is resumed are cut to the frames of its tally: doing so twice does no harm.
+    """
     if plan.checkpoint is not None:
         require_checkpoint_path(Path(plan.checkpoint))
-    start = perf_counter() - tally.seconds
-    with _recorder(plan, simulation.scene, tally) as recorder, _bar(plan, tally, progress) as bar:
-        while True:
-            if recorder is not None and tally.steps == tally.frames * recorder.stride:
-                recorder.record(simulation.position, simulation.velocity)
-                tally.frames += 1
-            tally.seconds = perf_counter() - start
-            if plan.checkpoint is not None and plan.asks_checkpoint(tally.steps):
-                kept = Checkpoint(simulation.scene, simulation.state(), plan, tally)
-                write_checkpoint(Path(plan.checkpoint), kept)
-            if tally.steps == plan.steps:
-                break
-            tally.add(simulation.step())
-            bar.update()
-    return tally.summary(plan.record)
+    if plan.record is None:
+        return nullcontext()
+    from warpgrains.recording import Recorder, chunks_of
+
+    record = Path(plan.record)
+    if tally.frames and tally.steps == plan.steps and record.is_file() and not chunks_of(record).exists():
+        return nullcontext()
+    return Recorder(
+        record,
+        scene,
+        plan.fps,
+        color_by=plan.color_by,
+        forces=plan.forces,
+        as_spheres=plan.as_spheres,
+        resume_at=tally.frames or None,
+    )
+
+
+def _keep(simulation: Simulation, plan: Plan, tally: Tally, recorder: Recorder | None) -> None:
+    """Record a frame and write a checkpoint, where due; the frames a checkpoint counts are on the disk."""
+    if recorder is not None and tally.steps == tally.frames * recorder.stride:
+        contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
+        recorder.record(simulation.position, simulation.velocity, *contacts)
+        tally.frames += 1
+    checkpoint = plan.checkpoint_after(tally.steps)
+    if checkpoint is not None:
+        if recorder is not None:
+            recorder.flush()
+        write_checkpoint(checkpoint, Checkpoint(simulation.scene, simulation.state(), plan, tally))
 
 
 def _bar(plan: Plan, tally: Tally, progress: bool) -> tqdm:
     return tqdm(total=plan.steps, initial=tally.steps, disable=not progress)
-
-
-def _recorder(plan: Plan, scene: Scene, tally: Tally) -> AbstractContextManager[Recorder | None]:
-    """Open the recording of a run, or nothing."""
-    if plan.record is None:
-        return nullcontext()
-    from warpgrains.recording import Recorder
-
-    if tally.frames > 0:
-        raise SceneError(f"recording '{plan.record}' cannot be continued yet")
-    return Recorder(plan.record, scene, plan.fps)

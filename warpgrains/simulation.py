@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
 import warp as wp
 
 from warpgrains import checks
@@ -12,7 +11,6 @@ from warpgrains.errors import SceneError, SimulationError
 from warpgrains.forces import pair_contacts, wall_contacts
 from warpgrains.plan import Plan
 from warpgrains.reports import (
-    Corrections,
     FloatArray,
     PairContacts,
     State,
@@ -24,7 +22,7 @@ from warpgrains.reports import (
 from warpgrains.run import carry_out
 from warpgrains.scene import Scene
 from warpgrains.solver import StepSolver
-from warpgrains.state_checks import require_state
+from warpgrains.states import first_state, require_state
 
 
 class Simulation:
@@ -54,8 +52,7 @@ class Simulation:
         if threads is not None:
             checks.whole_number("threads", threads)
         self._solver = StepSolver(self.scene, _find_device(device), threads)
-        nothing = Corrections(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(scene.n))
-        self.restore(State(0, scene.position, scene.velocity, nothing))
+        self.restore(first_state(self.scene))
 
     def step(self) -> StepReport:
         """Advance by one time step.
@@ -78,6 +75,9 @@ class Simulation:
         duration: float | None = None,
         record: str | Path | None = None,
         fps: float = 60.0,
+        color_by: str = "palette",
+        forces: bool = False,
+        as_spheres: bool = False,
         checkpoint: str | Path | None = None,
         every: int = 1000,
         progress: bool = False,
@@ -94,6 +94,8 @@ class Simulation:
             A USD file to write the frames to, the present state first.
         fps : float
             Wanted frames per second of simulated time [1/s], see `recording_stride`.
+        color_by, forces, as_spheres
+            What the frames show, see `Recorder`.
         checkpoint : str or Path, optional
             An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
         every : int
@@ -114,6 +116,9 @@ class Simulation:
             steps=steps,
             record=None if record is None else str(record),
             fps=fps,
+            color_by=color_by,
+            forces=forces,
+            as_spheres=as_spheres,
             checkpoint=None if checkpoint is None else str(checkpoint),
             every=every,
         )

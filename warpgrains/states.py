@@ -1,4 +1,7 @@
-"""Whether a state is one of so many grains: what is not would lead the kernels out of their arrays."""
+"""States of a scene: the first one, and whether some other is one at all.
+
+A state of other grains would lead the kernels out of their arrays.
+"""
 
 from typing import Any
 
@@ -7,6 +10,13 @@ import numpy as np
 from warpgrains import checks
 from warpgrains.errors import SceneError
 from warpgrains.reports import Corrections, IntArray, Lists, State
+from warpgrains.scene import Scene
+
+
+def first_state(scene: Scene) -> State:
+    """Return the state at the start of a scene."""
+    nothing = Corrections(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(scene.n))
+    return State(0, scene.position, scene.velocity, nothing)
 
 
 def require_state(state: State, n: int) -> None:
