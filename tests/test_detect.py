@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 import warp as wp
-from warpgrains.kernels.data import HORIZON, MEAN_VELOCITY
 
 from warpgrains import Scene
 from warpgrains.checks import FloatArray
 from warpgrains.contact_buffers import ContactBuffers
 from warpgrains.grains import allocate_grains, allocate_watch, variant_of
+from warpgrains.kernels.data import HORIZON, MEAN_VELOCITY
 from warpgrains.neighbors import NeighborSearch
 from warpgrains.replay import Replay
 from warpgrains.reports import IntArray
