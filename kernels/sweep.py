@@ -102,11 +102,13 @@ def kernels(variant: Variant) -> SimpleNamespace:
                 largest = wp.max(largest, correct_pair(velocity, contacts, c))
         else:
             for c in range(begin, end):
-                largest = wp.max(largest, correct_pair(velocity, contacts, c))
-                i = contacts.pairs[c].i
-                watch_grain(velocity[i], watch, i)
-                j = contacts.pairs[c].j
-                watch_grain(velocity[j], watch, j)
+                change = correct_pair(velocity, contacts, c)
+                if change > f64(0.0):
+                    largest = wp.max(largest, change)
+                    i = contacts.pairs[c].i
+                    watch_grain(velocity_of(velocity, i), watch, i)
+                    j = contacts.pairs[c].j
+                    watch_grain(velocity_of(velocity, j), watch, j)
         return largest
 
     @wp.func
