@@ -12,7 +12,7 @@ from time import perf_counter
 import warpgrains as wg
 from warpgrains.console import start_warp
 
-GRAINS, STEPS, REPEATS = 10_000, 30, 3
+GRAINS, STEPS, REPEATS = 10_000, 40, 5
 
 
 def make_scene() -> wg.Scene:
@@ -26,11 +26,11 @@ def main() -> None:
     start_warp()
     scene = make_scene()
     simulation = wg.Simulation(scene)
-    simulation.run(steps=20)
-    start = simulation.state()
     table = csv.writer(sys.stdout)
     table.writerow(["grains", "steps", "seconds_without", "seconds_with", "ratio"])
     with tempfile.TemporaryDirectory(dir=".") as folder:
+        simulation.run(steps=20, record=Path(folder) / "warm.usdc")
+        start = simulation.state()
         for repeat in range(REPEATS):
             seconds = []
             for record in (None, Path(folder) / f"{repeat}.usdc"):
