@@ -35,6 +35,7 @@ class Grains:
     velocity: wp.array(dtype=wp.vec2d)  # at the end of the last good step [m/s]
     free_velocity: wp.array(dtype=wp.vec2d)  # after Newton's law, before contacts
     next_velocity: wp.array(dtype=wp.vec2d)  # what the contact iteration corrects in place
+    rebuilt_velocity: wp.array(dtype=wp.vec2d)  # what the corrections make of the free velocities
     last_position: wp.array(dtype=wp.vec2d)  # where the contacts of the last step were taken
     radius: wp.array(dtype=f64)
     mass: wp.array(dtype=f64)
@@ -75,9 +76,10 @@ class Progress:
     iterating: wp.array(dtype=wp.int32)  # whether to iterate on
     accepted: wp.array(dtype=wp.int32)  # whether the attempt solved the step
     zeta: wp.array(dtype=f64)  # by worker, of the iteration under way
+    residual: wp.array(dtype=f64)  # by worker
     overlap: wp.array(dtype=f64)  # by worker
     carrying: wp.array(dtype=wp.int32)  # by worker, contacts that carry a correction
-    report: wp.array(dtype=f64)  # ACCEPTED, ITERATIONS, ZETA, OVERLAP, CARRYING
+    report: wp.array(dtype=f64)  # ACCEPTED, ITERATIONS, ZETA, RESIDUAL, OVERLAP, CARRYING
 
 
 PAIRS, GROUPS, WALLS = (wp.constant(k) for k in range(3))
@@ -86,4 +88,4 @@ SLACK, FRAME_REACH, DRIFT, LOOK_DRIFT, INFLUENCE, ELAPSED, HORIZON, SPREAD = (
     wp.constant(k) for k in range(8)
 )
 WATCHING, LOOK, MISSED, BAD_GRAIN = (wp.constant(k) for k in range(4))
-ACCEPTED, ITERATIONS, ZETA, OVERLAP, CARRYING = (wp.constant(k) for k in range(5))
+ACCEPTED, ITERATIONS, ZETA, RESIDUAL, OVERLAP, CARRYING = (wp.constant(k) for k in range(6))

@@ -16,6 +16,7 @@ from .data import (
     LOOK_DRIFT,
     MISSED,
     OVERLAP,
+    RESIDUAL,
     SLACK,
     WATCHING,
     ZETA,
@@ -85,6 +86,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         """Iterate if the list holds for the velocities before the first iteration."""
         for slot in range(progress.zeta.shape[0]):
             progress.zeta[slot] = f64(0.0)
+            progress.residual[slot] = f64(0.0)
             progress.overlap[slot] = f64(0.0)
             progress.carrying[slot] = 0
         progress.report[ITERATIONS] = f64(0.0)
@@ -99,11 +101,14 @@ def kernels(variant: Variant) -> SimpleNamespace:
     @wp.kernel(module=variant.module)
     def gather(progress: Progress):
         """Gather what the workers have measured."""
+        residual = f64(0.0)
         overlap = f64(0.0)
         carrying = int(0)
         for slot in range(progress.overlap.shape[0]):
+            residual = wp.max(residual, progress.residual[slot])
             overlap = wp.max(overlap, progress.overlap[slot])
             carrying += progress.carrying[slot]
+        progress.report[RESIDUAL] = residual
         progress.report[OVERLAP] = overlap
         progress.report[CARRYING] = f64(carrying)
 

@@ -50,6 +50,15 @@ def kernels(variant: Variant) -> SimpleNamespace:
         return wp.vec2d(f64(0.5), f64(0.5))
 
     @wp.func
+    def apply_pair(velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, c: int, impulse: wp.vec2d):
+        """v_i -= dv n m_j / (m_i + m_j), v_j += dv n m_i / (m_i + m_j); impulse = dv n [m/s]."""
+        i = contacts.pairs[c].i
+        j = contacts.pairs[c].j
+        weight = weights_of(contacts, c)
+        velocity[i] = velocity[i] - impulse * weight[0]
+        velocity[j] = velocity[j] + impulse * weight[1]
+
+    @wp.func
     def correct_pair(velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, c: int) -> f64:
         """One pair's correction, in place. Returns |dv|."""
         pair = contacts.pairs[c]
@@ -86,9 +95,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         contacts.pairs[c].n = n
         contacts.pairs[c].gap_rate = law.pair_gap(distance, radius_i, radius_j) / dt
         contacts.pair_dv_start[c] = pair.dv
-        weight = weights_of(contacts, c)
-        grains.next_velocity[pair.i] = grains.next_velocity[pair.i] - pair.dv * n * weight[0]
-        grains.next_velocity[pair.j] = grains.next_velocity[pair.j] + pair.dv * n * weight[1]
+        apply_pair(grains.next_velocity, contacts, c, pair.dv * n)
 
     @wp.func
     def sweep_group(
@@ -198,6 +205,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
                 meet(crew)
 
     return SimpleNamespace(
+        apply_pair=apply_pair,
         start_pairs=start_pairs,
         start_walls=start_walls,
         sweep_pairs=sweep_pairs,

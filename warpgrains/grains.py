@@ -30,6 +30,7 @@ def allocate_grains(scene: Scene, variant: Variant, device: wp.Device) -> Grains
     grains.velocity = vectors()
     grains.free_velocity = vectors()
     grains.next_velocity = vectors()
+    grains.rebuilt_velocity = vectors()
     grains.last_position = vectors()
     radius = scene.radius if variant.distinct_radii else scene.radius[:1]
     mass = scene.mass if variant.distinct_masses else scene.mass[:1]
@@ -59,7 +60,8 @@ def allocate_progress(slots: int, device: wp.Device) -> Progress:
     progress.iterating = wp.zeros(1, dtype=wp.int32, device=device)
     progress.accepted = wp.zeros(1, dtype=wp.int32, device=device)
     progress.zeta = wp.zeros(slots, dtype=wp.float64, device=device)
+    progress.residual = wp.zeros(slots, dtype=wp.float64, device=device)
     progress.overlap = wp.zeros(slots, dtype=wp.float64, device=device)
     progress.carrying = wp.zeros(slots, dtype=wp.int32, device=device)
-    progress.report = wp.zeros(5, dtype=wp.float64, device=device)
+    progress.report = wp.zeros(6, dtype=wp.float64, device=device)
     return progress

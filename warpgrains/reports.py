@@ -20,6 +20,9 @@ class StepReport:
         Iterations k >= 1 of the contact loop.
     zeta : float
         Largest change of a correction in the last of them [m/s].
+    residual : float
+        Error of the solve, eta [m/s]: the velocities are the exact ones of a step whose gaps are changed by
+        at most dt * residual (kernels/residual.py).
     converged : bool
         Whether zeta <= tolerance.
     contacts : int
@@ -36,6 +39,7 @@ class StepReport:
 
     iterations: int
     zeta: float
+    residual: float
     converged: bool
     contacts: int
     candidates: int

@@ -8,8 +8,8 @@ import warp as wp
 from warpgrains.contacts import ContactList
 from warpgrains.errors import SimulationError
 from warpgrains.grains import allocate_grains, allocate_progress, allocate_watch, variant_of
-from warpgrains.kernels import iteration, measure, motion, sweep, watch
-from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, ZETA
+from warpgrains.kernels import iteration, measure, motion, residual, sweep, watch
+from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, RESIDUAL, ZETA
 from warpgrains.kernels.iteration import Stop
 from warpgrains.memory import require_memory
 from warpgrains.replay import Replay, reader
@@ -61,7 +61,7 @@ class StepSolver:
         self._scene, self._replay, variant = scene, Replay(device, threads), variant_of(scene)
         self._motion, self._sweep = motion.kernels(variant), sweep.kernels(variant)
         self._watching, self._iteration = watch.kernels(variant), iteration.kernels(variant)
-        self._measure = measure.kernels(variant)
+        self._measure, self._residual = measure.kernels(variant), residual.kernels(variant)
         self.grains = allocate_grains(scene, variant, device)
         self._watch = allocate_watch(scene.n, device)
         self._progress = allocate_progress(self._replay.slots, device)
@@ -150,12 +150,25 @@ class StepSolver:
     def _finish(self) -> None:
         """Move, and measure what the report tells."""
         scene, share = self._scene, self._replay.share
+        self._measure_residual()
         share(self._motion.move, self.grains, scene.dt)
         share(self._watching.remember, self._watch)
         self._replay.each(self._watching.shift_frame, 1, self._watch, scene.dt)
         walls = (scene.radius_in, scene.radius_out)
         share(self._measure.overlaps, self.grains, self.contacts.device, self._progress, *walls)
         self._replay.each(self._iteration.gather, 1, self._progress)
+
+    def _measure_residual(self) -> None:
+        """Measure how far the corrections are from balance."""
+        share, grains, contacts = self._replay.share, self.grains, self.contacts.device
+        if not self._replay.by_group:
+            share(self._residual.measure_all, grains, contacts, self._progress)
+            return
+        share(self._residual.begin_rebuild, grains)
+        for group in range(self.contacts.groups):
+            share(self._residual.rebuild_pairs, grains, contacts, group)
+        share(self._residual.finish_rebuild, grains, contacts)
+        share(self._residual.find_worst, grains, contacts, self._progress)
 
     def _accepted(self) -> bool:
         """Whether the attempt solved the step; raise if it cannot be solved."""
@@ -175,6 +188,7 @@ class StepSolver:
         return StepReport(
             iterations=int(report[ITERATIONS]),
             zeta=zeta,
+            residual=report[RESIDUAL].item(),
             converged=zeta <= self._scene.tolerance,
             contacts=int(report[CARRYING]),
             candidates=pairs + walls,
