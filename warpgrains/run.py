@@ -61,10 +61,13 @@ def open_outputs(plan: Plan, scene: Scene, tally: Tally) -> AbstractContextManag
     if plan.record is None:
         return nullcontext()
     from warpgrains.recording import Recorder, chunks_of
+    from warpgrains.usd_reopen import reopen
 
     record = Path(plan.record)
-    if tally.frames and tally.steps == plan.steps and record.is_file() and not chunks_of(record).exists():
-        return nullcontext()
+    if tally.frames and record.is_file() and not chunks_of(record).exists():
+        if tally.steps == plan.steps:
+            return nullcontext()
+        reopen(record, chunks_of(record))
     return Recorder(
         record,
         scene,

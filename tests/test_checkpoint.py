@@ -1,0 +1,239 @@
+"""Checkpoints: the state to the last bit, in a file that is whole or not there."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from same_bits import contents
+
+from warpgrains import Scene, SceneError, Simulation
+from warpgrains.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
+from warpgrains.reports import Tally
+from warpgrains.states import first_state
+
+
+@pytest.fixture
+def simulation():
+    """The annulus when some grains touch each other and others a wall."""
+    return after_150_steps("color")
+
+
+@pytest.fixture
+def saved(simulation, tmp_path):
+    simulation.save(tmp_path / "saved.npz")
+    return tmp_path / "saved.npz"
+
+
+def after_150_steps(order):
+    simulation = Simulation(Scene.load("annulus", [f"solver.order={order}"]))
+    simulation.run(steps=150)
+    return simulation
+
+
+class TestRoundTrip:
+    @pytest.mark.parametrize("order", ["sequential", "color"])
+    def test_state_and_scene_are_the_same_bits_and_go_on_so(self, tmp_path, order):
+        simulation = after_150_steps(order)
+        assert len(simulation.state().corrections.pair) > 0
+        assert simulation.state().corrections.wall_correction.any()
+        simulation.save(tmp_path / "saved.npz")
+        loaded = Simulation.load(tmp_path / "saved.npz")
+        assert contents(loaded.scene) == contents(simulation.scene)
+        for _ in range(60):
+            assert contents(loaded.state()) == contents(simulation.state())
+            assert contents(loaded.step()) == contents(simulation.step())
+
+    def test_numbers_that_need_all_their_digits(self, tmp_path):
+        third, tiny = 1.0 / 3.0, 5e-324
+        scene = Scene(
+            position=[[third, 0.7], [-0.7, np.nextafter(third, 1)]],
+            radius=[third / 5, 0.1],
+            mass=[1e-300, 1e300],
+            radius_out=1.0 + 2**-52,
+            gravity=(tiny, -third),
+            dt=1e-3 / 3,
+            tolerance=0.1 + 0.2,
+            name='"quoted" \u00e9\u4e2d',
+            text="line\nline\t\\ \x7f \U0001f40d",
+        )
+        kept = Checkpoint(scene, first_state(scene), None, Tally(overlap=third))
+        write_checkpoint(tmp_path / "kept.npz", kept)
+        assert contents(read_checkpoint(tmp_path / "kept.npz")) == contents(kept)
+
+    def test_first_state(self, tmp_path):
+        simulation = Simulation(Scene.load("annulus"))
+        simulation.save(tmp_path / "first.npz")
+        loaded = Simulation.load(tmp_path / "first.npz")
+        loaded.run(steps=150)
+        simulation.run(steps=150)
+        assert contents(loaded.state()) == contents(simulation.state())
+
+
+class TestFile:
+    def test_layout_of_this_version(self, saved):
+        """A file that another version could not read needs another number."""
+        assert VERSION == 1
+        with np.load(saved, allow_pickle=False) as archive:
+            header = json.loads(archive["header"].tobytes())
+            found = {name: archive[name].shape[1:] for name in archive.files}
+            assert (archive["lists.frame"].shape, archive["lists.scalar"].shape) == ((3, 2), (8,))
+        assert list(header) == [
+            *("format", "version", "warpgrains", "plan", "tally"),
+            *("scene", "state", "corrections", "lists"),
+        ]
+        vectors = ["scene.position", "scene.velocity", "state.position", "state.velocity"]
+        vectors += ["lists.built_position", "lists.built_velocity", "lists.frame"]
+        pairs = ["corrections.pair", "lists.pair"]
+        numbers = ["header", "scene.radius", "scene.mass", "corrections.pair_correction"]
+        numbers += [
+            "corrections.wall_correction",
+            "lists.wall",
+            "lists.reach",
+            "lists.recent",
+            "lists.scalar",
+        ]
+        assert found == dict.fromkeys([*vectors, *pairs], (2,)) | dict.fromkeys(numbers, ())
+
+    @pytest.mark.parametrize("damage", ["write", "read", "replace"])
+    def test_failed_save_leaves_the_earlier_one(self, simulation, saved, monkeypatch, damage):
+        def fail(*arguments):
+            raise OSError("disk full")
+
+        before = saved.read_bytes()
+        simulation.step()
+        with monkeypatch.context() as patch:
+            if damage == "write":
+                patch.setattr(Path, "write_bytes", fail)
+            elif damage == "read":
+                patch.setattr(Path, "read_bytes", lambda path: before[:100])
+            else:
+                patch.setattr("os.replace", fail)
+            with pytest.raises(OSError, match=r"disk full|not read back"):
+                simulation.save(saved)
+        assert saved.read_bytes() == before
+        assert list(saved.parent.iterdir()) == [saved]
+
+    @pytest.mark.parametrize("name", ["run", "run.npy", "no/such/run.npz", "folder.npz"])
+    def test_bad_place(self, simulation, tmp_path, name):
+        (tmp_path / "folder.npz").mkdir()
+        for write in (simulation.save, lambda path: simulation.run(steps=1, checkpoint=path)):
+            with pytest.raises(SceneError, match=r"must end in \.npz|cannot be written|is a folder"):
+                write(tmp_path / name)
+        assert list(tmp_path.iterdir()) == [tmp_path / "folder.npz"]
+
+
+def rewrite(path, header=None, **arrays):
+    """Change the header or arrays of a checkpoint; a change that is None takes the array out."""
+    with np.load(path, allow_pickle=False) as archive:
+        entries = {name: archive[name] for name in archive.files}
+    text = json.loads(entries["header"].tobytes()) | (header or {})
+    entries["header"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
+    entries |= {name.replace("__", "."): array for name, array in arrays.items()}
+    np.savez(path, **{name: array for name, array in entries.items() if array is not None})
+
+
+class TestBadFile:
+    def require_refusal(self, path, match):
+        with pytest.raises(SceneError, match=match) as refusal:
+            Simulation.load(path)
+        assert "\n" not in str(refusal.value)
+        assert str(path) in str(refusal.value)
+
+    @pytest.mark.parametrize("content", [b"", b"text", b"PK\x03\x04", b"\x80\x04}."])
+    def test_something_else(self, tmp_path, content):
+        path = tmp_path / "other.npz"
+        path.write_bytes(content)
+        self.require_refusal(path, "no checkpoint of warpgrains")
+
+    def test_archives_of_something_else(self, tmp_path):
+        path = tmp_path / "other.npz"
+        for entries in (
+            {},
+            {"x": np.zeros(3)},
+            {"header": np.zeros(3, np.uint8)},
+            {"header": np.zeros((), "U9")},
+        ):
+            np.savez(path, **entries)
+            self.require_refusal(path, "no checkpoint of warpgrains")
+        with path.open("wb") as file:
+            np.save(file, np.zeros(3))
+        self.require_refusal(path, "no checkpoint of warpgrains")
+
+    def test_pickles_are_not_opened(self, saved, tmp_path):
+        trap = tmp_path / "sprung"
+
+        class Trap:
+            def __reduce__(self):
+                return Path.touch, (trap,)
+
+        rewrite(saved, state__position=np.array([Trap()], dtype=object))
+        self.require_refusal(saved, "no checkpoint of warpgrains")
+        assert not trap.exists()
+
+    def test_missing(self, tmp_path):
+        self.require_refusal(tmp_path / "missing.npz", "does not exist")
+        self.require_refusal(tmp_path, "does not exist")
+
+    def test_newer(self, saved):
+        rewrite(saved, header={"version": VERSION + 1, "warpgrains": "9.8.7"})
+        self.require_refusal(saved, rf"version {VERSION + 1}, of warpgrains 9\.8\.7; .* up to {VERSION}")
+
+    def test_array_said_to_be_shorter(self, tmp_path):
+        """NumPy would read its first rows and not notice that they are not all."""
+        scene, path = Scene.load("pile"), tmp_path / "saved.npz"
+        write_checkpoint(path, Checkpoint(scene, first_state(scene), None, Tally()))
+        path.write_bytes(path.read_bytes().replace(b"(1000,", b"( 500,", 1))
+        self.require_refusal(path, "or it is damaged")
+
+    def test_any_damage_is_noticed_or_harmless(self, saved):
+        whole, good = saved.read_bytes(), contents(read_checkpoint(saved))
+        rng = np.random.default_rng(0)
+        refused = 0
+        for place in rng.integers(len(whole), size=150):
+            broken = bytearray(whole)
+            broken[place] ^= 1 << rng.integers(8)
+            for content in (bytes(broken), whole[:place]):
+                saved.write_bytes(content)
+                try:
+                    assert contents(read_checkpoint(saved)) == good
+                except SceneError:
+                    refused += 1
+        assert refused > 250
+
+    @pytest.mark.parametrize(
+        ("change", "complaint"),
+        [
+            ({"state__position": np.zeros((14, 2))}, "position of the state is float64 (14, 2)"),
+            ({"state__velocity": np.zeros((15, 2), np.float32)}, "velocity of the state is float32"),
+            ({"scene__radius": np.full(15, -1.0)}, "radius of grain 0 is -1.0"),
+            ({"scene__mass": None}, "mass"),
+            ({"corrections__wall_correction": np.zeros(3)}, "wall_correction of the state"),
+            (
+                {"corrections__pair": np.array([[1, 15]], np.int32)},
+                "pair of the state is not of",
+            ),
+            (
+                {"corrections__pair": np.array([[-1, 3]], np.int32)},
+                "pair of the state is not of",
+            ),
+            ({"corrections__pair": np.array([[3, 1]], np.int32)}, "pair of the state is not of"),
+            ({"lists__pair": np.array([[0, 2], [0, 1]], np.int32)}, "listed pair of the state is not in"),
+            ({"lists__pair": np.zeros((0, 2), np.int32)}, "carries a correction and is not listed"),
+            ({"lists__wall": np.array([15], np.int32)}, "listed wall of the state"),
+            ({"lists__reach": np.zeros(14)}, "reach of the state"),
+            ({"header": {"state": {"steps": -1}}}, "steps is -1"),
+            ({"header": {"state": {}}}, "steps"),
+            ({"header": {"tally": {"strides": 3}}}, "strides"),
+        ],
+    )
+    def test_what_no_scene_can_be_in(self, saved, change, complaint):
+        rewrite(saved, **change)
+        with pytest.raises(SceneError) as refusal:
+            read_checkpoint(saved)
+        assert complaint in str(refusal.value)
+        assert str(saved) in str(refusal.value)
+
+    def test_state_of_other_grains_is_not_restored(self, simulation):
+        with pytest.raises(SceneError, match="position of the state"):
+            Simulation(Scene.load("column")).restore(simulation.state())

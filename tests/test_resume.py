@@ -1,0 +1,276 @@
+"""Runs that were interrupted or killed, and resumed: the same bits as if nothing had happened."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import lightusd
+import numpy as np
+import pytest
+from recordings import GRAINS
+from same_bits import contents
+
+from warpgrains import Scene, Simulation
+from warpgrains.checkpoint import read_checkpoint, write_checkpoint
+from warpgrains.cli import main
+from warpgrains.inspection import inspect_recording
+from warpgrains.plan import Plan
+from warpgrains.recording import chunks_of
+from warpgrains.usd_chunks import ChunkFolder
+
+ORDERS = ("sequential", "color")
+
+
+def scene_in(order):
+    return Scene.load("annulus", [f"solver.order={order}"])
+
+
+def run(*arguments):
+    """Run the command line in this process and return its exit code."""
+    return main(["run", *(str(argument) for argument in arguments)])
+
+
+def summary_of(capfd):
+    summary = json.loads(capfd.readouterr().out)
+    return {name: value for name, value in summary.items() if name not in ("seconds", "output")}
+
+
+@pytest.fixture
+def stop_at(monkeypatch):
+    """Make the step after so many steps fail as a killed process would, once."""
+
+    def stop(steps):
+        step = Simulation.step
+
+        def step_or_stop(self):
+            if self.state().steps == steps:
+                monkeypatch.setattr(Simulation, "step", step)
+                raise KeyboardInterrupt
+            return step(self)
+
+        monkeypatch.setattr(Simulation, "step", step_or_stop)
+
+    return stop
+
+
+@pytest.mark.parametrize("order", ORDERS)
+class TestResume:
+    def test_same_state_recording_and_summary(self, order, tmp_path, stop_at, capfd):
+        drawn = ["--forces", "--color-by", "speed", "--order", order, "--steps", 200]
+        common = ["annulus", *drawn, "--json"]
+        whole = tmp_path / "whole.usdc", tmp_path / "whole.npz"
+        assert run(*common, "-o", whole[0], "--checkpoint", whole[1]) == 0
+        expected = summary_of(capfd)
+        parts = tmp_path / "parts.usdc", tmp_path / "parts.npz"
+        stop_at(117)
+        assert run(*common, "-o", parts[0], "--checkpoint", parts[1], "--every", 20) == 130
+        stop_at(173)
+        assert run("--resume", parts[1]) == 130
+        assert not parts[0].exists()
+        capfd.readouterr()
+        assert run("--resume", parts[1], "--json") == 0
+        assert summary_of(capfd) == expected
+        assert parts[0].read_bytes() == whole[0].read_bytes()
+        assert contents(read_checkpoint(parts[1]).state) == contents(read_checkpoint(whole[1]).state)
+        assert sorted(tmp_path.iterdir()) == sorted([*whole, *parts])
+
+    @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
+    def test_longer_run_than_was_planned(self, order, tmp_path, suffix):
+        whole, parts = tmp_path / f"whole{suffix}", tmp_path / f"parts{suffix}"
+        common = ["annulus", "--order", order, "--steps"]
+        assert run(*common, 60, "-o", whole) == 0
+        assert run(*common, 25, "-o", parts, "--checkpoint", tmp_path / "run.npz") == 0
+        assert run("--resume", tmp_path / "run.npz", "--duration", 0.6) == 0
+        assert not chunks_of(parts).exists()
+        assert same_frames(parts, whole) == 31
+
+
+def same_frames(one, other):
+    """Return how many frames two recordings have, which an independent reader finds equal."""
+    assert inspect_recording(one) == inspect_recording(other) == []
+    grains = [lightusd.load(str(path)).prim_at(GRAINS) for path in (one, other)]
+    for name in ("points", "velocities"):
+        ours, theirs = (prim.attribute(name) for prim in grains)
+        assert ours.timesamples.times == theirs.timesamples.times == tuple(range(len(ours.timesamples)))
+        for code in ours.timesamples.times:
+            assert np.array_equal(np.asarray(ours.get(code)), np.asarray(theirs.get(code)))
+    return len(ours.timesamples)
+
+
+class TestResumeOnce:
+    def test_finished_run_stays_as_it_is(self, tmp_path, capfd):
+        output, kept = tmp_path / "run.usdc", tmp_path / "run.npz"
+        assert run("annulus", "--steps", 30, "-o", output, "--checkpoint", kept, "--json") == 0
+        expected, before = summary_of(capfd), output.stat()
+        assert run("--resume", kept, "--json") == 0
+        assert summary_of(capfd) == expected
+        assert (output.stat().st_ino, output.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+
+    def test_both_files_may_move(self, tmp_path, stop_at, monkeypatch):
+        here, there = tmp_path / "here", tmp_path / "there"
+        here.mkdir()
+        monkeypatch.chdir(here)
+        stop_at(15)
+        assert (
+            run("annulus", "--steps", 30, "-o", "run.usdc", "--checkpoint", "run.npz", "--every", 10) == 130
+        )
+        monkeypatch.chdir(tmp_path)
+        here.rename(there)
+        assert run("--resume", there / "run.npz") == 0
+        assert sorted(path.name for path in there.iterdir()) == ["run.npz", "run.usdc"]
+        assert inspect_recording(there / "run.usdc") == []
+
+    def test_saved_state_goes_on_to_the_end_of_its_scene(self, tmp_path, capfd):
+        simulation = Simulation(scene_in("sequential").replace(duration=0.5))
+        simulation.run(steps=20)
+        simulation.save(tmp_path / "saved.npz")
+        before = (tmp_path / "saved.npz").read_bytes()
+        for options in ([], ["--checkpoint", tmp_path / "end.npz"]):
+            assert run("--resume", tmp_path / "saved.npz", "--json", *options) == 0
+            assert json.loads(capfd.readouterr().out)["steps"] == 30
+            assert (tmp_path / "saved.npz").read_bytes() == before
+        simulation.run(steps=30)
+        assert contents(read_checkpoint(tmp_path / "end.npz").state) == contents(simulation.state())
+
+    def test_checkpoint_counts_no_frame_that_is_not_on_the_disk(self, tmp_path, monkeypatch):
+        """Where frames cannot be written, the checkpoint before them stays; the run goes on from there."""
+        output, kept = tmp_path / "run.usdc", tmp_path / "run.npz"
+        append = ChunkFolder.append
+
+        def fill_the_disk(folder, first, frames):
+            if first > 10:
+                raise OSError("disk full")
+            append(folder, first, frames)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(ChunkFolder, "append", fill_the_disk)
+            options = ["-o", output, "--checkpoint", kept, "--every", 10]
+            assert run("annulus", "--steps", 60, *options) == 1
+        tally = read_checkpoint(kept).tally
+        assert (tally.steps, tally.frames) == (20, 11)
+        assert run("--resume", kept) == 0
+        assert run("annulus", "--steps", 60, "-o", tmp_path / "whole.usdc") == 0
+        assert same_frames(output, tmp_path / "whole.usdc") == 31
+
+
+class TestCommand:
+    @pytest.fixture
+    def kept(self, tmp_path):
+        """The checkpoint of a run of 30 steps that stopped after 20, with its recording."""
+        scene = scene_in("sequential").replace(duration=0.3)
+        simulation = Simulation(scene)
+        plan = Plan(steps=20, record=str(tmp_path / "run.usdc"), checkpoint=str(tmp_path / "run.npz"))
+        simulation.run(20, record=plan.record, checkpoint=plan.checkpoint)
+        start = read_checkpoint(tmp_path / "run.npz")
+        write_checkpoint(tmp_path / "run.npz", replace(start, plan=replace(start.plan, steps=30)))
+        return tmp_path / "run.npz"
+
+    @pytest.mark.parametrize(
+        ("arguments", "complaint"),
+        [
+            (["annulus"], "SCENE cannot go with --resume"),
+            (["-o", "other.usdc"], "--output cannot go with --resume"),
+            (["--fps", "0"], "--fps cannot"),
+            (["--color-by", "speed"], "--color-by cannot"),
+            (["--forces"], "--forces cannot"),
+            (["--as-spheres"], "--as-spheres cannot"),
+            (["--order", "color"], "--order cannot"),
+            (["--set", "physics.drag=0"], "--set cannot"),
+            (["--steps", "19"], "end at step 19: its checkpoint is at step 20"),
+            (["--duration", "0.1"], "end at step 10: its checkpoint is at step 20"),
+            (["--every", "0"], "every is 0"),
+            (["--checkpoint", "other.txt"], "must end in .npz"),
+        ],
+    )
+    def test_what_cannot_go_with_resume(self, kept, capfd, arguments, complaint):
+        assert run("--resume", kept, *arguments) == 2
+        self.require_one_line(capfd, complaint)
+
+    def test_recording_that_is_gone(self, kept, capfd):
+        kept.with_name("run.usdc").unlink()
+        assert run("--resume", kept) == 2
+        self.require_one_line(capfd, "run.usdc.chunks")
+
+    def test_recording_of_something_else(self, kept, tmp_path, capfd):
+        assert run("column", "--steps", 19, "-o", tmp_path / "run.usdc") == 0
+        capfd.readouterr()
+        assert run("--resume", kept) == 2
+        self.require_one_line(capfd, "no frames of this scene")
+
+    def test_what_resume_needs(self, tmp_path, capfd):
+        for arguments, complaint in (
+            ([], "SCENE is missing"),
+            (["annulus", "--every", 5], "--every needs --checkpoint"),
+            (["annulus", "--checkpoint", tmp_path / "run.usdc"], "must end in .npz"),
+            (["--resume", tmp_path / "missing.npz"], "does not exist"),
+        ):
+            assert run(*arguments) == 2
+            self.require_one_line(capfd, complaint)
+        assert list(tmp_path.iterdir()) == []
+
+    def require_one_line(self, capfd, complaint):
+        printed = capfd.readouterr()
+        assert printed.out == ""
+        assert printed.err.startswith("warpgrains: error: ")
+        assert printed.err.count("\n") == 1
+        assert complaint in printed.err
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("undisturbed")
+    for order in ORDERS:
+        output, kept = folder / f"{order}.usdc", folder / f"{order}.npz"
+        assert run("annulus", "--order", order, "--forces", "-o", output, "--checkpoint", kept) == 0
+    return folder
+
+
+class TestKilled:
+    """kill -9, then --resume: nothing tells the run from one that was never interrupted."""
+
+    def kill_and_resume(self, folder, undisturbed, order, rng):
+        output, kept = folder / "run.usdc", folder / "run.npz"
+        arguments = ["annulus", "--order", order, "--forces", "-o", output, "--checkpoint", kept]
+        process = self.start(*arguments, "--every", int(rng.integers(3, 40)))
+        kills = int(rng.integers(1, 3))
+        for _ in range(kills):
+            self.wait_for_progress(process, kept)
+            time.sleep(rng.uniform(0.0, 0.5))
+            process.send_signal(signal.SIGKILL)
+            process.wait(timeout=60)
+            process = self.start("--resume", kept)
+        assert process.wait(timeout=120) == 0
+        assert output.read_bytes() == (undisturbed / f"{order}.usdc").read_bytes()
+        expected, found = read_checkpoint(undisturbed / f"{order}.npz"), read_checkpoint(kept)
+        assert contents(found.state) == contents(expected.state)
+        assert replace(found.tally, seconds=0.0) == replace(expected.tally, seconds=0.0)
+        assert sorted(path.name for path in folder.iterdir() if path.name[0] != ".") == [
+            "run.npz",
+            "run.usdc",
+        ]
+
+    def start(self, *arguments):
+        command = [sys.executable, "-m", "warpgrains", "run", *map(str, arguments)]
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL)
+
+    def wait_for_progress(self, process, kept):
+        """Wait for a checkpoint that this process has written."""
+        before = kept.stat().st_mtime_ns if kept.exists() else None
+        while process.poll() is None and (not kept.exists() or kept.stat().st_mtime_ns == before):
+            time.sleep(0.001)
+
+    @pytest.mark.parametrize("order", ORDERS)
+    def test_resumed(self, tmp_path, undisturbed, order):
+        self.kill_and_resume(tmp_path, undisturbed, order, np.random.default_rng(1))
+
+    @pytest.mark.slow
+    def test_resumed_from_many_moments(self, tmp_path, undisturbed):
+        for seed in range(20):
+            folder = tmp_path / str(seed)
+            folder.mkdir()
+            self.kill_and_resume(folder, undisturbed, ORDERS[seed % 2], np.random.default_rng(seed))
+            shutil.rmtree(folder)
