@@ -1,0 +1,114 @@
+"""Piles at the bottom of a disc, the same on every machine; a settled one is kept for the next run.
+
+Every pile is the same one on another scale: grains of one size fill two fifths of the disc from below, on a
+hexagonal lattice a little too wide, each a little off its place, and sink in a liquid that is thick against
+dt. All lengths of a step are in radii, all times in sqrt(radius / gravity).
+"""
+
+import os
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpgrains import Scene, Simulation, State
+from warpgrains.checks import FloatArray
+from warpgrains.reports import Corrections
+
+from .timing import say
+
+ITERATIONS = 50  # of a step that is measured
+GRAVITY = 9.81  # m/s2
+FILLING = 0.4  # of the disc
+STEP = 0.03  # dt in sqrt(radius / gravity)
+THICKNESS = 0.9  # part of a velocity that drag takes in a step
+RESTING = 2e-4  # rms way in a step, in radii, below which a pile is said to rest
+
+
+@dataclass(frozen=True)
+class Pile:
+    """A pile, and the state that it has settled to."""
+
+    scene: Scene
+    state: State
+
+    @property
+    def kind(self) -> str:
+        """Whether it rests, or plain Gauss-Seidel did not bring it to rest."""
+        way = sqrt(np.mean(self.state.velocity**2) * 2.0) * self.scene.dt / self.scene.radius[0]
+        return "resting pile" if way < RESTING else "slowly creeping pile"
+
+    def simulation(self, threads: int | None = 1, **changes: Any) -> Simulation:
+        """Continue from the settled state, with lists that are past their first steps."""
+        simulation = Simulation(self.scene, threads=threads, **changes)
+        simulation.restore(self.state)
+        advance(simulation, 3)
+        return simulation
+
+
+def advance(simulation: Simulation, steps: int) -> int:
+    """Advance by so many steps; return how often contacts were swept."""
+    return sum(simulation.step().iterations for _ in range(steps))
+
+
+def settled_pile(n: int, cache: Path) -> Pile:
+    """Return a settled pile: from the cache, or made and put there."""
+    scene, file = pile(n), cache / f"pile-{n}.npz"
+    if not file.exists():
+        cache.mkdir(parents=True, exist_ok=True)
+        _save(_settle(scene), file)
+    with np.load(file) as kept:
+        corrections = Corrections(kept["pair"], kept["pair_correction"], kept["wall_correction"])
+        return Pile(scene, State(0, kept["position"], kept["velocity"], corrections))
+
+
+def pile(n: int) -> Scene:
+    """Return the pile before it settles; its steps are of so many iterations, converged or not."""
+    radius = sqrt(FILLING / n)
+    mass, dt = radius**2, STEP * sqrt(radius / GRAVITY)
+    return Scene(
+        position=_filled_disc(n, radius),
+        radius=radius,
+        mass=mass,
+        radius_out=1.0,
+        gravity=(0.0, -GRAVITY),
+        drag=THICKNESS * mass / dt,
+        dt=dt,
+        tolerance=0.0,
+        max_iterations=ITERATIONS,
+        name=f"pile of {n}",
+    )
+
+
+def _filled_disc(n: int, radius: float) -> FloatArray:
+    """Rows from the bottom up; the whole pile sinks by about a fifth of a diameter, however many they are."""
+    gap = 0.4 / sqrt(n)
+    pitch = (2.0 + gap) * radius
+    row = np.arange(int(2.0 / pitch * 2.0 / sqrt(3.0)))[:, np.newaxis]
+    column = np.arange(-int(1.0 / pitch) - 1, int(1.0 / pitch) + 2)
+    x = (column + 0.5 * (row % 2)) * pitch
+    y = np.broadcast_to(row * pitch * sqrt(3.0) / 2.0 - 1.0, x.shape)
+    position = np.column_stack([x.ravel(), y.ravel()])
+    position = position[np.hypot(*position.T) < 1.0 - 1.01 * radius][:n]
+    return position + np.random.default_rng(1).uniform(-gap / 4.0, gap / 4.0, (n, 2)) * radius
+
+
+def _settle(scene: Scene) -> State:
+    """Let a pile sink, and come to rest as far as Gauss-Seidel brings it there in reasonable time."""
+    steps = (
+        4_800 if scene.n <= 1_000 else 2_400 if scene.n <= 10_000 else 1_200 if scene.n <= 100_000 else 200
+    )
+    say(f"settling a pile of {scene.n:,}: {steps} steps")
+    simulation = Simulation(scene)
+    advance(simulation, steps)
+    return simulation.state()
+
+
+def _save(state: State, file: Path) -> None:
+    """Write a state; the file appears only when it is whole."""
+    unfinished = file.with_name(f"{file.stem}-{os.getpid()}.npz")
+    arrays = {"position": state.position, "velocity": state.velocity, **vars(state.corrections)}
+    np.savez(unfinished, **arrays)
+    unfinished.replace(file)

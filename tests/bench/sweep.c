@@ -1,0 +1,63 @@
+/* The contact iteration of kernels/sweep.py in C, on the same records: grains of one mass, no inner wall. */
+
+#include <math.h>
+
+typedef struct {
+    double x, y;
+} Vec;
+
+typedef struct {
+    Vec n;
+    double gapRate, dv;
+    int i, j;
+} Pair;
+
+typedef struct {
+    Vec n;
+    double gapRateOut, gapRateIn, dv;
+    int i;
+} Wall;
+
+static double larger(double a, double b) { return a > b ? a : b; }
+
+static double sweepPairs(int count, Pair *restrict pairs, Vec *restrict v) {
+    double zeta = 0.0;
+    for (int c = 0; c < count; c++) {
+        Pair *p = &pairs[c];
+        Vec vi = v[p->i], vj = v[p->j];
+        double vn = (vi.x - vj.x) * p->n.x + (vi.y - vj.y) * p->n.y;
+        double dv = larger(0.0, vn + p->dv - p->gapRate) - p->dv;
+        v[p->i].x = vi.x - dv * p->n.x * 0.5;
+        v[p->i].y = vi.y - dv * p->n.y * 0.5;
+        v[p->j].x = vj.x + dv * p->n.x * 0.5;
+        v[p->j].y = vj.y + dv * p->n.y * 0.5;
+        p->dv += dv;
+        zeta = larger(zeta, fabs(dv));
+    }
+    return zeta;
+}
+
+static double sweepWalls(int count, Wall *restrict walls, Vec *restrict v) {
+    double zeta = 0.0;
+    for (int c = 0; c < count; c++) {
+        Wall *w = &walls[c];
+        Vec *vi = &v[w->i];
+        double vn = vi->x * w->n.x + vi->y * w->n.y;
+        double dv = larger(0.0, vn + w->dv - w->gapRateOut) - w->dv;
+        vi->x -= dv * w->n.x;
+        vi->y -= dv * w->n.y;
+        w->dv += dv;
+        zeta = larger(zeta, fabs(dv));
+    }
+    return zeta;
+}
+
+/* So many sweeps; returns the zeta of the last. */
+double sweeps(int count, int nPairs, Pair *pairs, int nWalls, Wall *walls, Vec *velocity) {
+    double zeta = 0.0;
+    for (int k = 0; k < count; k++) {
+        zeta = sweepPairs(nPairs, pairs, velocity);
+        zeta = larger(zeta, sweepWalls(nWalls, walls, velocity));
+    }
+    return zeta;
+}

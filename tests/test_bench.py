@@ -1,0 +1,30 @@
+"""The benchmark of a step runs, and writes what its table reads. No time is asserted."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+COLUMNS = "name,n,order,threads,median,unit,compared with,its median,ratio,ratio is,target,repeats"
+
+
+def command(module: str, *arguments: object) -> str:
+    """Run a module of the benchmark, and return what it prints."""
+    line = [sys.executable, "-m", f"tests.bench.{module}", *map(str, arguments)]
+    done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the benchmark reads /proc")
+def test_benchmark_of_a_step(tmp_path: Path) -> None:
+    file = tmp_path / "step.csv"
+    command("step", "--largest", 60, "--repeats", 1, "--cache", tmp_path, "-o", file)
+    head, *rows = file.read_text().splitlines()
+    assert head == COLUMNS
+    assert len(rows) == 14
+    table = command("table", file).splitlines()
+    assert len(table) == 2 + len(rows)
+    assert len({text.count("|") for text in table}) == 1
