@@ -4,9 +4,9 @@ from time import perf_counter
 
 import numpy as np
 import warp as wp
-from warpgrains.kernels.data import DRIFT, ITERATIONS, MISSED, WATCHING, ZETA
 
 from warpgrains import Scene, Simulation
+from warpgrains.kernels.data import DRIFT, ITERATIONS, MISSED, WATCHING, ZETA
 from warpgrains.solver import paying_threads
 
 VEC = ("<f8", (2,))
