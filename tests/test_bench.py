@@ -21,7 +21,7 @@ def command(module: str, *arguments: object) -> str:
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the benchmark reads /proc")
 def test_benchmark_of_a_step(tmp_path: Path) -> None:
     file = tmp_path / "step.csv"
-    command("step", "--largest", 60, "--repeats", 1, "--cache", tmp_path, "-o", file)
+    command("step", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "-o", file)
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
     assert len(rows) == 14

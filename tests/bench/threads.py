@@ -38,7 +38,7 @@ def _compare(n: int, order: str, options: Options) -> Iterator[dict[str, str]]:
 
 
 def _ms_a_step(simulation: Simulation) -> float:
-    steps = min(max(5, 100_000 // simulation.scene.n), 500)
+    steps = min(max(5, 100_000 // simulation.scene.n), 100)
     return seconds(partial(advance, simulation, steps)) / steps * 1e3
 
 
