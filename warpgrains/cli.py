@@ -68,6 +68,13 @@ def _parser() -> argparse.ArgumentParser:
             description="Make a file of what a killed run recorded. To finish the run: run --resume.",
         )
     )
+    _add_plot(
+        subparsers.add_parser(
+            "plot",
+            help="draw frames and curves of a recording",
+            description="Draw frames of a recording side by side, and energy, height and contacts over time.",
+        )
+    )
     return parser
 
 
@@ -129,3 +136,27 @@ def _add_check(parser: argparse.ArgumentParser) -> None:
 def _add_recover(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(command=commands.recover)
     parser.add_argument("folder", metavar="DIR", help="the run's chunks, such as run.usdc.chunks")
+
+
+def _add_plot(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(command=commands.plot)
+    parser.add_argument("file", metavar="FILE", help="the recording, a USD file")
+    parser.add_argument(
+        "-o", "--output", metavar="PNG", help="picture, .png, .pdf or .svg (default: FILE with .png)"
+    )
+    parser.add_argument(
+        "--frames",
+        type=_whole_numbers,
+        metavar="N,N,...",
+        help="frames to draw, from 0; -1 is the last (default: five, evenly spaced)",
+    )
+    parser.add_argument(
+        "--no-curves", dest="curves", action="store_false", help="draw nothing but the frames"
+    )
+
+
+def _whole_numbers(text: str) -> list[int]:
+    try:
+        return [int(word) for word in text.split(",")]
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 0,20,-1") from None

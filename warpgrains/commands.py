@@ -1,6 +1,9 @@
 """What the subcommands do. Each returns whether something is wrong; heavy imports wait until one runs."""
 
 from argparse import Namespace
+from pathlib import Path
+
+from warpgrains.errors import SceneError
 
 
 def run(arguments: Namespace) -> bool:
@@ -26,4 +29,16 @@ def recover(arguments: Namespace) -> bool:
 
     path, frames = recover(arguments.folder)
     print(f"{path}: {frames} frames")
+    return False
+
+
+def plot(arguments: Namespace) -> bool:
+    """Draw a recording."""
+    try:
+        from warpgrains.plotting import plot
+    except ModuleNotFoundError as error:
+        raise SceneError(f"plot needs {error.name}: pip install 'warpgrains[report]'") from error
+    output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
+    numbers = plot(arguments.file, output, arguments.frames, arguments.curves)
+    print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False

@@ -1,0 +1,259 @@
+"""Pictures of recordings: radii, walls, colors and force chains, held against the state pixel by pixel."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from recordings import RADIUS, make_contacts, make_frames, make_scene, record
+
+from warpgrains import SceneError
+from warpgrains.appearance import Frame, GrainColors
+from warpgrains.cli import main
+from warpgrains.curves import measure
+from warpgrains.plotting import plot
+from warpgrains.recording import Recorder
+from warpgrains.usd_reader import RecordingReader
+
+WHITE = np.ones(3)
+WALL = np.full(3, 0.35)
+CHAIN = np.array([200, 25, 30]) / 255
+DOWN = np.array([1.0, -1.0])
+
+
+class Picture:
+    """A picture of one frame whose outer wall has radius 2 m and thickness 0.04 m."""
+
+    def __init__(self, path):
+        self.pixels = imread(path)[:, :, :3]
+        row, column = np.nonzero(np.abs(self.pixels - WALL).max(axis=2) < 0.02)
+        width = np.ptp(column) + 1
+        self.center = np.array([column.min(), row.max() + 1 - width]) + width / 2.0  # above is the title
+        self.scale = width / (2.0 * 2.04)
+
+    def at(self, place):
+        """Return the color of the pixel at a place [m]."""
+        column, row = (self.center + self.scale * DOWN * place).astype(int)
+        return self.pixels[row, column]
+
+    def shows(self, color, place):
+        return bool(np.abs(self.at(place) - color).max() < 0.02)
+
+
+@pytest.fixture
+def frames():
+    """Five grains that touch nothing, in three frames."""
+    angle = np.linspace(0.0, 6.0, 5)[:, np.newaxis] + np.arange(3)[:, np.newaxis, np.newaxis]
+    position = 1.2 * np.concatenate([np.cos(angle), np.sin(angle)], axis=2)
+    return np.stack([position, make_frames(3)[:, 1]], axis=1)
+
+
+@pytest.fixture
+def recording(tmp_path, frames):
+    return record(tmp_path / "run.usdc", frames)
+
+
+def draw(recording, frame, **options):
+    path = recording.with_suffix(".png")
+    plot(recording, path, [frame], **{"curves": False} | options)
+    return Picture(path)
+
+
+AROUND = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.pi / 8)], axis=1)
+
+
+class TestFrame:
+    @pytest.mark.parametrize("options", [{}, {"as_spheres": True}, {"color_by": "speed"}])
+    def test_grains_have_their_places_radii_and_colors(self, tmp_path, frames, options):
+        recording = record(tmp_path / "run.usdc", frames, **options)
+        for number, (position, _) in enumerate(frames):
+            picture = draw(recording, number)
+            colors = RecordingReader(recording).color(number)
+            for place, radius, color in zip(position, RADIUS, colors, strict=True):
+                edge = 2.0 / picture.scale  # half an outline, and a pixel that is partly covered
+                for direction in AROUND:
+                    assert picture.shows(color, place + (radius - edge) * direction)
+                    assert picture.shows(WHITE, place + (radius + edge) * direction)
+
+    def test_walls_stand_where_the_scene_says(self, recording):
+        picture = draw(recording, 0)
+        edge = 2.0 / picture.scale  # half an outline, and a pixel that is partly covered
+        for direction in AROUND:
+            for wall, inside in ((2.0, -1.0), (0.5, 1.0)):
+                assert picture.shows(WALL, (wall - inside * edge) * direction)
+                assert picture.shows(WHITE, (wall + inside * edge) * direction)
+            assert picture.shows(WHITE, 0.3 * direction)
+
+    def test_no_inner_wall(self, tmp_path, frames):
+        picture = draw(record(tmp_path / "run.usdc", frames, make_scene(radius_in=0.0)), 0)
+        assert all(picture.shows(WHITE, 0.49 * direction) for direction in AROUND)
+
+    def test_colors_are_those_of_the_palette(self, recording):
+        """The file holds linear values, a screen takes encoded ones."""
+        first_two = RecordingReader(recording).color(0)[:2]
+        assert np.allclose(first_two, [(0.90, 0.62, 0.00), (0.34, 0.71, 0.91)], atol=1e-6)
+
+    def test_colors_that_change_are_those_of_the_frame(self, tmp_path, frames):
+        reader = RecordingReader(record(tmp_path / "run.usdc", frames, color_by="speed"))
+        for number, frame in enumerate(frames):
+            linear = ((reader.color(number) + 0.055) / 1.055) ** 2.4
+            assert np.allclose(linear, GrainColors(make_scene(), "speed").of(Frame(*frame)), atol=1e-3)
+
+    def test_force_chains(self, tmp_path, frames):
+        scene = make_scene(gravity=(0.0, -1.0))
+        recording = record(tmp_path / "run.usdc", frames, scene, forces=True)
+        without = record(tmp_path / "without.usdc", frames, scene)
+        for number, (position, _) in enumerate(frames):
+            with_chains, plain = draw(recording, number), draw(without, number)
+            contacts, _ = make_contacts(number)
+            for (i, j), force in zip(contacts.pair, contacts.force, strict=True):
+                middle = (position[i] + position[j]) / 2.0
+                assert with_chains.shows(CHAIN, middle) == (force > 0.0)
+                assert not plain.shows(CHAIN, middle)
+
+    def test_force_chains_are_as_wide_as_in_the_file(self, tmp_path, frames):
+        recording = record(tmp_path / "run.usdc", frames, make_scene(gravity=(0.0, -1.0)), forces=True)
+        picture, chains = draw(recording, 1), RecordingReader(recording).chains(1)
+        for (start, end), width in zip(chains.ends, chains.width, strict=True):
+            along = (end - start) / np.linalg.norm(end - start)
+            across = np.array([-along[1], along[0]])
+            places = (start + end) / 2.0 + np.linspace(-0.1, 0.1, 4001)[:, np.newaxis] * across
+            shown = np.mean([picture.shows(CHAIN, place) for place in places]) * 0.2
+            assert shown == pytest.approx(width, abs=2.5 / picture.scale)
+
+
+class TestStrip:
+    def test_five_frames_evenly_spaced(self, tmp_path):
+        recording = record(tmp_path / "run.usdc", make_frames(41))
+        assert plot(recording, tmp_path / "run.png") == [0, 10, 20, 30, 40]
+
+    def test_all_frames_of_a_short_recording(self, tmp_path):
+        assert plot(record(tmp_path / "a.usdc", make_frames(3)), tmp_path / "a.png") == [0, 1, 2]
+        assert plot(record(tmp_path / "b.usdc", make_frames(1)), tmp_path / "b.png") == [0]
+
+    def test_frames_asked_for(self, recording, tmp_path):
+        assert plot(recording, tmp_path / "run.png", [-1, 0, 1, -3, 2, 2, 0]) == [2, 0, 1, 0, 2, 2, 0]
+
+    @pytest.mark.parametrize("frame", [3, -4])
+    def test_frames_that_are_not_there(self, recording, tmp_path, frame):
+        with pytest.raises(SceneError, match=f"no frame {frame}: the recording has 3, from 0 to 2"):
+            plot(recording, tmp_path / "run.png", [0, frame])
+
+    def test_chunks_of_a_run_that_goes_on(self, tmp_path, frames):
+        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 60)
+        for frame in frames:
+            recorder.record(*frame)
+            recorder.flush()
+        assert plot(recorder.chunks / "root.usda", tmp_path / "run.png") == [0, 1, 2]
+
+
+class TestCurves:
+    def test_energy_height_and_contacts(self, tmp_path, frames):
+        recording = record(tmp_path / "run.usdc", frames, make_scene(gravity=(0.0, -1.0)), forces=True)
+        reader = RecordingReader(recording)
+        energy, height, contacts = measure(reader).values()
+        position, velocity = frames[:, 0], frames[:, 1]
+        assert energy == pytest.approx((velocity**2).sum(axis=2).mean(axis=1) / 2.0, rel=1e-6)
+        assert height == pytest.approx(position[:, :, 1].mean(axis=1), rel=1e-6)
+        assert contacts.tolist() == [5, 5, 5]
+        assert reader.time.tolist() == pytest.approx([0.0, 0.02, 0.04])
+
+    def test_contacts_only_where_forces_were_recorded(self, recording):
+        assert len(measure(RecordingReader(recording))) == 2
+
+    def test_are_drawn_below_the_frames(self, recording):
+        picture = recording.with_suffix(".svg")
+        for curves in (True, False):
+            plot(recording, picture, curves=curves)
+            for title in ("kinetic energy per mass [J/kg]", "mean height [m]"):
+                assert (title in picture.read_text()) == curves
+
+
+class TestFile:
+    @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+    def test_kinds(self, recording, suffix):
+        plot(recording, recording.with_suffix(suffix))
+        start = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}[suffix]
+        assert recording.with_suffix(suffix).read_bytes().startswith(start)
+        assert len(list(recording.parent.iterdir())) == 2
+
+    @pytest.mark.parametrize("name", ["run.gif", "run", "no/run.png", "folder.png"])
+    def test_bad_place(self, recording, tmp_path, name):
+        (tmp_path / "folder.png").mkdir()
+        with pytest.raises(SceneError, match=r"must end in|cannot be written|is a folder"):
+            plot(recording, tmp_path / name)
+        assert sorted(tmp_path.iterdir()) == [tmp_path / "folder.png", recording]
+
+    def test_earlier_picture_stays_if_the_new_one_fails(self, recording, monkeypatch):
+        path = recording.with_suffix(".png")
+        path.write_bytes(b"earlier")
+
+        def fail(figure, file, **options):
+            file.write_bytes(b"half")
+            raise OSError("disk full")
+
+        monkeypatch.setattr("matplotlib.figure.Figure.savefig", fail)
+        with pytest.raises(OSError, match="disk full"):
+            plot(recording, path)
+        assert path.read_bytes() == b"earlier"
+        assert sorted(recording.parent.iterdir()) == [path, recording]
+
+
+class TestCommand:
+    def test_draws_beside_the_recording(self, recording, capsys):
+        assert main(["plot", str(recording), "--frames", "0,-1"]) == 0
+        assert capsys.readouterr().out == f"{recording.with_suffix('.png')}: frames 0, 2\n"
+        assert recording.with_suffix(".png").exists()
+
+    def test_options(self, recording, tmp_path, capsys):
+        assert (
+            main(["plot", str(recording), "-o", str(tmp_path / "a.svg"), "--frames", "1", "--no-curves"]) == 0
+        )
+        assert capsys.readouterr().out == f"{tmp_path / 'a.svg'}: frame 1\n"
+        assert "mean height" not in (tmp_path / "a.svg").read_text()
+
+    @pytest.mark.parametrize(
+        ("arguments", "complaint"),
+        [
+            (["missing.usdc"], "'missing.usdc' does not exist"),
+            (["{text}"], "is not a USD file that can be read"),
+            (["{empty}"], "holds no grains"),
+            (["{run}", "--frames", "0,x"], "'0,x' is not a list of whole numbers"),
+            (["{run}", "--frames", "7"], "there is no frame 7"),
+            (["{run}", "-o", "picture.gif"], "must end in .png, .pdf, .svg"),
+        ],
+    )
+    def test_bad_input_is_one_line(self, recording, tmp_path, capsys, arguments, complaint):
+        files = {"run": recording, "text": tmp_path / "text.usdc", "empty": tmp_path / "empty.usda"}
+        files["text"].write_text("no stage")
+        files["empty"].write_text("#usda 1.0\n")
+        self.require_one_line(["plot", *(word.format(**files) for word in arguments)], capsys, complaint)
+
+    def test_without_matplotlib(self, recording, monkeypatch, capsys):
+        monkeypatch.delitem(sys.modules, "warpgrains.plotting")
+        monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
+        complaint = "plot needs matplotlib.axes: pip install 'warpgrains[report]'"
+        self.require_one_line(["plot", str(recording)], capsys, complaint)
+
+    def require_one_line(self, arguments, capsys, complaint):
+        try:
+            code = main(arguments)
+        except SystemExit as exit:
+            code = exit.code
+        printed = capsys.readouterr()
+        assert (code, printed.out) == (2, "")
+        assert printed.err.startswith("warpgrains: error: ")
+        assert printed.err.count("\n") == 1
+        assert complaint in printed.err
+
+    def test_needs_no_window_system(self, recording):
+        script = (
+            "import sys\nfrom warpgrains.cli import main\n"
+            f"main(['plot', {str(recording)!r}])\n"
+            "print({'matplotlib.pyplot', 'tkinter', 'warp'} & sys.modules.keys())"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, check=True, env={}
+        )
+        assert done.stdout.splitlines()[-1] == "set()"
