@@ -158,6 +158,19 @@ def test_length_of_a_run(scene, capfd, arguments, steps):
     assert json.loads(capfd.readouterr().out)["steps"] == steps
 
 
+def test_what_the_frames_show(scene, tmp_path):
+    from pxr import Usd
+
+    output = tmp_path / "out.usda"
+    assert exit_code("run", scene, "-o", output, "--forces", "--as-spheres", "--color-by", "speed") == 0
+    stage = Usd.Stage.Open(str(output))
+    grains = stage.GetPrimAtPath("/World/Grains")
+    assert grains.GetTypeName() == "PointInstancer"
+    assert stage.GetPrimAtPath("/World/Forces").GetTypeName() == "BasisCurves"
+    assert grains.GetAttribute("primvars:displayColor").GetNumTimeSamples() == 6
+    assert exit_code("run", scene, "-o", tmp_path / "other.usda", "--color-by", "taste") == 2
+
+
 def test_json_is_all_there_is_on_stdout(tmp_path):
     output = tmp_path / "annulus.usdc"
     process = command("run", "annulus", "-o", output, "--json", "--steps", "50")

@@ -110,6 +110,17 @@ class TestResumeOnce:
         assert summary_of(capfd) == expected
         assert (output.stat().st_ino, output.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
 
+    def test_frames_of_a_stopped_run_become_a_file(self, tmp_path, stop_at, capfd):
+        output = tmp_path / "run.usdc"
+        stop_at(15)
+        options = ["-o", output, "--checkpoint", tmp_path / "run.npz", "--every", 5, "--fps", 100]
+        assert run("annulus", *options) == 130
+        capfd.readouterr()
+        assert main(["recover", str(chunks_of(output))]) == 0
+        assert capfd.readouterr().out == f"{output}: 16 frames\n"
+        assert inspect_recording(output) == []
+        assert main(["recover", str(output)]) == 2
+
     def test_both_files_may_move(self, tmp_path, stop_at, monkeypatch):
         here, there = tmp_path / "here", tmp_path / "there"
         here.mkdir()
