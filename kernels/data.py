@@ -74,6 +74,7 @@ class Progress:
     """How far the step is, and what it reports. CPU workers keep their parts of a maximum apart."""
 
     iterating: wp.array(dtype=wp.int32)  # whether to iterate on
+    checking: wp.array(dtype=wp.int32)  # whether the residual is asked for
     accepted: wp.array(dtype=wp.int32)  # whether the attempt solved the step
     zeta: wp.array(dtype=f64)  # by worker, of the iteration under way
     residual: wp.array(dtype=f64)  # by worker

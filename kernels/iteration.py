@@ -28,11 +28,16 @@ from .variant import Variant
 f64 = wp.float64
 
 
+CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
+NEARLY = wp.constant(f64(2.0))  # times the tolerance: a zeta from which the residual is worth a check
+
+
 @wp.struct
 class Stop:
     """When to stop iterating, and when a sweep is calm enough not to be watched."""
 
-    tolerance: f64  # on zeta [m/s]
+    on_residual: wp.int32  # whether the tolerance is on the residual, or on zeta
+    tolerance: f64  # [m/s]
     max_iterations: wp.int32
     calm: f64  # change of a grain's velocity that need not be watched, in slacks [1/s]
 
@@ -44,29 +49,57 @@ def is_power_of_two(number: int) -> bool:
 
 
 @wp.func
-def decide_after_iteration(watch: Watch, progress: Progress, stop: Stop):
-    """Gather zeta; stop after the first iteration with zeta <= tolerance, or at max_iterations.
-
-    The next sweep is watched if the last one was not calm; when unwatched ones have added up, all grains are
-    looked at. An attempt in which a contact may have been missing is given up, but not at once, so that it
-    shows how far all grains must reach.
-    """
+def gather_zeta(progress: Progress) -> f64:
+    """The largest |dv| of the iteration, over all workers."""
     zeta = f64(0.0)
     for slot in range(progress.zeta.shape[0]):
         zeta = wp.max(zeta, progress.zeta[slot])
         progress.zeta[slot] = f64(0.0)
-    iterations = progress.report[ITERATIONS] + f64(1.0)
-    progress.report[ITERATIONS] = iterations
     progress.report[ZETA] = zeta
-    progress.iterating[0] = 0 if zeta <= stop.tolerance or iterations >= f64(stop.max_iterations) else 1
-    if watch.flag[MISSED] != 0 and is_power_of_two(int(iterations)):
+    return zeta
+
+
+@wp.func
+def decide_after_iteration(watch: Watch, progress: Progress, stop: Stop, zeta: f64, undone: int):
+    """Stop after the first iteration with zeta <= tolerance, or at max_iterations; or ask for the residual.
+
+    An attempt in which a contact may have been missing is given up, but not at once, so that it shows how far
+    all grains must reach.
+    """
+    iterations = int(progress.report[ITERATIONS]) + 1
+    progress.report[ITERATIONS] = f64(iterations)
+    progress.iterating[0] = 1 if iterations < stop.max_iterations else 0
+    progress.checking[0] = 0
+    if stop.on_residual != 0:
+        sparse = iterations == 1 or iterations % CHECK_EVERY == 0
+        if undone == 0 and sparse and zeta <= NEARLY * stop.tolerance:
+            progress.checking[0] = 1
+    elif undone == 0 and zeta <= stop.tolerance:
         progress.iterating[0] = 0
+    if watch.flag[MISSED] != 0 and is_power_of_two(iterations):
+        progress.iterating[0] = 0
+
+
+@wp.func
+def decide_after_check(progress: Progress, stop: Stop):
+    """Stop on residual <= tolerance."""
+    residual = f64(0.0)
+    for slot in range(progress.residual.shape[0]):
+        residual = wp.max(residual, progress.residual[slot])
+        progress.residual[slot] = f64(0.0)
+    if residual <= stop.tolerance:
+        progress.iterating[0] = 0
+
+
+@wp.func
+def decide_what_to_watch(watch: Watch, stop: Stop, zeta: f64, always_look: bool):
+    """Watch the next sweep if the last was not calm; look at all grains when unwatched ones have added up."""
     change = watch.scalar[INFLUENCE] * zeta
+    calm = stop.calm * watch.scalar[SLACK]
     if watch.flag[WATCHING] == 0:
         watch.scalar[DRIFT] = watch.scalar[DRIFT] + change
-    calm = stop.calm * watch.scalar[SLACK]
     watch.flag[WATCHING] = 1 if change > calm else 0
-    watch.flag[LOOK] = 1 if watch.scalar[DRIFT] > calm else 0
+    watch.flag[LOOK] = 1 if always_look or watch.scalar[DRIFT] > calm else 0
     if watch.flag[LOOK] != 0:
         watch.scalar[LOOK_DRIFT] = watch.scalar[DRIFT]
         watch.scalar[DRIFT] = f64(0.0)
@@ -96,6 +129,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
     def judge(watch: Watch, progress: Progress):
         """Accept the step only if it is sound to the end."""
         progress.accepted[0] = is_sound(watch)
+        progress.checking[0] = 1
         progress.report[ACCEPTED] = f64(progress.accepted[0])
 
     @wp.kernel(module=variant.module)

@@ -1,10 +1,10 @@
-"""The error of a solve, defined once and the same for every method and order: the natural residual
+"""The error of a solve, defined once and the same for every method and order: the natural residual.
 
     eta = max over contacts of | max(0, dv_c + vn - gap/dt) - dv_c |,
 
-both walls apart, for the velocities that the corrections make of the free ones. These velocities are the exact
-solution of a step whose gaps are changed by at most dt * eta: a contact that carries dv_c > 0 has vn = gap/dt to
-within eta, one that does not has vn <= gap/dt + eta.
+both walls apart, for the velocities that the corrections make of the free ones. These velocities are the
+exact solution of a step whose gaps are changed by at most dt * eta: a contact that carries dv_c > 0 has
+vn = gap/dt to within eta, one that does not has vn <= gap/dt + eta.
 """
 
 from functools import cache
@@ -79,7 +79,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
 
     @wp.func
     def measure(crew: Crew, tid: int, grains: Grains, contacts: Contacts) -> f64:
-        """This worker's part of eta; CPU workers meet between the stages."""
+        """Part of eta of this worker; CPU workers meet between the stages."""
         free_share(crew, tid, grains)
         meet(crew)
         for group in range(contacts.count[GROUPS]):
@@ -99,28 +99,31 @@ def kernels(variant: Variant) -> SimpleNamespace:
         progress.residual[slot] = measure(crew, wp.tid(), grains, contacts)
 
     @wp.kernel(module=variant.module)
-    def begin_rebuild(crew: Crew, grains: Grains):
+    def begin_rebuild(crew: Crew, grains: Grains, progress: Progress):
         """First launch of eta on a GPU."""
-        free_share(crew, wp.tid(), grains)
+        if progress.checking[0] != 0:
+            free_share(crew, wp.tid(), grains)
 
     @wp.kernel(module=variant.module)
-    def rebuild_pairs(crew: Crew, grains: Grains, contacts: Contacts, group: int):
+    def rebuild_pairs(crew: Crew, grains: Grains, contacts: Contacts, progress: Progress, group: int):
         """Launch of one group on a GPU."""
-        if group < contacts.count[GROUPS]:
+        if progress.checking[0] != 0 and group < contacts.count[GROUPS]:
             rebuild_group(crew, wp.tid(), grains, contacts, group)
 
     @wp.kernel(module=variant.module)
-    def finish_rebuild(crew: Crew, grains: Grains, contacts: Contacts):
+    def finish_rebuild(crew: Crew, grains: Grains, contacts: Contacts, progress: Progress):
         """Launch of the walls on a GPU."""
-        rebuild_walls(crew, wp.tid(), grains, contacts)
+        if progress.checking[0] != 0:
+            rebuild_walls(crew, wp.tid(), grains, contacts)
 
     @wp.kernel(module=variant.module)
     def find_worst(crew: Crew, grains: Grains, contacts: Contacts, progress: Progress):
         """Last launch of eta on a GPU."""
-        worst = worst_of_walls(crew, wp.tid(), grains, contacts)
-        for group in range(contacts.count[GROUPS]):
-            worst = wp.max(worst, worst_of_group(crew, wp.tid(), grains, contacts, group))
-        wp.atomic_max(progress.residual, slot_of(crew, wp.tid(), progress.residual.shape[0]), worst)
+        if progress.checking[0] != 0:
+            worst = worst_of_walls(crew, wp.tid(), grains, contacts)
+            for group in range(contacts.count[GROUPS]):
+                worst = wp.max(worst, worst_of_group(crew, wp.tid(), grains, contacts, group))
+            wp.atomic_max(progress.residual, slot_of(crew, wp.tid(), progress.residual.shape[0]), worst)
 
     return SimpleNamespace(
         measure=measure,

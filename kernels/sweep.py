@@ -6,20 +6,17 @@ from types import SimpleNamespace
 import warp as wp
 
 from . import law
-from .crew import Crew, meet, share, slot_of
+from .crew import Crew, meet, share
 from .data import (
     GROUPS,
-    LOOK,
     WALLS,
     WATCHING,
     Contacts,
     Grains,
-    Progress,
     Watch,
 )
-from .iteration import Stop, decide_after_iteration
 from .variant import Variant
-from .watch import look_again, watch_grain
+from .watch import watch_grain
 
 f64 = wp.float64
 
@@ -99,37 +96,35 @@ def kernels(variant: Variant) -> SimpleNamespace:
 
     @wp.func
     def sweep_group(
-        crew: Crew, tid: int, velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, watch: Watch, group: int
+        crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch, group: int
     ) -> f64:
         """Correct this worker's share of the pairs of a group. Returns the largest |dv|."""
         largest = f64(0.0)
         begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
         if watch.flag[WATCHING] == 0:
             for c in range(begin, end):
-                largest = wp.max(largest, correct_pair(velocity, contacts, c))
+                largest = wp.max(largest, correct_pair(grains.next_velocity, contacts, c))
         else:
             for c in range(begin, end):
-                change = correct_pair(velocity, contacts, c)
+                change = correct_pair(grains.next_velocity, contacts, c)
                 if change > f64(0.0):
                     largest = wp.max(largest, change)
                     i = contacts.pairs[c].i
-                    watch_grain(velocity_of(velocity, i), watch, i)
+                    watch_grain(velocity_of(grains.next_velocity, i), watch, i)
                     j = contacts.pairs[c].j
-                    watch_grain(velocity_of(velocity, j), watch, j)
+                    watch_grain(velocity_of(grains.next_velocity, j), watch, j)
         return largest
 
     @wp.func
-    def sweep_all_walls(
-        crew: Crew, tid: int, velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, watch: Watch
-    ) -> f64:
+    def sweep_all_walls(crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch) -> f64:
         """Correct this worker's share of the grains that may reach a wall. Returns the largest |dv|."""
         largest = f64(0.0)
         begin, end = share(crew, tid, 0, contacts.count[WALLS])
         for c in range(begin, end):
-            largest = wp.max(largest, correct_wall(velocity, contacts, c))
+            largest = wp.max(largest, correct_wall(grains.next_velocity, contacts, c))
             if watch.flag[WATCHING] != 0:
                 i = contacts.walls[c].i
-                watch_grain(velocity[i], watch, i)
+                watch_grain(grains.next_velocity[i], watch, i)
         return largest
 
     @wp.kernel(module=variant.module)
@@ -158,59 +153,11 @@ def kernels(variant: Variant) -> SimpleNamespace:
             contacts.wall_dv_start[c] = wall.dv
             grains.next_velocity[wall.i] = grains.next_velocity[wall.i] - wall.dv * n
 
-    @wp.kernel(module=variant.module)
-    def sweep_pairs(
-        crew: Crew, grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, group: int
-    ):
-        """Correct the pairs of one group: a GPU's launch."""
-        if group < contacts.count[GROUPS]:
-            largest = sweep_group(crew, wp.tid(), grains.next_velocity, contacts, watch, group)
-            wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), largest)
-
-    @wp.kernel(module=variant.module)
-    def sweep_walls(crew: Crew, grains: Grains, contacts: Contacts, watch: Watch, progress: Progress):
-        """Correct every grain that may reach a wall: a GPU's launch."""
-        largest = sweep_all_walls(crew, wp.tid(), grains.next_velocity, contacts, watch)
-        wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), largest)
-
-    @wp.kernel(module=variant.module)
-    def decide(watch: Watch, progress: Progress, stop: Stop):
-        """Whether to go on after an iteration: a GPU's launch."""
-        decide_after_iteration(watch, progress, stop)
-
-    @wp.kernel(module=variant.module)
-    def look(crew: Crew, grains: Grains, watch: Watch):
-        """Look at all grains where unwatched changes have added up: a GPU's launch."""
-        if watch.flag[LOOK] != 0:
-            look_again(grains.next_velocity, watch, crew, wp.tid())
-
-    @wp.kernel(module=variant.module)
-    def iterate(crew: Crew, grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, stop: Stop):
-        """The contact iteration on a CPU, whole: its workers meet after every group and every iteration."""
-        tid = wp.tid()
-        slot = slot_of(crew, tid, progress.zeta.shape[0])
-        while progress.iterating[0] != 0:
-            zeta = f64(0.0)
-            for group in range(contacts.count[GROUPS]):
-                zeta = wp.max(zeta, sweep_group(crew, tid, grains.next_velocity, contacts, watch, group))
-                meet(crew)
-            zeta = wp.max(zeta, sweep_all_walls(crew, tid, grains.next_velocity, contacts, watch))
-            progress.zeta[slot] = zeta
-            meet(crew)
-            if slot == 0:
-                decide_after_iteration(watch, progress, stop)
-            meet(crew)
-            if watch.flag[LOOK] != 0:
-                look_again(grains.next_velocity, watch, crew, tid)
-                meet(crew)
-
     return SimpleNamespace(
+        weights_of=weights_of,
         apply_pair=apply_pair,
+        sweep_group=sweep_group,
+        sweep_all_walls=sweep_all_walls,
         start_pairs=start_pairs,
         start_walls=start_walls,
-        sweep_pairs=sweep_pairs,
-        sweep_walls=sweep_walls,
-        decide=decide,
-        look=look,
-        iterate=iterate,
     )

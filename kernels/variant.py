@@ -16,6 +16,7 @@ class Variant:
     inner_wall: bool
     distinct_radii: bool
     distinct_masses: bool
+    accelerated: bool
 
     @property
     def module(self) -> wp.Module:

@@ -69,12 +69,18 @@ def watch_grain(velocity: wp.vec2d, watch: Watch, i: int):
 
 
 @wp.func
+def look_at(velocity: wp.vec2d, watch: Watch, i: int):
+    """Take what grain i may have reached unwatched, on the way to this velocity, into its peak."""
+    peak = wp.length(strayed_velocity(velocity, watch, i)) + watch.scalar[LOOK_DRIFT]
+    watch.peak[i] = wp.max(watch.peak[i], peak * peak)
+
+
+@wp.func
 def look_again(velocity: wp.array(dtype=wp.vec2d), watch: Watch, crew: Crew, tid: int):
-    """Take what this worker's grains may have reached unwatched into their peaks."""
+    """Look at this worker's share of the grains."""
     begin, end = share(crew, tid, 0, velocity.shape[0])
     for i in range(begin, end):
-        peak = wp.length(strayed_velocity(velocity[i], watch, i)) + watch.scalar[LOOK_DRIFT]
-        watch.peak[i] = wp.max(watch.peak[i], peak * peak)
+        look_at(velocity[i], watch, i)
 
 
 @cache

@@ -1,6 +1,7 @@
 """Groups of contacts: no two that share a grain, every contact once, and levels in the sequential order."""
 
 from collections.abc import Callable
+from dataclasses import fields
 from itertools import pairwise
 
 import graphs
@@ -14,7 +15,7 @@ from warpgrains.kernels.detect import Rows
 from warpgrains.kernels.variant import Variant
 from warpgrains.reports import IntArray
 
-KERNELS = order.kernels(Variant(False, False, False, False, False))
+KERNELS = order.kernels(Variant(*[False] * len(fields(Variant))))
 ONE_WINDOW = np.iinfo(np.int32).max
 
 GRAPHS = {

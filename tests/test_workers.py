@@ -5,18 +5,18 @@ import pytest
 
 from warpgrains import Scene, Simulation, State, contacts, solver
 from warpgrains.replay import Replay
-from warpgrains.scene import ORDERS
+from warpgrains.scene import METHODS, ORDERS
 
 STEPS = 60
 
 
-def scene(order: str) -> Scene:
+def scene(order: str, method: str = "gauss-seidel") -> Scene:
     """Return eighty grains of many sizes that fall, knock and settle."""
-    return Scene.load("polydisperse", [f"solver.order={order}", "solver.max_iterations=100"])
+    return Scene.load("polydisperse").replace(order=order, method=method, max_iterations=100)
 
 
-def final_state(order: str, **options: int) -> State:
-    simulation = Simulation(scene(order), **options)
+def final_state(order: str, method: str = "gauss-seidel", **options: int) -> State:
+    simulation = Simulation(scene(order, method), **options)
     simulation.run(steps=STEPS)
     return simulation.state()
 
@@ -26,9 +26,14 @@ def order(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
+@pytest.fixture(scope="module", params=METHODS)
+def method(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def expected(order: str) -> State:
-    return final_state(order, threads=1)
+def expected(order: str, method: str) -> State:
+    return final_state(order, method, threads=1)
 
 
 def assert_same_bits(state: State, expected: State) -> None:
@@ -40,15 +45,15 @@ def assert_same_bits(state: State, expected: State) -> None:
 
 
 @pytest.mark.parametrize("threads", [2, 3])
-def test_threads(order: str, expected: State, threads: int) -> None:
-    assert_same_bits(final_state(order, threads=threads), expected)
+def test_threads(order: str, method: str, expected: State, threads: int) -> None:
+    assert_same_bits(final_state(order, method, threads=threads), expected)
 
 
 def test_a_launch_for_every_group_as_on_a_gpu(
-    order: str, expected: State, monkeypatch: pytest.MonkeyPatch
+    order: str, method: str, expected: State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Replay, "by_group", True)
-    assert_same_bits(final_state(order, threads=1), expected)
+    assert_same_bits(final_state(order, method, threads=1), expected)
 
 
 @pytest.fixture(scope="module")
@@ -74,10 +79,10 @@ def test_every_sweep_is_watched(expected_in_sequence: State, monkeypatch: pytest
     assert_same_bits(final_state("sequential", threads=1), expected_in_sequence)
 
 
-def test_a_restored_state_continues_as_if_nothing_had_been(order: str, expected: State) -> None:
-    first = Simulation(scene(order), threads=1)
+def test_a_restored_state_continues_as_if_nothing_had_been(order: str, method: str, expected: State) -> None:
+    first = Simulation(scene(order, method), threads=1)
     first.run(steps=STEPS // 2)
-    second = Simulation(scene(order), threads=1)
+    second = Simulation(scene(order, method), threads=1)
     second.restore(first.state())
     reports = [second.step() for _ in range(STEPS // 2)]
     assert_same_bits(second.state(), expected)

@@ -5,6 +5,8 @@ import warp as wp
 
 from warpgrains.kernels.data import Contacts, Pair, Wall
 from warpgrains.kernels.detect import Rows
+from warpgrains.kernels.momentum import Momentum
+from warpgrains.kernels.variant import Variant
 from warpgrains.memory import require_memory
 from warpgrains.replay import Replay, reader
 from warpgrains.reports import Corrections, IntArray
@@ -16,8 +18,10 @@ class ContactBuffers:
     Parameters
     ----------
     grains : int
-    weighted : bool
-        Whether masses differ, so that every pair needs weights.
+    variant : Variant
+        What the scene's kernels are compiled for.
+    momentum : Momentum
+        What the accelerated method keeps of every pair grows with the list.
     replay : Replay
         Forgets its graphs when buffers have grown.
 
@@ -33,7 +37,7 @@ class ContactBuffers:
         Corrections of the pairs of the list before, and by grain those of the walls [m/s].
     """
 
-    def __init__(self, grains: int, weighted: bool, replay: Replay):
+    def __init__(self, grains: int, variant: Variant, momentum: Momentum, replay: Replay):
         self._grains, self._replay, self._capacity = grains, replay, 0
         self.rows, self.old_rows = self._empty_rows(), self._empty_rows()
         self.contacts = contacts = Contacts()
@@ -58,8 +62,10 @@ class ContactBuffers:
             (self, "slot"),
             (self, "group"),
         ]
-        if weighted:
+        if variant.distinct_masses:
             self._growing.append((contacts, "weights"))
+        if variant.accelerated:
+            self._growing += [(momentum, "pair_last"), (momentum, "pair_part")]
 
     def _zeros(self, count: int, dtype: type) -> wp.array:
         return wp.zeros(count, dtype=dtype, device=self._replay.device)

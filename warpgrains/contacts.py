@@ -6,6 +6,7 @@ import warp as wp
 from warpgrains.contact_buffers import ContactBuffers
 from warpgrains.kernels import carry, data, detect, order, reach
 from warpgrains.kernels.data import WALLS, Contacts, Grains, Progress, Watch
+from warpgrains.kernels.momentum import Momentum
 from warpgrains.kernels.variant import Variant
 from warpgrains.neighbors import NeighborSearch
 from warpgrains.replay import Replay, reader
@@ -27,6 +28,8 @@ class ContactList:
         Its reaches decide what is listed.
     progress : Progress
         Tells whether the step is being solved again.
+    momentum : Momentum
+        What the accelerated method keeps.
     variant : Variant
         What the scene's kernels are compiled for.
     replay : Replay
@@ -39,6 +42,7 @@ class ContactList:
         grains: Grains,
         watch: Watch,
         progress: Progress,
+        momentum: Momentum,
         variant: Variant,
         replay: Replay,
     ):
@@ -46,9 +50,10 @@ class ContactList:
         self._watch, self._progress, self._replay = watch, progress, replay
         self._detect, self._order = detect.kernels(variant), order.kernels(variant)
         self._carry, self._reach = carry.kernels(variant), reach.kernels(variant)
-        self._buffers = ContactBuffers(scene.n, variant.distinct_masses, replay)
+        self._buffers = ContactBuffers(scene.n, variant, momentum, replay)
         cell_size = 2.0 * (float(np.median(scene.radius)) + SLACK * self._smallest)
         self._search = NeighborSearch(grains, watch, self._buffers.rows, variant, replay, cell_size)
+        self._in_line = replay.in_line and not variant.accelerated
         self._influence = wp.zeros(scene.n, dtype=wp.float64, device=replay.device)
         self._next_level = wp.zeros(scene.n, dtype=wp.int32, device=replay.device)
         self._used_colors = wp.zeros(scene.n, dtype=wp.uint64, device=replay.device)
@@ -123,7 +128,7 @@ class ContactList:
 
     def _arrange(self) -> None:
         """Give every pair its slot, and write it there with the correction that it carries."""
-        each, n, buffers, in_line = self._replay.each, self._scene.n, self._buffers, self._replay.in_line
+        each, n, buffers, in_line = self._replay.each, self._scene.n, self._buffers, self._in_line
         rows, contacts, slot, group = buffers.rows, buffers.contacts, buffers.slot, buffers.group
         if self._scene.order == "color":
             each(self._order.colors, 1, rows, self._used_colors, group)

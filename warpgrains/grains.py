@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains.kernels.data import Grains, Progress, Watch
+from warpgrains.kernels.momentum import Momentum
 from warpgrains.kernels.variant import Variant
 from warpgrains.scene import Scene
 
@@ -16,6 +17,7 @@ def variant_of(scene: Scene) -> Variant:
         inner_wall=scene.radius_in > 0.0,
         distinct_radii=bool(np.any(scene.radius != scene.radius[0])),
         distinct_masses=bool(np.any(scene.mass != scene.mass[0])),
+        accelerated=scene.method == "accelerated",
     )
 
 
@@ -58,6 +60,7 @@ def allocate_progress(slots: int, device: wp.Device) -> Progress:
     """Allocate what the device tells of a step; every CPU worker needs a slot of its own."""
     progress = Progress()
     progress.iterating = wp.zeros(1, dtype=wp.int32, device=device)
+    progress.checking = wp.zeros(1, dtype=wp.int32, device=device)
     progress.accepted = wp.zeros(1, dtype=wp.int32, device=device)
     progress.zeta = wp.zeros(slots, dtype=wp.float64, device=device)
     progress.residual = wp.zeros(slots, dtype=wp.float64, device=device)
@@ -65,3 +68,19 @@ def allocate_progress(slots: int, device: wp.Device) -> Progress:
     progress.carrying = wp.zeros(slots, dtype=wp.int32, device=device)
     progress.report = wp.zeros(6, dtype=wp.float64, device=device)
     return progress
+
+
+def allocate_momentum(grains: int, variant: Variant, device: wp.Device) -> Momentum:
+    """Allocate what the accelerated method keeps; what is per pair grows with the list (`ContactBuffers`)."""
+    if not variant.accelerated:
+        grains = 0
+    momentum = Momentum()
+    momentum.pair_last = wp.zeros(0, dtype=wp.float64, device=device)
+    momentum.pair_part = wp.zeros(0, dtype=wp.vec2d, device=device)
+    momentum.wall_last = wp.zeros(grains, dtype=wp.float64, device=device)
+    momentum.wall_part = wp.zeros(grains, dtype=wp.vec2d, device=device)
+    momentum.last_velocity = wp.zeros(grains, dtype=wp.vec2d, device=device)
+    momentum.grain_part = wp.zeros(grains, dtype=wp.vec3d, device=device)
+    momentum.scalar = wp.zeros(2, dtype=wp.float64, device=device)
+    momentum.undo = wp.zeros(1, dtype=wp.int32, device=device)
+    return momentum

@@ -15,6 +15,9 @@ from warpgrains.overlaps import ROUNDING, distance, overlapping_pairs
 from warpgrains.scene_file import read_scene
 
 ORDERS = ("sequential", "color")
+METHODS = ("gauss-seidel", "accelerated")
+STOPS = ("zeta", "residual")
+DEFAULT_STOP = {"gauss-seidel": "zeta", "accelerated": "residual"}
 
 
 class Overlaps(NamedTuple):
@@ -56,6 +59,11 @@ class Scene:
         ... or after so many iterations.
     order
         Order in which an iteration visits the contacts: "sequential" or "color".
+    method
+        How the contact iteration proceeds: "gauss-seidel", the text's, or "accelerated", with momentum.
+    stop
+        What the tolerance is on: "zeta", the text's, or "residual", the error (see `StepReport`). By default
+        zeta for "gauss-seidel" and the residual for "accelerated".
     name
         What the scene is called.
     text
@@ -80,6 +88,8 @@ class Scene:
     tolerance: float = 1e-6
     max_iterations: int = 10_000
     order: str = "sequential"
+    method: str = "gauss-seidel"
+    stop: str = ""
     name: str = "scene"
     text: str = ""
 
@@ -161,6 +171,8 @@ class Scene:
             "tolerance": checks.not_negative("tolerance", self.tolerance),
             "max_iterations": checks.whole_number("max_iterations", self.max_iterations),
             "order": checks.one_of("order", self.order, ORDERS),
+            "method": checks.one_of("method", self.method, METHODS),
+            "stop": checks.one_of("stop", self.stop or DEFAULT_STOP[self.method], STOPS),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)

@@ -7,8 +7,14 @@ import warp as wp
 
 from warpgrains.contacts import ContactList
 from warpgrains.errors import SimulationError
-from warpgrains.grains import allocate_grains, allocate_progress, allocate_watch, variant_of
-from warpgrains.kernels import iteration, measure, motion, residual, sweep, watch
+from warpgrains.grains import (
+    allocate_grains,
+    allocate_momentum,
+    allocate_progress,
+    allocate_watch,
+    variant_of,
+)
+from warpgrains.kernels import iterate, iteration, measure, momentum, motion, residual, sweep, watch
 from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, RESIDUAL, ZETA
 from warpgrains.kernels.iteration import Stop
 from warpgrains.memory import require_memory
@@ -61,13 +67,18 @@ class StepSolver:
         self._scene, self._replay, variant = scene, Replay(device, threads), variant_of(scene)
         self._motion, self._sweep = motion.kernels(variant), sweep.kernels(variant)
         self._watching, self._iteration = watch.kernels(variant), iteration.kernels(variant)
+        self._loop, self._begin_momentum = iterate.kernels(variant), momentum.kernels(variant).begin
         self._measure, self._residual = measure.kernels(variant), residual.kernels(variant)
         self.grains = allocate_grains(scene, variant, device)
         self._watch = allocate_watch(scene.n, device)
+        self._momentum = allocate_momentum(scene.n, variant, device)
         self._progress = allocate_progress(self._replay.slots, device)
         self._read_report = reader(self._progress.report)
-        self.contacts = ContactList(scene, self.grains, self._watch, self._progress, variant, self._replay)
+        self.contacts = ContactList(
+            scene, self.grains, self._watch, self._progress, self._momentum, variant, self._replay
+        )
         self._stop = Stop()
+        self._stop.on_residual = int(scene.stop == "residual")
         self._stop.tolerance, self._stop.max_iterations = scene.tolerance, scene.max_iterations
         self._stop.calm = CALM / scene.dt
 
@@ -106,7 +117,6 @@ class StepSolver:
         """Solve the step for the listed contacts, and take it if none was missing."""
         self._warm_start()
         self._verify(reserve=RESERVE, foreseen=1.0)
-        self._replay.each(self._iteration.start, 1, self._watch, self._progress)
         self._iterate()
         self._verify(reserve=0.0, foreseen=0.0)
         self._replay.each(self._iteration.judge, 1, self._watch, self._progress)
@@ -126,20 +136,27 @@ class StepSolver:
 
     def _iterate(self) -> None:
         """Correct contact by contact, again and again, until the corrections no longer change."""
-        state = (self.grains, self.contacts.device, self._watch, self._progress)
+        share, contacts = self._replay.share, self.contacts.device
+        self._replay.each(self._iteration.start, 1, self._watch, self._progress)
+        if self._scene.method == "accelerated":
+            share(self._begin_momentum, self.grains, contacts, self._momentum)
         if self._replay.by_group:
             wp.capture_while(self._progress.iterating, self._iterate_once)
         else:
-            self._replay.share(self._sweep.iterate, *state, self._stop)
+            state = (self.grains, contacts, self._watch, self._progress, self._momentum)
+            share(self._loop.iterate, *state, self._stop)
 
     def _iterate_once(self) -> None:
         """One iteration on a GPU, where a launch ends before the next begins."""
-        state = (self.grains, self.contacts.device, self._watch, self._progress)
+        share, each, loop, progress = self._replay.share, self._replay.each, self._loop, self._progress
+        state = (self.grains, self.contacts.device, self._watch, progress, self._momentum)
         for group in range(self.contacts.groups):
-            self._replay.share(self._sweep.sweep_pairs, *state, group)
-        self._replay.share(self._sweep.sweep_walls, *state)
-        self._replay.each(self._sweep.decide, 1, self._watch, self._progress, self._stop)
-        self._replay.share(self._sweep.look, self.grains, self._watch)
+            share(loop.sweep_pairs, *state, group)
+        share(loop.sweep_walls, *state)
+        each(loop.decide_here, 1, *state, self._stop)
+        self._measure_residual()
+        each(loop.check_here, 1, progress, self._stop)
+        share(loop.go_on_here, self.grains, self._watch, progress, self._momentum)
 
     def _verify(self, reserve: float, foreseen: float) -> None:
         """Check that no contact is missing, with a reserve of slacks, and that every number is finite."""
@@ -164,10 +181,10 @@ class StepSolver:
         if not self._replay.by_group:
             share(self._residual.measure_all, grains, contacts, self._progress)
             return
-        share(self._residual.begin_rebuild, grains)
+        share(self._residual.begin_rebuild, grains, self._progress)
         for group in range(self.contacts.groups):
-            share(self._residual.rebuild_pairs, grains, contacts, group)
-        share(self._residual.finish_rebuild, grains, contacts)
+            share(self._residual.rebuild_pairs, grains, contacts, self._progress, group)
+        share(self._residual.finish_rebuild, grains, contacts, self._progress)
         share(self._residual.find_worst, grains, contacts, self._progress)
 
     def _accepted(self) -> bool:
@@ -184,12 +201,12 @@ class StepSolver:
     def _step_report(self, rebuilds: int, redos: int) -> StepReport:
         report = self._read_report()
         pairs, _, walls = self.contacts.counts
-        zeta = report[ZETA].item()
+        zeta, error = report[ZETA].item(), report[RESIDUAL].item()
         return StepReport(
             iterations=int(report[ITERATIONS]),
             zeta=zeta,
-            residual=report[RESIDUAL].item(),
-            converged=zeta <= self._scene.tolerance,
+            residual=error,
+            converged=(error if self._stop.on_residual else zeta) <= self._scene.tolerance,
             contacts=int(report[CARRYING]),
             candidates=pairs + walls,
             overlap=report[OVERLAP].item(),

@@ -1,0 +1,156 @@
+"""The contact iteration as a whole: sweeps, until the corrections no longer change.
+
+On a CPU it is one launch, in which workers meet between the stages. On a GPU a launch ends before the next
+begins, so every stage, and every group of a sweep, is a launch of its own.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+
+import warp as wp
+
+from . import momentum, residual, sweep
+from .crew import Crew, meet, slot_of
+from .data import GROUPS, LOOK, Contacts, Grains, Progress, Watch
+from .iteration import Stop, decide_after_check, decide_after_iteration, decide_what_to_watch, gather_zeta
+from .momentum import Momentum
+from .variant import Variant
+from .watch import look_again
+
+f64 = wp.float64
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the kernels for one kind of scene."""
+    plain, ahead = sweep.kernels(variant), momentum.kernels(variant)
+    measure = residual.kernels(variant).measure
+    plain_group, plain_walls = plain.sweep_group, plain.sweep_all_walls
+    ahead_group, ahead_walls = ahead.sweep_group, ahead.sweep_all_walls
+    judge_sweep, advance, settle = ahead.judge_sweep, ahead.advance, ahead.settle
+
+    @wp.func
+    def sweep_group(
+        crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch, momentum: Momentum, group: int
+    ) -> f64:
+        """Sweep this worker's share of a group, by the scene's method. Returns the largest |dv|."""
+        if wp.static(variant.accelerated):
+            return ahead_group(crew, tid, grains, contacts, watch, momentum, group)
+        return plain_group(crew, tid, grains, contacts, watch, group)
+
+    @wp.func
+    def sweep_all_walls(
+        crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch, momentum: Momentum
+    ) -> f64:
+        """Sweep this worker's share of the walls, by the scene's method. Returns the largest |dv|."""
+        if wp.static(variant.accelerated):
+            return ahead_walls(crew, tid, grains, contacts, watch, momentum)
+        return plain_walls(crew, tid, grains, contacts, watch)
+
+    @wp.func
+    def decide(
+        grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, momentum: Momentum, stop: Stop
+    ):
+        """What follows on a sweep."""
+        zeta = gather_zeta(progress)
+        undone = int(0)
+        if wp.static(variant.accelerated):
+            judge_sweep(contacts, momentum, grains.position.shape[0])
+            undone = momentum.undo[0]
+        decide_after_iteration(watch, progress, stop, zeta, undone)
+        decide_what_to_watch(watch, stop, zeta, wp.static(variant.accelerated))
+
+    @wp.func
+    def go_on(crew: Crew, tid: int, grains: Grains, watch: Watch, progress: Progress, momentum: Momentum):
+        """Do this worker's share of what comes between two sweeps."""
+        if wp.static(variant.accelerated):
+            if progress.iterating[0] != 0:
+                advance(crew, tid, grains, watch, momentum)
+            else:
+                settle(crew, tid, grains, watch, progress)
+        else:
+            if watch.flag[LOOK] != 0:
+                look_again(grains.next_velocity, watch, crew, tid)
+
+    @wp.kernel(module=variant.module)
+    def iterate(
+        crew: Crew,
+        grains: Grains,
+        contacts: Contacts,
+        watch: Watch,
+        progress: Progress,
+        momentum: Momentum,
+        stop: Stop,
+    ):
+        """The contact iteration on a CPU."""
+        tid = wp.tid()
+        slot = slot_of(crew, tid, progress.zeta.shape[0])
+        while progress.iterating[0] != 0:
+            zeta = f64(0.0)
+            for group in range(contacts.count[GROUPS]):
+                zeta = wp.max(zeta, sweep_group(crew, tid, grains, contacts, watch, momentum, group))
+                meet(crew)
+            zeta = wp.max(zeta, sweep_all_walls(crew, tid, grains, contacts, watch, momentum))
+            progress.zeta[slot] = zeta
+            meet(crew)
+            if slot == 0:
+                decide(grains, contacts, watch, progress, momentum, stop)
+            meet(crew)
+            if progress.checking[0] != 0:
+                progress.residual[slot] = measure(crew, tid, grains, contacts)
+                meet(crew)
+                if slot == 0:
+                    decide_after_check(progress, stop)
+                meet(crew)
+            go_on(crew, tid, grains, watch, progress, momentum)
+            meet(crew)
+
+    @wp.kernel(module=variant.module)
+    def sweep_pairs(
+        crew: Crew,
+        grains: Grains,
+        contacts: Contacts,
+        watch: Watch,
+        progress: Progress,
+        momentum: Momentum,
+        group: int,
+    ):
+        """Correct the pairs of one group: a GPU's launch."""
+        if group < contacts.count[GROUPS]:
+            zeta = sweep_group(crew, wp.tid(), grains, contacts, watch, momentum, group)
+            wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), zeta)
+
+    @wp.kernel(module=variant.module)
+    def sweep_walls(
+        crew: Crew, grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, momentum: Momentum
+    ):
+        """Correct every grain that may reach a wall: a GPU's launch."""
+        zeta = sweep_all_walls(crew, wp.tid(), grains, contacts, watch, momentum)
+        wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), zeta)
+
+    @wp.kernel(module=variant.module)
+    def decide_here(
+        grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, momentum: Momentum, stop: Stop
+    ):
+        """What follows on a sweep: a GPU's launch."""
+        decide(grains, contacts, watch, progress, momentum, stop)
+
+    @wp.kernel(module=variant.module)
+    def check_here(progress: Progress, stop: Stop):
+        """What follows on a check of the residual: a GPU's launch."""
+        if progress.checking[0] != 0:
+            decide_after_check(progress, stop)
+
+    @wp.kernel(module=variant.module)
+    def go_on_here(crew: Crew, grains: Grains, watch: Watch, progress: Progress, momentum: Momentum):
+        """What comes between two sweeps: a GPU's launch."""
+        go_on(crew, wp.tid(), grains, watch, progress, momentum)
+
+    return SimpleNamespace(
+        iterate=iterate,
+        sweep_pairs=sweep_pairs,
+        sweep_walls=sweep_walls,
+        decide_here=decide_here,
+        check_here=check_here,
+        go_on_here=go_on_here,
+    )

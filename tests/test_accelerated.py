@@ -1,0 +1,83 @@
+"""The residual against a twin that looks at all pairs, and the accelerated method against it."""
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, Simulation
+from warpgrains.reports import FloatArray
+from warpgrains.scene import ORDERS
+
+
+def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:
+    """Eta of the last step, over all pairs and walls, for velocities rebuilt from the corrections [m/s]."""
+    scene, contacts = simulation.scene, simulation.contacts()
+    position = simulation._solver.grains.last_position.numpy()
+    dv_pair = np.zeros((scene.n, scene.n))
+    dv_pair[tuple(contacts.pair.T)] = contacts.correction
+    i, j = np.triu_indices(scene.n, 1)
+    d = position[j] - position[i]
+    distance = np.hypot(*d.T)
+    n, dv = d / distance[:, None], dv_pair[i, j]
+    share = scene.mass[j] / (scene.mass[i] + scene.mass[j])
+    v = free_velocity.copy()
+    np.subtract.at(v, i, (dv * share)[:, None] * n)
+    np.add.at(v, j, (dv * (1.0 - share))[:, None] * n)
+    rho = np.hypot(*position.T)
+    n_wall, dv_wall = position / rho[:, None], simulation.wall_contacts().correction
+    v -= dv_wall[:, None] * n_wall
+    vn = np.sum((v[i] - v[j]) * n, axis=1)
+    gap = distance - scene.radius[i] - scene.radius[j]
+    vn_wall = np.sum(v * n_wall, axis=1)
+    sides = [(vn, dv, gap), (vn_wall, np.maximum(dv_wall, 0.0), scene.radius_out - rho - scene.radius)]
+    if scene.radius_in > 0.0:
+        sides.append((-vn_wall, np.maximum(-dv_wall, 0.0), rho - scene.radius_in - scene.radius))
+    return max(np.abs(np.maximum(0.0, dv + vn - gap / scene.dt) - dv).max() for vn, dv, gap in sides)
+
+
+def free_velocity(simulation: Simulation) -> FloatArray:
+    scene = simulation.scene
+    v = simulation.velocity
+    return v + scene.dt * (np.array(scene.gravity) - (scene.drag / scene.mass)[:, None] * v)
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
+@pytest.mark.parametrize("name", ["annulus", "polydisperse", "no_inner_wall"])
+def test_residual_is_that_of_all_pairs(name: str, method: str) -> None:
+    simulation = Simulation(Scene.load(name), method=method, max_iterations=30)
+    # Corrections and gap rates of up to `size` m/s are added up in another order, a few dozen at a grain.
+    for _ in range(120):
+        free = free_velocity(simulation)
+        report = simulation.step()
+        twin = twin_residual(simulation, free)
+        size = np.abs(free).max() + simulation.scene.radius_out / simulation.scene.dt
+        assert abs(report.residual - twin) <= 100 * np.finfo(float).eps * size
+        assert report.converged == (
+            (report.residual if method == "accelerated" else report.zeta) <= simulation.scene.tolerance
+        )
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_accelerated_reaches_the_residual_asked_for(order: str) -> None:
+    scene = Scene.load("polydisperse").replace(
+        order=order, method="accelerated", tolerance=1e-9, max_iterations=20_000
+    )
+    simulation = Simulation(scene)
+    for _ in range(100):
+        free = free_velocity(simulation)
+        report = simulation.step()
+        assert report.converged
+        assert twin_residual(simulation, free) <= 1.01e-9  # the twin's own rounding is some 1e-13 m/s
+
+
+def test_both_methods_give_the_same_velocities() -> None:
+    scene = Scene.load("column").replace(stop="residual", tolerance=1e-10, max_iterations=200_000)
+    plain, accelerated = Simulation(scene), Simulation(scene, method="accelerated", order="color")
+    fewer = 0
+    for _ in range(40):
+        accelerated.restore(plain.state())
+        expected, report = plain.step(), accelerated.step()
+        fewer += expected.iterations > 5 * report.iterations
+        # Contacts of a column are independent: an error eta at each adds up over fifty at most, and twice
+        # over the column, as a force that a grain passes on.
+        assert np.abs(plain.velocity - accelerated.velocity).max() <= 2 * 50 * 50 * 1e-10
+    assert fewer >= 10
