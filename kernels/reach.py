@@ -24,6 +24,7 @@ from .data import (
 from .variant import Variant
 
 f64 = wp.float64
+FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(1.6))  # reach over need, before and after a miss
 NARROWEST, WIDEST = wp.constant(f64(0.02)), wp.constant(f64(0.2))  # slack, in radii
 LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
 
@@ -43,19 +44,21 @@ def kernels(variant: Variant) -> SimpleNamespace:
 
     @wp.kernel(module=variant.module)
     def renew(grains: Grains, watch: Watch, progress: Progress, dt: f64):
-        """Choose w_i, and reach_i: the slack, and a fifth more than what this step, or the last, has needed.
+        """Choose w_i, and reach_i: the slack, and somewhat more than what this step, or the last, has needed.
 
         A step that is solved again keeps its w_i and its peaks; otherwise w_i is what the grain has now.
         """
         i = wp.tid()
         u = watch.frame[FRAME_VELOCITY]
         needed = watch.recent[i]
+        margin = FORESEEN
         w = grains.next_velocity[i]
         if progress.report[ITERATIONS] > f64(0.0):
+            margin = FOUND_OUT
             needed = wp.max(needed, wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT])
             w = watch.built_velocity[i] + u
         watch.recent[i] = needed
-        watch.reach[i] = watch.scalar[SLACK] + f64(1.2) * dt * needed
+        watch.reach[i] = watch.scalar[SLACK] + margin * dt * needed
         watch.built_position[i] = grains.position[i]
         watch.built_velocity[i] = w
 
