@@ -247,10 +247,9 @@ class TestKilled:
         output, kept = folder / "run.usdc", folder / "run.npz"
         arguments = ["annulus", "--order", order, "--forces", "-o", output, "--checkpoint", kept]
         process = self.start(*arguments, "--every", int(rng.integers(3, 40)))
-        kills = int(rng.integers(1, 3))
-        for _ in range(kills):
-            self.wait_for_progress(process, kept)
-            time.sleep(rng.uniform(0.0, 0.5))
+        for step in sorted(rng.integers(0, 800, size=rng.integers(1, 3))):
+            self.wait_for_step(process, kept, step)
+            time.sleep(rng.uniform(0.0, 0.02))
             process.send_signal(signal.SIGKILL)
             process.wait(timeout=60)
             process = self.start("--resume", kept)
@@ -268,10 +267,8 @@ class TestKilled:
         command = [sys.executable, "-m", "warpgrains", "run", *map(str, arguments)]
         return subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
-    def wait_for_progress(self, process, kept):
-        """Wait for a checkpoint that this process has written."""
-        before = kept.stat().st_mtime_ns if kept.exists() else None
-        while process.poll() is None and (not kept.exists() or kept.stat().st_mtime_ns == before):
+    def wait_for_step(self, process, kept, step):
+        while process.poll() is None and not (kept.exists() and read_checkpoint(kept).tally.steps >= step):
             time.sleep(0.001)
 
     @pytest.mark.parametrize("order", ORDERS)
