@@ -10,7 +10,7 @@ import warp as wp
 from warpgrains import Scene
 from warpgrains.checks import FloatArray
 from warpgrains.contact_buffers import ContactBuffers
-from warpgrains.grains import allocate_grains, allocate_watch, variant_of
+from warpgrains.grains import allocate_grains, allocate_momentum, allocate_watch, variant_of
 from warpgrains.kernels.data import HORIZON, MEAN_VELOCITY
 from warpgrains.neighbors import NeighborSearch
 from warpgrains.replay import Replay
@@ -70,7 +70,8 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     watch.frame.numpy()[MEAN_VELOCITY] = sought.velocity.mean(axis=0)
     watch.scalar.numpy()[HORIZON] = sought.horizon
     replay = Replay(device)
-    buffers = ContactBuffers(scene.n, variant.distinct_masses, replay)
+    momentum = allocate_momentum(scene.n, variant, device)
+    buffers = ContactBuffers(scene.n, variant, momentum, replay)
     search = NeighborSearch(grains, watch, buffers.rows, variant, replay, cell_size)
     search.find()
     buffers.reserve(search.total)
