@@ -72,6 +72,8 @@ BAD_INPUT = {
     "unknown key": ["--set", "physics.dragg=1.0"],
     "unknown section": ["--set", "phisics.drag=1.0"],
     "order": ["--order", "colour"],
+    "method": ["--method", "quick"],
+    "threads": ["--threads", "0"],
     "device": ["--device", "cuda:99"],
     "no device": ["--device", "gpu"],
     "steps": ["--steps", "0"],

@@ -92,7 +92,13 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)"
     )
+    parser.add_argument(
+        "--method", metavar="METHOD", help="gauss-seidel or accelerated (default: the scene's)"
+    )
     parser.add_argument("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
+    parser.add_argument(
+        "--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)"
+    )
     parser.add_argument(
         "--set",
         action="append",

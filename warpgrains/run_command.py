@@ -28,6 +28,7 @@ KEPT = {
     "forces": "--forces",
     "as_spheres": "--as-spheres",
     "order": "--order",
+    "method": "--method",
     "overrides": "--set",
 }
 
@@ -39,7 +40,7 @@ def run(arguments: Namespace) -> bool:
         raise SceneError("--every needs --checkpoint")
     open_outputs(plan, start.scene, start.tally)  # refuse bad ones before Warp starts and compiles kernels
     with stdout_kept_clean():
-        summary = _simulate(start, plan, arguments.device)
+        summary = _simulate(start, plan, arguments.device, arguments.threads)
     results = _results(start.scene, summary)
     print(json.dumps(results) if arguments.json else _lines(results))
     return False
@@ -49,8 +50,8 @@ def _begin(arguments: Namespace) -> tuple[Checkpoint, Plan]:
     """Return the start of a new run, and what it is to do."""
     if arguments.scene is None:
         raise SceneError("SCENE is missing, or --resume FILE")
-    order = [] if arguments.order is None else [f"solver.order={arguments.order}"]
-    scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *order])
+    solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
+    scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
     given = _given(arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "every")
     plan = Plan(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
     return Checkpoint(scene, first_state(scene), plan, Tally()), plan
@@ -85,12 +86,12 @@ def _steps(scene: Scene, arguments: Namespace) -> int | None:
     return None
 
 
-def _simulate(start: Checkpoint, plan: Plan, device: str) -> Summary:
+def _simulate(start: Checkpoint, plan: Plan, device: str, threads: int | None) -> Summary:
     start_warp()
     from warpgrains.kernel_cache import load_kernels
     from warpgrains.simulation import Simulation
 
-    simulation = Simulation(start.scene, device)
+    simulation = Simulation(start.scene, device, threads)
     simulation.restore(start.state)
     load_kernels(start.scene, device)
     return carry_out(simulation, plan, start.tally, progress=sys.stderr.isatty())

@@ -16,8 +16,7 @@ from warpgrains.scene_file import read_scene
 
 ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated")
-STOPS = ("zeta", "residual")
-DEFAULT_STOP = {"gauss-seidel": "zeta", "accelerated": "residual"}
+STOPS = ("default", "zeta", "residual")
 
 
 class Overlaps(NamedTuple):
@@ -63,7 +62,7 @@ class Scene:
         How the contact iteration proceeds: "gauss-seidel", the text's, or "accelerated", with momentum.
     stop
         What the tolerance is on: "zeta", the text's, or "residual", the error (see `StepReport`). By default
-        zeta for "gauss-seidel" and the residual for "accelerated".
+        it is zeta for "gauss-seidel" and the residual for "accelerated".
     name
         What the scene is called.
     text
@@ -89,7 +88,7 @@ class Scene:
     max_iterations: int = 10_000
     order: str = "sequential"
     method: str = "gauss-seidel"
-    stop: str = ""
+    stop: str = "default"
     name: str = "scene"
     text: str = ""
 
@@ -127,6 +126,11 @@ class Scene:
     def n(self) -> int:
         """Number of grains."""
         return len(self.position)
+
+    @property
+    def stops_on_residual(self) -> bool:
+        """Whether the tolerance is on the residual."""
+        return self.stop == "residual" or (self.stop == "default" and self.method == "accelerated")
 
     @property
     def steps(self) -> int:
@@ -172,7 +176,7 @@ class Scene:
             "max_iterations": checks.whole_number("max_iterations", self.max_iterations),
             "order": checks.one_of("order", self.order, ORDERS),
             "method": checks.one_of("method", self.method, METHODS),
-            "stop": checks.one_of("stop", self.stop or DEFAULT_STOP[self.method], STOPS),
+            "stop": checks.one_of("stop", self.stop, STOPS),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)

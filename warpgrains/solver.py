@@ -78,7 +78,7 @@ class StepSolver:
             scene, self.grains, self._watch, self._progress, self._momentum, variant, self._replay
         )
         self._stop = Stop()
-        self._stop.on_residual = int(scene.stop == "residual")
+        self._stop.on_residual = int(scene.stops_on_residual)
         self._stop.tolerance, self._stop.max_iterations = scene.tolerance, scene.max_iterations
         self._stop.calm = CALM / scene.dt
 
