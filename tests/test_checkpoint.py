@@ -122,6 +122,21 @@ class TestFile:
                 write(tmp_path / name)
         assert list(tmp_path.iterdir()) == [tmp_path / "folder.npz"]
 
+    def test_file_of_something_else_is_not_replaced(self, simulation, tmp_path):
+        """A scene's own grains are an .npz file too."""
+        grains = tmp_path / "grains.npz"
+        np.savez(grains, position=simulation.position)
+        before = grains.read_bytes()
+        for write in (simulation.save, lambda path: simulation.run(steps=1, checkpoint=path)):
+            with pytest.raises(SceneError, match="is no checkpoint: it is not replaced"):
+                write(grains)
+        assert grains.read_bytes() == before
+
+    def test_checkpoint_is_replaced(self, simulation, saved):
+        simulation.step()
+        simulation.save(saved)
+        assert contents(read_checkpoint(saved).state) == contents(simulation.state())
+
 
 def rewrite(path, header=None, **arrays):
     """Change the header or arrays of a checkpoint; a change that is None takes the array out."""

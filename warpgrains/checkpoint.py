@@ -68,6 +68,8 @@ def require_checkpoint_path(path: Path) -> None:
     if path.is_dir():
         raise SceneError(f"checkpoint '{path}' is a folder")
     require_writable_folder(path.parent)
+    if path.exists() and not _is_checkpoint(path):
+        raise SceneError(f"'{path}' is there and is no checkpoint: it is not replaced")
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
@@ -147,10 +149,22 @@ def _read(path: Path) -> tuple[Header, Arrays]:
             raise ValueError("an entry is damaged")
     with np.load(path, allow_pickle=False) as entries:
         arrays = {name: entries[name] for name in entries.files}
-    header = json.loads(arrays.pop("header").tobytes())
+    return _header(arrays.pop("header")), arrays
+
+
+def _header(entry: np.ndarray) -> Header:
+    header = json.loads(entry.tobytes())
     if header["format"] != FORMAT or not isinstance(header["version"], int):
         raise ValueError("the header is that of something else")
-    return header, arrays
+    return header
+
+
+def _is_checkpoint(path: Path) -> bool:
+    try:
+        with np.load(path, allow_pickle=False) as entries:
+            return bool(_header(entries["header"]))
+    except _DAMAGE:
+        return False
 
 
 def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
