@@ -84,7 +84,7 @@ def _override(document: Table, override: str) -> None:
     try:
         parsed = tomllib.loads(f"value = {value}")
     except tomllib.TOMLDecodeError:
-        parsed = {"value": value.strip()} if value.strip().isidentifier() else {}
+        parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
     if parsed.keys() != {"value"}:
         raise SceneError(f"override {override!r}: {value!r} is not a TOML value")
     table = document.setdefault(section, {})

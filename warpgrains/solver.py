@@ -22,7 +22,7 @@ from warpgrains.replay import Replay, reader
 from warpgrains.reports import State, StepReport
 from warpgrains.scene import Scene
 
-CALM = 0.1  # of the slack: what a grain may stray in a step without being watched
+CALM = 0.3  # of the slack: what a grain may stray in a step without being watched
 PAIRS_PER_GRAIN = 4  # that a list may come to hold
 PAIRS_PER_MEETING = 1000  # that a crew must sweep to gain far more than a meeting costs, on busy cores too
 RESERVE = 0.1  # of the slack: what must be left of a reach before the iteration starts
