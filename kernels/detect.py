@@ -12,6 +12,7 @@ import warp as wp
 
 from . import law
 from .data import FRAME_REACH, HORIZON, MEAN_VELOCITY, WALLS, Contacts, Grains, Wall, Watch
+from .features import functions
 from .variant import Variant
 
 f64 = wp.float64
@@ -60,10 +61,7 @@ def bucket_of(cx: int, cy: int, width: int) -> int:
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the kernels for one kind of scene."""
-
-    @wp.func
-    def radius_of(grains: Grains, i: int) -> f64:
-        return grains.radius[i if wp.static(variant.distinct_radii) else 0]
+    radius_of = functions(variant).radius_of
 
     @wp.kernel(module=variant.module)
     def count_cells(grains: Grains, watch: Watch, grid: Grid):

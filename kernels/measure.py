@@ -8,6 +8,7 @@ import warp as wp
 from . import law
 from .crew import Crew, share, slot_of
 from .data import PAIRS, WALLS, Contacts, Grains, Progress
+from .features import functions
 from .variant import Variant
 
 f64 = wp.float64
@@ -16,10 +17,7 @@ f64 = wp.float64
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the kernels for one kind of scene."""
-
-    @wp.func
-    def radius_of(grains: Grains, i: int) -> f64:
-        return grains.radius[i if wp.static(variant.distinct_radii) else 0]
+    radius_of = functions(variant).radius_of
 
     @wp.kernel(module=variant.module)
     def overlaps(

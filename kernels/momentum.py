@@ -21,6 +21,7 @@ import warp as wp
 from . import law
 from .crew import Crew, share
 from .data import GROUPS, PAIRS, WALLS, WATCHING, Contacts, Grains, Progress, Watch
+from .features import functions
 from .sweep import kernels as sweep_kernels
 from .sweep import set_velocity, velocity_of
 from .variant import Variant
@@ -71,15 +72,8 @@ def wall_cost(dv: f64, gap_rate_out: f64, gap_rate_in: f64) -> f64:
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the functions and kernels for one kind of scene."""
-    weights_of = sweep_kernels(variant).weights_of
+    weights_of, mass_of = sweep_kernels(variant).weights_of, functions(variant).mass_of
     half = wp.constant(f64(0.5))
-
-    @wp.func
-    def mass_of(grains: Grains, i: int) -> f64:
-        """Mass of a grain [kg], or 1 where all are equal."""
-        if wp.static(variant.distinct_masses):
-            return grains.mass[i]
-        return f64(1.0)
 
     @wp.func
     def correct_pair(grains: Grains, contacts: Contacts, momentum: Momentum, c: int) -> wp.vec3d:

@@ -8,6 +8,7 @@ import warp as wp
 from . import law
 from .crew import Crew, share
 from .data import Grains
+from .features import functions
 from .variant import Variant
 
 f64 = wp.float64
@@ -16,6 +17,7 @@ f64 = wp.float64
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the kernels for one kind of scene."""
+    mass_of = functions(variant).mass_of
 
     @wp.kernel(module=variant.module)
     def free_velocity(crew: Crew, grains: Grains, gravity: wp.vec2d, drag: f64, dt: f64):
@@ -28,8 +30,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
             if wp.static(variant.gravity):
                 acceleration = gravity
             if wp.static(variant.drag):
-                m = i if wp.static(variant.distinct_masses) else 0
-                acceleration = acceleration - law.drag_deceleration(v, drag, grains.mass[m])
+                acceleration = acceleration - law.drag_deceleration(v, drag, mass_of(grains, i))
             if wp.static(variant.gravity or variant.drag):
                 v = v + dt * acceleration
             grains.free_velocity[i] = v

@@ -15,6 +15,7 @@ from .data import (
     Grains,
     Watch,
 )
+from .features import functions
 from .variant import Variant
 from .watch import watch_grain
 
@@ -37,7 +38,8 @@ def set_velocity(velocity: wp.array(dtype=wp.vec2d), i: int, value: wp.vec2d):
 
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+    """Compile-time selection of the functions and kernels for one kind of scene."""
+    radius_of = functions(variant).radius_of
 
     @wp.func
     def weights_of(contacts: Contacts, c: int) -> wp.vec2d:
@@ -87,8 +89,8 @@ def kernels(variant: Variant) -> SimpleNamespace:
         """Freeze a pair's normal and gap, and re-apply the correction kept from the previous step."""
         pair = contacts.pairs[c]
         n, distance = law.normal(grains.position[pair.i], grains.position[pair.j])
-        radius_i = grains.radius[pair.i if wp.static(variant.distinct_radii) else 0]
-        radius_j = grains.radius[pair.j if wp.static(variant.distinct_radii) else 0]
+        radius_i = radius_of(grains, pair.i)
+        radius_j = radius_of(grains, pair.j)
         contacts.pairs[c].n = n
         contacts.pairs[c].gap_rate = law.pair_gap(distance, radius_i, radius_j) / dt
         contacts.pair_dv_start[c] = pair.dv
@@ -145,7 +147,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         for c in range(begin, end):
             wall = contacts.walls[c]
             n, distance = law.normal(wp.vec2d(f64(0.0), f64(0.0)), grains.position[wall.i])
-            radius = grains.radius[wall.i if wp.static(variant.distinct_radii) else 0]
+            radius = radius_of(grains, wall.i)
             contacts.walls[c].n = n
             contacts.walls[c].gap_rate_out = law.outer_gap(distance, radius, radius_out) / dt
             if wp.static(variant.inner_wall):

@@ -15,11 +15,7 @@ from recordings import make_scene, record
 
 from warpgrains.appearance import GrainColors
 
-pytestmark = [
-    pytest.mark.blender,
-    pytest.mark.slow,
-    pytest.mark.skipif("BLENDER_PYTHON" not in os.environ, reason="BLENDER_PYTHON names no python with bpy"),
-]
+pytestmark = pytest.mark.blender
 
 HALF_WIDTH = 2.2
 PIXELS = 800
@@ -36,6 +32,8 @@ def scene():
 
 def rendered(path, frames):
     """Return the pictures of frames as Blender draws them, and what it says it imported."""
+    if "BLENDER_PYTHON" not in os.environ:
+        pytest.fail("BLENDER_PYTHON must name a python that has bpy")
     command = [os.environ["BLENDER_PYTHON"], SCRIPT, path, HALF_WIDTH, PIXELS, path.parent, *frames]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=True)
     pictures = [np.load(path.parent / f"{frame:04d}.npy") for frame in frames]

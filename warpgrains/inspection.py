@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
-from warpgrains.errors import SceneError
 from warpgrains.inspection_prims import ForcesInspector, GrainsInspector
 from warpgrains.usd_forces import FORCES
 from warpgrains.usd_grains import GRAINS
+from warpgrains.usd_reader import open_recording
 
 
 def inspect_recording(path: str | Path) -> list[str]:
@@ -24,7 +24,7 @@ def inspect_recording(path: str | Path) -> list[str]:
     SceneError
         If the file is missing or is not USD.
     """
-    stage = _open(Path(path))
+    stage = open_recording(Path(path))
     problems = list(_stage_problems(stage))
     prim = stage.GetPrimAtPath(GRAINS)
     if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
@@ -37,15 +37,6 @@ def inspect_recording(path: str | Path) -> list[str]:
         forces = ForcesInspector(stage.GetPrimAtPath(FORCES))
         problems += [*_alignment_problems(forces.animated, codes), *_by_frame(forces.frame_problems, codes)]
     return problems
-
-
-def _open(path: Path) -> Usd.Stage:
-    if not path.is_file():
-        raise SceneError(f"recording '{path}' does not exist")
-    try:
-        return Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise SceneError(f"recording '{path}' is not a USD file that can be read") from error
 
 
 def _stage_problems(stage: Usd.Stage) -> Iterator[str]:

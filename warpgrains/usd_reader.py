@@ -59,7 +59,7 @@ class RecordingReader:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self._stage = _open(Path(path))
+        self._stage = open_recording(Path(path))
         prim = self._stage.GetPrimAtPath(GRAINS)
         is_points = bool(prim) and prim.IsA(UsdGeom.Points)
         if not (is_points or (prim and prim.IsA(UsdGeom.PointInstancer))):
@@ -100,7 +100,8 @@ class RecordingReader:
         return Chains(ends, _values(forces.GetAttribute("widths"), code)[::2])
 
 
-def _open(path: Path) -> Usd.Stage:
+def open_recording(path: Path) -> Usd.Stage:
+    """Open a recording; SceneError if there is none that can be read."""
     if not path.is_file():
         raise SceneError(f"recording '{path}' does not exist")
     try:
