@@ -26,8 +26,6 @@ from .data import (
 from .variant import Variant
 
 f64 = wp.float64
-
-
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
 NEARLY = wp.constant(f64(2.0))  # times the tolerance: a zeta from which the residual is worth a check
 

@@ -45,7 +45,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
 
     @wp.kernel(module=variant.module)
     def move(crew: Crew, grains: Grains, dt: f64):
-        """X += dt v, with the velocities that the contacts have corrected."""
+        """Positions: x += dt v, with the velocities that the contacts have corrected."""
         n = grains.position.shape[0]
         begin, end = share(crew, wp.tid(), 0, n)
         for i in range(begin, end):
