@@ -23,7 +23,7 @@ f64 = wp.float64
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the kernels for one kind of scene."""
-    plain, ahead = sweep.kernels(variant), momentum.kernels(variant)
+    plain, ahead = sweep.stages(variant), momentum.stages(variant)
     measure = residual.kernels(variant).measure
     plain_group, plain_walls = plain.sweep_group, plain.sweep_all_walls
     ahead_group, ahead_walls = ahead.sweep_group, ahead.sweep_all_walls

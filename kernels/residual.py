@@ -14,7 +14,7 @@ import warp as wp
 
 from .crew import Crew, meet, share, slot_of
 from .data import GROUPS, WALLS, Contacts, Grains, Progress
-from .sweep import kernels as sweep_kernels
+from .sweep import stages as sweep_stages
 from .variant import Variant
 
 f64 = wp.float64
@@ -29,7 +29,7 @@ def unbalance(vn: f64, dv: f64, gap_rate: f64) -> f64:
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the kernels for one kind of scene."""
-    apply_pair = sweep_kernels(variant).apply_pair
+    apply_pair = sweep_stages(variant).apply_pair
 
     @wp.func
     def free_share(crew: Crew, tid: int, grains: Grains):
