@@ -1,4 +1,4 @@
-"""Many scenes shared out among CPU threads: each takes a free scene, advances it for a while, and takes another.
+"""Many scenes shared out among CPU threads: each takes a free one, advances it for a while, takes another.
 
 Scenes are handed out, not split in equal parts: a slow one keeps one thread busy, and no other waits for it.
 No result depends on who advances a scene, or when: it reads and writes nothing but its own record.
@@ -82,13 +82,14 @@ def take(queue: Queue) -> int:
         look = int(0)
         while look < scenes and found < 0:
             k = (first + look) % scenes
-            if has_work(queue, k):
-                if is_taken_now(queue.taken, k):
-                    if has_work(queue, k):
-                        found = k
-                    else:
-                        give_back(queue.taken, k)
             look = look + 1
+            if not has_work(queue, k):
+                continue
+            if is_taken_now(queue.taken, k):
+                if has_work(queue, k):
+                    found = k
+                else:
+                    give_back(queue.taken, k)
     return found
 
 

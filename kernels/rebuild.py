@@ -1,4 +1,4 @@
-"""The list of candidate contacts built anew by one worker: what warpgrains/contacts.py launches, in one go."""
+"""The list of candidates built anew by one worker: what warpgrains/contacts.py launches, in one go."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -11,6 +11,7 @@ from .record import SceneRecord
 from .variant import Variant
 
 f64 = wp.float64
+FEW = wp.constant(40)  # grains that are not worth a grid
 
 
 @wp.func
@@ -32,7 +33,12 @@ def stages(variant: Variant) -> SimpleNamespace:
     adapt_slack, renew, clear = widen.adapt_slack, widen.renew, widen.clear
     find_mean, find_spread, find_horizon = widen.find_mean, widen.find_spread, widen.find_horizon
     count_cells, fill_cells, find_pairs = search.count_cells, search.fill_cells, search.find_pairs
-    fill_rows, sort_rows, find_walls = search.fill_rows, search.sort_rows, search.find_walls
+    try_all, fill_rows, sort_rows, find_walls = (
+        search.try_all,
+        search.fill_rows,
+        search.sort_rows,
+        search.find_walls,
+    )
     levels, colors, place = sweeping.levels, sweeping.colors, sweeping.place
 
     @wp.func
@@ -64,8 +70,8 @@ def stages(variant: Variant) -> SimpleNamespace:
         find_horizon(s.watch, s.room, s.acceleration, s.dt)
 
     @wp.func
-    def find(s: SceneRecord):
-        """Sort the grains into cells, and find the pairs within reach as far as there is room for them."""
+    def search_cells(s: SceneRecord):
+        """Find the pairs within reach by cells, and, if there is room for them, put them in their rows."""
         n = s.grains.position.shape[0]
         for b in range(s.grid.cell_cursor.shape[0]):
             s.grid.cell_cursor[b] = 0
@@ -78,18 +84,18 @@ def stages(variant: Variant) -> SimpleNamespace:
         s.rows.total[0] = 0
         for i in range(n):
             find_pairs(i, s.grains, s.watch, s.grid, s.rows)
+        if s.rows.total[0] <= s.rows.found.shape[0]:
+            starts(s.rows.cursor, s.rows.start)
+            for k in range(s.rows.total[0]):
+                fill_rows(k, s.rows)
+            for i in range(n):
+                sort_rows(i, s.rows)
 
     @wp.func
-    def sort(s: SceneRecord):
-        """Sort the pairs; where one that carries a correction is not among them, widen its reach."""
-        n = s.grains.position.shape[0]
-        starts(s.rows.cursor, s.rows.start)
-        for k in range(s.rows.total[0]):
-            fill_rows(k, s.rows)
+    def hold(s: SceneRecord) -> bool:
+        """Widen the reach of pairs that carry a correction and are not listed; tell whether there are any."""
         s.workspace.lost[0] = 0
-        for i in range(n):
-            sort_rows(i, s.rows)
-        for i in range(n):
+        for i in range(s.grains.position.shape[0]):
             hold_pairs(
                 i,
                 s.grains,
@@ -99,6 +105,7 @@ def stages(variant: Variant) -> SimpleNamespace:
                 s.rows,
                 s.workspace.lost,
             )
+        return s.workspace.lost[0] != 0
 
     @wp.func
     def put_in_order(s: SceneRecord):
@@ -135,13 +142,15 @@ def stages(variant: Variant) -> SimpleNamespace:
     @wp.func
     def list_contacts(s: SceneRecord) -> bool:
         """List every pair and wall within reach; return whether there was room, else nothing is lost."""
-        lost = int(1)
-        while lost != 0:
-            find(s)
-            lost = 0
+        searching = bool(True)
+        while searching:
+            if s.grains.position.shape[0] <= FEW:
+                try_all(s.grains, s.watch, s.grid, s.rows)
+            else:
+                search_cells(s)
+            searching = False
             if s.rows.total[0] <= s.rows.found.shape[0]:
-                sort(s)
-                lost = s.workspace.lost[0]
+                searching = hold(s)
         if s.rows.total[0] > s.rows.found.shape[0]:
             return False
         put_in_order(s)

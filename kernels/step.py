@@ -77,7 +77,7 @@ def stages(variant: Variant) -> SimpleNamespace:
 
     @wp.func
     def solve(crew: Crew, s: SceneRecord) -> int:
-        """Advance by one time step, or stop: before it, if it fails, or in the middle, if a list must grow."""
+        """Advance by one time step; stop before it if it fails, and amid it if a list must grow."""
         if s.flag[LISTING] == 0:
             s.flag[REBUILDS] = 0
             s.flag[REDOS] = 0

@@ -66,7 +66,7 @@ def _fields_of(struct: Any, path: tuple[str, ...]) -> Iterator[Field]:
 
 
 def lengths(n: Counts, pairs: Counts, variant: Variant) -> Counts:
-    """Return the length of every array, shape (fields, scenes), of scenes with n grains and room for pairs."""
+    """Return the length of every array, shape (fields, scenes), for n grains and room for so many pairs."""
     table = _lengths_by_name(n, pairs, variant)
     return np.stack([np.broadcast_to(field.of(table), n.shape) for field in fields()])
 
@@ -128,7 +128,7 @@ def grid_width(n: Any) -> Any:
 
 
 def first_room(n: Counts) -> Counts:
-    """Return for how many pairs there is room at first: more than a list mostly needs, never more than all."""
+    """Return for how many pairs there is room at first: more than a list mostly needs, at most all."""
     return np.maximum(1, np.minimum(n * (n - 1) // 2, 5 * n))
 
 

@@ -1,6 +1,6 @@
 """Many scenes of one kind in memory, as the kernels of a batch see them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
