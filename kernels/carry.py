@@ -8,26 +8,27 @@ import warp as wp
 from . import law
 from .data import INFLUENCE, Contacts, Grains, Pair, Watch
 from .detect import Rows
+from .stage import kernels_of
 from .variant import Variant
 
 f64 = wp.float64
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def save_pairs(
-        rows: Rows, slot: wp.array(dtype=wp.int32), contacts: Contacts, pair_dv: wp.array(dtype=f64)
+        i: int, rows: Rows, slot: wp.array(dtype=wp.int32), contacts: Contacts, pair_dv: wp.array(dtype=f64)
     ):
         """Corrections at the start of the step, in lexicographic order."""
-        i = wp.tid()
         for k in range(rows.start[i], rows.start[i + 1]):
             pair_dv[k] = contacts.pair_dv_start[slot[k]]
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def hold_pairs(
+        i: int,
         grains: Grains,
         watch: Watch,
         old: Rows,
@@ -36,7 +37,6 @@ def kernels(variant: Variant) -> SimpleNamespace:
         lost: wp.array(dtype=wp.int32),
     ):
         """A pair that carries a correction must stay listed: where it is lost, widen its grains' reaches."""
-        i = wp.tid()
         k = rows.start[i]
         for k_old in range(old.start[i], old.start[i + 1]):
             j = old.neighbor[k_old]
@@ -51,8 +51,9 @@ def kernels(variant: Variant) -> SimpleNamespace:
                 wp.atomic_max(watch.reach, j, half)
                 lost[0] = 1
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def fill_slots(
+        i: int,
         grains: Grains,
         old: Rows,
         old_dv: wp.array(dtype=f64),
@@ -61,7 +62,6 @@ def kernels(variant: Variant) -> SimpleNamespace:
         contacts: Contacts,
     ):
         """Write every pair in its slot, with the correction that it carried in the old list, or zero."""
-        i = wp.tid()
         k_old = old.start[i]
         for k in range(rows.start[i], rows.start[i + 1]):
             j = rows.neighbor[k]
@@ -83,10 +83,11 @@ def kernels(variant: Variant) -> SimpleNamespace:
                     law.share_of_mass(mass_i, mass_j), law.share_of_mass(mass_j, mass_i)
                 )
 
-    @wp.kernel(module=variant.module)
-    def weigh(rows: Rows, slot: wp.array(dtype=wp.int32), contacts: Contacts, influence: wp.array(dtype=f64)):
+    @wp.func
+    def weigh(
+        i: int, rows: Rows, slot: wp.array(dtype=wp.int32), contacts: Contacts, influence: wp.array(dtype=f64)
+    ):
         """Sum of every grain's shares of its contacts, one for the walls included."""
-        i = wp.tid()
         for k in range(rows.start[i], rows.start[i + 1]):
             weight = wp.vec2d(f64(0.5), f64(0.5))
             if wp.static(variant.distinct_masses):
@@ -94,10 +95,10 @@ def kernels(variant: Variant) -> SimpleNamespace:
             wp.atomic_add(influence, i, weight[0])
             wp.atomic_add(influence, rows.neighbor[k], weight[1])
 
-    @wp.kernel(module=variant.module)
-    def find_influence(influence: wp.array(dtype=f64), watch: Watch):
+    @wp.func
+    def find_influence(i: int, influence: wp.array(dtype=f64), watch: Watch):
         """The largest change of a grain's velocity in one iteration, in units of zeta."""
-        wp.atomic_max(watch.scalar, INFLUENCE, influence[wp.tid()] + f64(1.0))
+        wp.atomic_max(watch.scalar, INFLUENCE, influence[i] + f64(1.0))
 
     return SimpleNamespace(
         save_pairs=save_pairs,
@@ -105,4 +106,13 @@ def kernels(variant: Variant) -> SimpleNamespace:
         fill_slots=fill_slots,
         weigh=weigh,
         find_influence=find_influence,
+    )
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(
+        variant.module, own.save_pairs, own.hold_pairs, own.fill_slots, own.weigh, own.find_influence
     )

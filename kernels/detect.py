@@ -13,6 +13,7 @@ import warp as wp
 from . import law
 from .data import FRAME_REACH, HORIZON, MEAN_VELOCITY, WALLS, Contacts, Grains, Wall, Watch
 from .features import functions
+from .stage import kernels_of
 from .variant import Variant
 
 f64 = wp.float64
@@ -59,14 +60,13 @@ def bucket_of(cx: int, cy: int, width: int) -> int:
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
     radius_of = functions(variant).radius_of
 
-    @wp.kernel(module=variant.module)
-    def count_cells(grains: Grains, watch: Watch, grid: Grid):
+    @wp.func
+    def count_cells(i: int, grains: Grains, watch: Watch, grid: Grid):
         """The extent of every grain, and how many grains every bucket holds, in cell_cursor."""
-        i = wp.tid()
         w = watch.built_velocity[i] - watch.frame[MEAN_VELOCITY]
         grid.extent[i] = radius_of(grains, i) + watch.reach[i] + watch.scalar[HORIZON] * wp.length(w)
         x = grains.position[i]
@@ -74,10 +74,9 @@ def kernels(variant: Variant) -> SimpleNamespace:
             grid.cell_cursor, bucket_of(cell_of(x[0], grid.size), cell_of(x[1], grid.size), grid.width), 1
         )
 
-    @wp.kernel(module=variant.module)
-    def fill_cells(grains: Grains, grid: Grid):
+    @wp.func
+    def fill_cells(i: int, grains: Grains, grid: Grid):
         """Put every grain in its bucket; cell_cursor counts down to zero."""
-        i = wp.tid()
         x = grains.position[i]
         b = bucket_of(cell_of(x[0], grid.size), cell_of(x[1], grid.size), grid.width)
         place = wp.atomic_sub(grid.cell_cursor, b, 1) - 1
@@ -108,10 +107,9 @@ def kernels(variant: Variant) -> SimpleNamespace:
                 if place < rows.found.shape[0]:
                     rows.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
 
-    @wp.kernel(module=variant.module)
-    def find_pairs(grains: Grains, watch: Watch, grid: Grid, rows: Rows):
+    @wp.func
+    def find_pairs(a: int, grains: Grains, watch: Watch, grid: Grid, rows: Rows):
         """Find a grain's pairs in the cells around it, or among all grains where that is less to look at."""
-        a = wp.tid()
         x = grains.position[a]
         radius = f64(2.0) * grid.extent[a] * TOO_WIDE
         first_x, last_x = cell_of(x[0] - radius, grid.size), cell_of(x[0] + radius, grid.size)
@@ -126,19 +124,17 @@ def kernels(variant: Variant) -> SimpleNamespace:
                     for k in range(grid.cell_start[bucket], grid.cell_start[bucket + 1]):
                         try_pair(grains, watch, grid, rows, a, grid.cell_grain[k])
 
-    @wp.kernel(module=variant.module)
-    def fill_rows(rows: Rows):
+    @wp.func
+    def fill_rows(k: int, rows: Rows):
         """Put every pair in its row; rows.cursor counts down to zero."""
-        k = wp.tid()
         if k < rows.total[0]:
             pair = rows.found[k]
             place = wp.atomic_sub(rows.cursor, pair[0], 1) - 1
             rows.neighbor[rows.start[pair[0]] + place] = pair[1]
 
-    @wp.kernel(module=variant.module)
-    def sort_rows(rows: Rows):
+    @wp.func
+    def sort_rows(i: int, rows: Rows):
         """Sort every row (shell sort: rows are short, but a large grain may touch thousands)."""
-        i = wp.tid()
         first = rows.start[i]
         count = rows.start[i + 1] - first
         step = int(1)
@@ -154,10 +150,9 @@ def kernels(variant: Variant) -> SimpleNamespace:
                 rows.neighbor[hole] = j
             step = step // 3
 
-    @wp.kernel(module=variant.module)
-    def save_walls(contacts: Contacts, wall_dv: wp.array(dtype=f64)):
+    @wp.func
+    def save_walls(c: int, contacts: Contacts, wall_dv: wp.array(dtype=f64)):
         """Wall corrections at the start of the step, by grain (zero elsewhere)."""
-        c = wp.tid()
         if c < contacts.count[WALLS]:
             wall_dv[contacts.walls[c].i] = contacts.wall_dv_start[c]
 
@@ -174,8 +169,9 @@ def kernels(variant: Variant) -> SimpleNamespace:
             near = near or law.inner_gap(distance, radius_of(grains, i), radius_in) <= reach
         return near or wall_dv[i] != f64(0.0)
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def find_walls(
+        i: int,
         grains: Grains,
         contacts: Contacts,
         watch: Watch,
@@ -184,7 +180,6 @@ def kernels(variant: Variant) -> SimpleNamespace:
         wall_dv: wp.array(dtype=f64),
     ):
         """The grains that may reach a wall, with the corrections that they carry."""
-        i = wp.tid()
         if reaches_wall(grains, watch, i, radius_in, radius_out, wall_dv):
             c = wp.atomic_add(contacts.count, WALLS, 1)
             wall = Wall()
@@ -201,4 +196,20 @@ def kernels(variant: Variant) -> SimpleNamespace:
         sort_rows=sort_rows,
         save_walls=save_walls,
         find_walls=find_walls,
+    )
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(
+        variant.module,
+        own.count_cells,
+        own.fill_cells,
+        own.find_pairs,
+        own.fill_rows,
+        own.sort_rows,
+        own.save_walls,
+        own.find_walls,
     )

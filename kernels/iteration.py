@@ -23,6 +23,7 @@ from .data import (
     Progress,
     Watch,
 )
+from .stage import kernels_of
 from .variant import Variant
 
 f64 = wp.float64
@@ -104,15 +105,15 @@ def decide_what_to_watch(watch: Watch, stop: Stop, zeta: f64, always_look: bool)
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
 
     @wp.func
     def is_sound(watch: Watch) -> int:
         """Whether no contact was missing and every number is finite."""
         return 1 if watch.flag[MISSED] == 0 and watch.flag[BAD_GRAIN] < 0 else 0
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def start(watch: Watch, progress: Progress):
         """Iterate if the list holds for the velocities before the first iteration."""
         for slot in range(progress.zeta.shape[0]):
@@ -123,14 +124,14 @@ def kernels(variant: Variant) -> SimpleNamespace:
         progress.report[ITERATIONS] = f64(0.0)
         progress.iterating[0] = is_sound(watch)
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def judge(watch: Watch, progress: Progress):
         """Accept the step only if it is sound to the end."""
         progress.accepted[0] = is_sound(watch)
         progress.checking[0] = 1
         progress.report[ACCEPTED] = f64(progress.accepted[0])
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def gather(progress: Progress):
         """Gather what the workers have measured."""
         residual = f64(0.0)
@@ -145,3 +146,10 @@ def kernels(variant: Variant) -> SimpleNamespace:
         progress.report[CARRYING] = f64(carrying)
 
     return SimpleNamespace(start=start, judge=judge, gather=gather)
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(variant.module, own.start, own.judge, own.gather)

@@ -23,7 +23,8 @@ from .access import dv_of, first_of, gap_rate_of, normal_of, second_of, set_dv, 
 from .crew import Crew, share
 from .data import GROUPS, PAIRS, WALLS, WATCHING, Contacts, Grains, Progress, Watch
 from .features import functions
-from .sweep import kernels as sweep_kernels
+from .stage import kernels_of
+from .sweep import stages as sweep_stages
 from .variant import Variant
 from .watch import look_at, watch_grain
 
@@ -70,9 +71,9 @@ def wall_cost(dv: f64, gap_rate_out: f64, gap_rate_in: f64) -> f64:
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the functions and kernels for one kind of scene."""
-    weights_of, mass_of = sweep_kernels(variant).weights_of, functions(variant).mass_of
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
+    weights_of, mass_of = sweep_stages(variant).weights_of, functions(variant).mass_of
     half = wp.constant(f64(0.5))
 
     @wp.func
@@ -215,14 +216,14 @@ def kernels(variant: Variant) -> SimpleNamespace:
             if progress.checking[0] != 0:
                 grains.next_velocity[i] = grains.rebuilt_velocity[i]
 
-    @wp.kernel(module=variant.module)
-    def begin(crew: Crew, grains: Grains, contacts: Contacts, momentum: Momentum):
+    @wp.func
+    def begin(crew: Crew, tid: int, grains: Grains, contacts: Contacts, momentum: Momentum):
         """Start without momentum; parts of chunks that no group has stay zero."""
-        first, last = share(crew, wp.tid(), 0, grains.position.shape[0])
+        first, last = share(crew, tid, 0, grains.position.shape[0])
         for i in range(first, last):
             momentum.last_velocity[i] = grains.next_velocity[i]
         parts = chunks_in(contacts.count[PAIRS]) + contacts.count[GROUPS]
-        first, last = share(crew, wp.tid(), 0, parts)
+        first, last = share(crew, tid, 0, parts)
         for k in range(first, last):
             momentum.pair_part[k] = wp.vec2d(f64(0.0), f64(0.0))
         momentum.scalar[TIME] = f64(1.0)
@@ -237,3 +238,10 @@ def kernels(variant: Variant) -> SimpleNamespace:
         settle=settle,
         begin=begin,
     )
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(variant.module, own.begin)

@@ -19,6 +19,7 @@ import warp as wp
 
 from .data import GROUPS, PAIRS, Contacts
 from .detect import Rows
+from .stage import kernels_of
 from .variant import Variant
 
 MASK_COLORS = wp.constant(64)
@@ -34,10 +35,10 @@ def lowest_free(used: wp.uint64) -> int:
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def levels(
         rows: Rows, window: int, next_level: wp.array(dtype=wp.int32), group: wp.array(dtype=wp.int32)
     ):
@@ -61,7 +62,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
                 next_level[j] = level + 1
                 top = wp.max(top, level + 1)
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def colors(rows: Rows, used: wp.array(dtype=wp.uint64), group: wp.array(dtype=wp.int32)):
         """First-fit. What does not fit in 64 colors (a grain may touch thousands) is swept pair by pair."""
         n = rows.start.shape[0] - 1
@@ -81,7 +82,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
                     group[k] = MASK_COLORS + extra
                     extra = extra + 1
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def place(
         rows: Rows,
         group: wp.array(dtype=wp.int32),
@@ -116,3 +117,10 @@ def kernels(variant: Variant) -> SimpleNamespace:
             contacts.count[GROUPS] = 1
 
     return SimpleNamespace(levels=levels, colors=colors, place=place)
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(variant.module, own.levels, own.colors, own.place)

@@ -21,6 +21,7 @@ from .data import (
     Progress,
     Watch,
 )
+from .stage import kernels_of
 from .variant import Variant
 
 f64 = wp.float64
@@ -30,10 +31,10 @@ LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def adapt_slack(watch: Watch, progress: Progress, radius: f64, dt: f64):
         """Widen the slack [m] after a list that did not last, narrow it after one that did."""
         steps = watch.scalar[ELAPSED] / dt
@@ -42,13 +43,12 @@ def kernels(variant: Variant) -> SimpleNamespace:
         elif steps > f64(20.5):
             watch.scalar[SLACK] = wp.max(f64(0.7) * watch.scalar[SLACK], NARROWEST * radius)
 
-    @wp.kernel(module=variant.module)
-    def renew(grains: Grains, watch: Watch, progress: Progress, dt: f64):
+    @wp.func
+    def renew(i: int, grains: Grains, watch: Watch, progress: Progress, dt: f64):
         """Choose w_i, and reach_i: the slack, and somewhat more than what this step, or the last, has needed.
 
         A step that is solved again keeps its w_i and its peaks; otherwise w_i is what the grain has now.
         """
-        i = wp.tid()
         u = watch.frame[FRAME_VELOCITY]
         needed = watch.recent[i]
         margin = FORESEEN
@@ -62,7 +62,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         watch.built_position[i] = grains.position[i]
         watch.built_velocity[i] = w
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def clear(watch: Watch):
         """Start the frame and the sums anew."""
         zero = wp.vec2d(f64(0.0), f64(0.0))
@@ -72,19 +72,19 @@ def kernels(variant: Variant) -> SimpleNamespace:
         watch.scalar[INFLUENCE] = f64(0.0)
         watch.scalar[SPREAD] = f64(0.0)
 
-    @wp.kernel(module=variant.module)
-    def find_mean(watch: Watch):
+    @wp.func
+    def find_mean(i: int, watch: Watch):
         """Mean of the w_i."""
         n = watch.reach.shape[0]
-        wp.atomic_add(watch.frame, MEAN_VELOCITY, watch.built_velocity[wp.tid()] / f64(n))
+        wp.atomic_add(watch.frame, MEAN_VELOCITY, watch.built_velocity[i] / f64(n))
 
-    @wp.kernel(module=variant.module)
-    def find_spread(watch: Watch):
+    @wp.func
+    def find_spread(i: int, watch: Watch):
         """Largest |w_i - mean|."""
-        w = watch.built_velocity[wp.tid()]
+        w = watch.built_velocity[i]
         wp.atomic_max(watch.scalar, SPREAD, wp.length(w - watch.frame[MEAN_VELOCITY]))
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def find_horizon(watch: Watch, room: f64, acceleration: f64, dt: f64):
         """As many steps as let no grain come further than `room` [m] beside the others, at least one.
 
@@ -104,4 +104,19 @@ def kernels(variant: Variant) -> SimpleNamespace:
         find_mean=find_mean,
         find_spread=find_spread,
         find_horizon=find_horizon,
+    )
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(
+        variant.module,
+        own.adapt_slack,
+        own.renew,
+        own.clear,
+        own.find_mean,
+        own.find_spread,
+        own.find_horizon,
     )

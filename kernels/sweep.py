@@ -17,6 +17,7 @@ from .data import (
     Watch,
 )
 from .features import functions
+from .stage import kernels_of
 from .variant import Variant
 from .watch import watch_grain
 
@@ -24,8 +25,8 @@ f64 = wp.float64
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the functions and kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
     radius_of = functions(variant).radius_of
 
     @wp.func
@@ -121,21 +122,23 @@ def kernels(variant: Variant) -> SimpleNamespace:
                 watch_grain(grains.next_velocity[i], watch, i)
         return largest
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def start_pairs(
-        crew: Crew, grains: Grains, contacts: Contacts, dt: f64, first_group: int, last_group: int
+        crew: Crew, tid: int, grains: Grains, contacts: Contacts, dt: f64, first_group: int, last_group: int
     ):
         """Iteration 0 of the pairs (warm start), group after group."""
         for group in range(first_group, wp.min(last_group, contacts.count[GROUPS])):
-            begin, end = share(crew, wp.tid(), contacts.group_start[group], contacts.group_start[group + 1])
+            begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
             for c in range(begin, end):
                 start_pair(grains, contacts, c, dt)
             meet(crew)
 
-    @wp.kernel(module=variant.module)
-    def start_walls(crew: Crew, grains: Grains, contacts: Contacts, radius_in: f64, radius_out: f64, dt: f64):
+    @wp.func
+    def start_walls(
+        crew: Crew, tid: int, grains: Grains, contacts: Contacts, radius_in: f64, radius_out: f64, dt: f64
+    ):
         """Iteration 0 of the walls."""
-        begin, end = share(crew, wp.tid(), 0, contacts.count[WALLS])
+        begin, end = share(crew, tid, 0, contacts.count[WALLS])
         for c in range(begin, end):
             wall = contacts.walls[c]
             n, distance = law.normal(wp.vec2d(f64(0.0), f64(0.0)), grains.position[wall.i])
@@ -155,3 +158,10 @@ def kernels(variant: Variant) -> SimpleNamespace:
         start_pairs=start_pairs,
         start_walls=start_walls,
     )
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(variant.module, own.start_pairs, own.start_walls)

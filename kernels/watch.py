@@ -40,6 +40,7 @@ from .data import (
     Grains,
     Watch,
 )
+from .stage import kernels_of
 from .variant import Variant
 
 f64 = wp.float64
@@ -84,10 +85,10 @@ def look_again(velocity: wp.array(dtype=wp.vec2d), watch: Watch, crew: Crew, tid
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def clear(watch: Watch):
         """Forget what was seen; the first iteration is watched."""
         watch.frame[FRAME_VELOCITY] = wp.vec2d(f64(0.0), f64(0.0))
@@ -96,27 +97,35 @@ def kernels(variant: Variant) -> SimpleNamespace:
         watch.flag[MISSED] = 0
         watch.flag[BAD_GRAIN] = -1
 
-    @wp.kernel(module=variant.module)
-    def find_frame(grains: Grains, watch: Watch):
+    @wp.func
+    def find_frame(i: int, grains: Grains, watch: Watch):
         """u, the mean of v_i - w_i: what all grains do together, such as falling, strays nobody."""
-        i = wp.tid()
         n = grains.position.shape[0]
         wp.atomic_add(
             watch.frame, FRAME_VELOCITY, (grains.next_velocity[i] - watch.built_velocity[i]) / f64(n)
         )
 
-    @wp.kernel(module=variant.module)
-    def first_look(crew: Crew, grains: Grains, watch: Watch, dt: f64):
+    @wp.func
+    def first_look(crew: Crew, tid: int, grains: Grains, watch: Watch, dt: f64):
         """The peaks before the first iteration, and what the reaches still allow."""
         n = grains.position.shape[0]
-        begin, end = share(crew, wp.tid(), 0, n)
+        begin, end = share(crew, tid, 0, n)
         for i in range(begin, end):
             watch.peak[i] = wp.length_sq(strayed_velocity(grains.next_velocity[i], watch, i))
             allowed = (watch.reach[i] - strayed(grains.position[i], watch, i)) / dt
             watch.limit[i] = wp.max(f64(0.0), allowed) * allowed
 
-    @wp.kernel(module=variant.module)
-    def verify(crew: Crew, grains: Grains, watch: Watch, dt: f64, rounding: f64, reserve: f64, foreseen: f64):
+    @wp.func
+    def verify(
+        crew: Crew,
+        tid: int,
+        grains: Grains,
+        watch: Watch,
+        dt: f64,
+        rounding: f64,
+        reserve: f64,
+        foreseen: f64,
+    ):
         """Flag MISSED where a reach does not suffice, and BAD_GRAIN where a number is not finite.
 
         Before the iteration, a reserve of so many slacks is asked for, and peaks are foreseen, so many times
@@ -124,7 +133,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         """
         least = rounding + reserve * watch.scalar[SLACK]
         n = grains.position.shape[0]
-        begin, end = share(crew, wp.tid(), 0, n)
+        begin, end = share(crew, tid, 0, n)
         for i in range(begin, end):
             x = grains.position[i]
             peak = wp.max(wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT], foreseen * watch.recent[i])
@@ -139,14 +148,14 @@ def kernels(variant: Variant) -> SimpleNamespace:
         if not (watch.scalar[ELAPSED] + f64(0.5) * dt <= watch.scalar[HORIZON]):
             watch.flag[MISSED] = 1
 
-    @wp.kernel(module=variant.module)
-    def remember(crew: Crew, watch: Watch):
+    @wp.func
+    def remember(crew: Crew, tid: int, watch: Watch):
         """Keep what the step needed, for the reaches of the next list."""
-        begin, end = share(crew, wp.tid(), 0, watch.peak.shape[0])
+        begin, end = share(crew, tid, 0, watch.peak.shape[0])
         for i in range(begin, end):
             watch.recent[i] = wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT]
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def shift_frame(watch: Watch, dt: f64):
         """The frame moves with the grains."""
         watch.frame[FRAME_SHIFT] = watch.frame[FRAME_SHIFT] + dt * watch.frame[FRAME_VELOCITY]
@@ -159,4 +168,13 @@ def kernels(variant: Variant) -> SimpleNamespace:
         verify=verify,
         remember=remember,
         shift_frame=shift_frame,
+    )
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(
+        variant.module, own.clear, own.find_frame, own.first_look, own.verify, own.remember, own.shift_frame
     )

@@ -17,16 +17,29 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
     __path__.append(str(_checkout))
 
 if TYPE_CHECKING:
+    from warpgrains.batch import Batch, SceneSummary
     from warpgrains.errors import SceneError, SimulationError
     from warpgrains.reports import State, StepReport, Summary
     from warpgrains.scene import Scene
     from warpgrains.simulation import Simulation
 
-__all__ = ["Scene", "SceneError", "Simulation", "SimulationError", "State", "StepReport", "Summary"]
+__all__ = [
+    "Batch",
+    "Scene",
+    "SceneError",
+    "SceneSummary",
+    "Simulation",
+    "SimulationError",
+    "State",
+    "StepReport",
+    "Summary",
+]
 
 _HOME = {
+    "Batch": "batch",
     "Scene": "scene",
     "SceneError": "errors",
+    "SceneSummary": "batch",
     "Simulation": "simulation",
     "SimulationError": "errors",
     "State": "reports",
