@@ -44,7 +44,7 @@ def stages(variant: Variant) -> SimpleNamespace:
         """Apply this worker's share of the corrections of a group's pairs."""
         begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
         for c in range(begin, end):
-            apply_pair(grains.rebuilt_velocity, contacts, c, contacts.pairs[c].dv * contacts.pairs[c].n)
+            apply_pair(grains.rebuilt_velocity, contacts, c, contacts.pair_dv[c] * contacts.pairs[c].n)
 
     @wp.func
     def rebuild_walls(crew: Crew, tid: int, grains: Grains, contacts: Contacts):
@@ -62,7 +62,7 @@ def stages(variant: Variant) -> SimpleNamespace:
         for c in range(begin, end):
             pair = contacts.pairs[c]
             vn = wp.dot(grains.rebuilt_velocity[pair.i] - grains.rebuilt_velocity[pair.j], pair.n)
-            worst = wp.max(worst, unbalance(vn, pair.dv, pair.gap_rate))
+            worst = wp.max(worst, unbalance(vn, contacts.pair_dv[c], pair.gap_rate))
         return worst
 
     @wp.func
