@@ -12,6 +12,8 @@ from warpgrains.memory import require_memory
 from warpgrains.record_layout import Counts, Layout, fields, first_room, grid_width
 from warpgrains.scene import Scene
 
+LINE = 128  # bytes that cores pass on together
+
 
 class SceneRecords:
     """Records on the device, each with a block of memory for all its arrays.
@@ -41,7 +43,7 @@ class SceneRecords:
 
     def _place(self, which: Counts, layout: Layout) -> None:
         """Give scenes new blocks of memory, and write in their records where the arrays are."""
-        blocks = [np.zeros(size, np.uint8) for size in layout.size]
+        blocks = [_block(size) for size in layout.size.tolist()]
         base = np.array([block.__array_interface__["data"][0] for block in blocks], np.uint64)
         for number, field in enumerate(fields()):
             arrays = field.of(self._host)
@@ -91,3 +93,10 @@ class SceneRecords:
         self._place(np.array([k]), layout)
         for name, array in kept.items():
             self.array(k, name)[: len(array)] = array
+
+
+def _block(size: int) -> np.ndarray:
+    """Allocate zeros in lines of memory of their own: a line that two threads write to is slow for both."""
+    memory = np.zeros((size // LINE + 2) * LINE, np.uint8)
+    first = -memory.__array_interface__["data"][0] % LINE
+    return memory[first : first + size]
