@@ -18,6 +18,7 @@ from .tally import add_step
 from .variant import OPTIONS, Variant
 
 f64 = wp.float64
+UNPROVED = wp.constant(5)  # outcome of a step that is solved, as far as it can be
 TURN = wp.constant(f64(1.0e-3))  # seconds after which a thread looks for another scene
 
 
@@ -110,8 +111,9 @@ def kernels(variant: Variant) -> SimpleNamespace:
         while left > 0 and outcome == SOLVED and spent < TURN:
             outcome = solve(crew, s)
             if outcome == SOLVED:
-                add_step(s)
                 left = left - 1
+                if add_step(s):
+                    outcome = UNPROVED
             spent = seconds() - start
         queue.left[k] = left
         queue.outcome[k] = outcome

@@ -18,6 +18,7 @@ class Crew:
     first: wp.int32
     workers: wp.int32
     arrivals: wp.array(dtype=wp.int64)  # how often a worker has come to `meet`
+    ended: wp.array(dtype=wp.int64)  # every eighth: a worker's passes and turns (turns.py)
 
 
 @wp.func
@@ -41,6 +42,9 @@ def slot_of(crew: Crew, tid: int, slots: int) -> int:
         long long ticket = __atomic_fetch_add(arrivals.data, 1LL, __ATOMIC_ACQ_REL);
         long long all_here = (ticket / workers + 1) * workers;
         for (int look = 0; __atomic_load_n(arrivals.data, __ATOMIC_ACQUIRE) < all_here; look++) {
+#if defined(__x86_64__)
+            __builtin_ia32_pause();
+#endif
 #if defined(__linux__) || defined(__APPLE__)
             int yield_processor(void) __asm__("sched_yield");
             if (look > 1000)

@@ -42,15 +42,19 @@ class Grains:
 
 @wp.struct
 class Contacts:
-    """Candidate contacts in the order in which they are swept (slots), in groups that share no grain."""
+    """Candidate contacts in the order in which they are swept (slots), in groups or in turns (turns.py)."""
 
     pairs: wp.array(dtype=Pair)
     pair_dv: wp.array(dtype=f64)  # accumulated corrections dv_c >= 0 [m/s]
     weights: wp.array(dtype=wp.vec2d)  # mass shares of i and j; empty where all masses are equal
     pair_dv_start: wp.array(dtype=f64)  # dv_c at the start of the step, for a step that is solved again
-    group_start: wp.array(dtype=wp.int32)  # first slot of every group, and the end of the last
+    group_start: wp.array(dtype=wp.int32)  # first slot of every group or turn, and the end of the last
+    own_turns: wp.int32  # whether workers have turns of their own, or meet after every group (turns.py)
+    lane_turn: wp.array(dtype=wp.int32)  # first turn of every worker, and the end of the last
+    turn_after: wp.array(dtype=wp.int32)  # of every turn and worker: how many of its turns end before
     walls: wp.array(dtype=Wall)
     wall_dv_start: wp.array(dtype=f64)
+    lane_wall: wp.array(dtype=wp.int32)  # first wall of every worker, and the end of the last
     count: wp.array(dtype=wp.int32)  # PAIRS, GROUPS, WALLS
 
 

@@ -15,6 +15,7 @@ from .data import GROUPS, LOOK, Contacts, Grains, Progress, Watch
 from .iteration import Stop, decide_after_check, decide_after_iteration, decide_what_to_watch, gather_zeta
 from .momentum import Momentum
 from .stage import kernels_of
+from .turns import begin_turns, end_turn, end_turns
 from .variant import Variant
 from .watch import look_again
 
@@ -26,18 +27,18 @@ def stages(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the stages for one kind of scene."""
     plain, ahead = sweep.stages(variant), momentum.stages(variant)
     measure = residual.stages(variant).measure
-    plain_group, plain_walls = plain.sweep_group, plain.sweep_all_walls
-    ahead_group, ahead_walls = ahead.sweep_group, ahead.sweep_all_walls
+    plain_turn, plain_walls = plain.sweep_turn, plain.sweep_all_walls
+    ahead_turn, ahead_walls = ahead.sweep_turn, ahead.sweep_all_walls
     judge_sweep, advance, settle = ahead.judge_sweep, ahead.advance, ahead.settle
 
     @wp.func
-    def sweep_group(
-        crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch, momentum: Momentum, group: int
+    def sweep_turn(
+        crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch, momentum: Momentum, turn: int
     ) -> f64:
-        """Sweep this worker's share of a group, by the scene's method. Returns the largest |dv|."""
+        """Sweep the pairs of a turn, by the scene's method. Returns the largest |dv|."""
         if wp.static(variant.accelerated):
-            return ahead_group(crew, tid, grains, contacts, watch, momentum, group)
-        return plain_group(crew, tid, grains, contacts, watch, group)
+            return ahead_turn(crew, tid, grains, contacts, watch, momentum, turn)
+        return plain_turn(crew, tid, grains, contacts, watch, turn)
 
     @wp.func
     def sweep_all_walls(
@@ -88,9 +89,11 @@ def stages(variant: Variant) -> SimpleNamespace:
         slot = slot_of(crew, tid, progress.zeta.shape[0])
         while progress.iterating[0] != 0:
             zeta = f64(0.0)
-            for group in range(contacts.count[GROUPS]):
-                zeta = wp.max(zeta, sweep_group(crew, tid, grains, contacts, watch, momentum, group))
-                meet(crew)
+            first, last = begin_turns(crew, tid, contacts)
+            for turn in range(first, last):
+                zeta = wp.max(zeta, sweep_turn(crew, tid, grains, contacts, watch, momentum, turn))
+                end_turn(crew, tid, contacts)
+            end_turns(crew, contacts)
             zeta = wp.max(zeta, sweep_all_walls(crew, tid, grains, contacts, watch, momentum))
             progress.zeta[slot] = zeta
             meet(crew)
@@ -119,7 +122,7 @@ def stages(variant: Variant) -> SimpleNamespace:
     ):
         """Correct the pairs of one group: a GPU's launch."""
         if group < contacts.count[GROUPS]:
-            zeta = sweep_group(crew, tid, grains, contacts, watch, momentum, group)
+            zeta = sweep_turn(crew, tid, grains, contacts, watch, momentum, group)
             wp.atomic_max(progress.zeta, slot_of(crew, tid, progress.zeta.shape[0]), zeta)
 
     @wp.func

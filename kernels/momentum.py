@@ -124,7 +124,7 @@ def stages(variant: Variant) -> SimpleNamespace:
         return wp.vec3d(wp.abs(dv), mu * (cost_y - cost_x - ENOUGH * gain), -mu * dv * (y + dv - x))
 
     @wp.func
-    def sweep_group(
+    def sweep_turn(
         crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch, momentum: Momentum, group: int
     ) -> f64:
         """Correct this worker's share of the pairs of a group. Returns the largest |dv|."""
@@ -231,7 +231,7 @@ def stages(variant: Variant) -> SimpleNamespace:
         momentum.undo[0] = 0
 
     return SimpleNamespace(
-        sweep_group=sweep_group,
+        sweep_turn=sweep_turn,
         sweep_all_walls=sweep_all_walls,
         judge_sweep=judge_sweep,
         advance=advance,

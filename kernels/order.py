@@ -39,28 +39,18 @@ def stages(variant: Variant) -> SimpleNamespace:
     """Compile-time selection of the stages for one kind of scene."""
 
     @wp.func
-    def levels(
-        rows: Rows, window: int, next_level: wp.array(dtype=wp.int32), group: wp.array(dtype=wp.int32)
-    ):
-        """Dependency levels, windows of so many consecutive pairs one after the other.
-
-        One window gives the fewest groups. Shorter ones keep what is swept together close in memory.
-        """
+    def levels(rows: Rows, next_level: wp.array(dtype=wp.int32), group: wp.array(dtype=wp.int32)):
+        """Dependency levels, as few as there can be."""
         n = rows.start.shape[0] - 1
         for i in range(n):
             next_level[i] = 0
-        base = int(0)
-        top = int(0)
         for i in range(n):
             for k in range(rows.start[i], rows.start[i + 1]):
-                if k % window == 0:
-                    base = top
                 j = rows.neighbor[k]
-                level = wp.max(base, wp.max(next_level[i], next_level[j]))
+                level = wp.max(next_level[i], next_level[j])
                 group[k] = level
                 next_level[i] = level + 1
                 next_level[j] = level + 1
-                top = wp.max(top, level + 1)
 
     @wp.func
     def colors(rows: Rows, used: wp.array(dtype=wp.uint64), group: wp.array(dtype=wp.int32)):
@@ -116,11 +106,52 @@ def stages(variant: Variant) -> SimpleNamespace:
             contacts.group_start[1] = pairs
             contacts.count[GROUPS] = 1
 
-    return SimpleNamespace(levels=levels, colors=colors, place=place)
+    @wp.func
+    def line_up(i: int, rows: Rows, slot: wp.array(dtype=wp.int32), sequence: wp.array(dtype=wp.vec3i)):
+        """Write the pairs of grain i, (i, j, place in the rows), where they come in sweeping order."""
+        for k in range(rows.start[i], rows.start[i + 1]):
+            sequence[slot[k]] = wp.vec3i(i, rows.neighbor[k], k)
+
+    @wp.func
+    def windows(
+        contacts: Contacts,
+        sequence: wp.array(dtype=wp.vec3i),
+        window: int,
+        next_window: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.int32),
+        slot: wp.array(dtype=wp.int32),
+    ):
+        """Sweep window after window of the rows, each in the order given: close by in time and in memory.
+
+        A pair waits for the window of every pair before it on its grains, so that it finds what it would have
+        found: the same bits.
+        """
+        pairs = contacts.count[PAIRS]
+        for i in range(next_window.shape[0]):
+            next_window[i] = 0
+        for w in range(pairs):
+            start[w] = 0
+            start[w + 1] = 0
+        for s in range(pairs):
+            pair = sequence[s]
+            w = wp.max(pair[2] // window, wp.max(next_window[pair[0]], next_window[pair[1]]))
+            next_window[pair[0]] = w
+            next_window[pair[1]] = w
+            slot[pair[2]] = w
+            start[w + 1] = start[w + 1] + 1
+        for w in range(pairs):
+            start[w + 1] = start[w + 1] + start[w]
+        for s in range(pairs):
+            k = sequence[s][2]
+            w = slot[k]
+            slot[k] = start[w]
+            start[w] = start[w] + 1
+
+    return SimpleNamespace(levels=levels, colors=colors, place=place, line_up=line_up, windows=windows)
 
 
 @cache
 def kernels(variant: Variant) -> SimpleNamespace:
     """Kernels of the stages that are launched."""
     own = stages(variant)
-    return kernels_of(variant.module, own.levels, own.colors, own.place)
+    return kernels_of(variant.module, own.levels, own.colors, own.place, own.line_up, own.windows)

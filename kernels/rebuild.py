@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from . import carry, detect, order, reach
-from .data import WALLS
+from .data import PAIRS, WALLS
 from .record import SceneRecord
 from .variant import Variant
 
@@ -40,6 +40,7 @@ def stages(variant: Variant) -> SimpleNamespace:
         search.find_walls,
     )
     levels, colors, place = sweeping.levels, sweeping.colors, sweeping.place
+    line_up, windows = sweeping.line_up, sweeping.windows
 
     @wp.func
     def set_old_aside(s: SceneRecord):
@@ -113,9 +114,20 @@ def stages(variant: Variant) -> SimpleNamespace:
         if s.by_color != 0:
             colors(s.rows, s.workspace.used_colors, s.workspace.group)
         else:
-            levels(s.rows, s.window, s.workspace.next_level, s.workspace.group)
+            levels(s.rows, s.workspace.next_level, s.workspace.group)
         place(s.rows, s.workspace.group, s.merge, s.contacts, s.workspace.slot)
         n = s.grains.position.shape[0]
+        if s.merge != 0 and s.contacts.count[PAIRS] > s.window:
+            for i in range(n):
+                line_up(i, s.rows, s.workspace.slot, s.workspace.sequence)
+            windows(
+                s.contacts,
+                s.workspace.sequence,
+                s.window,
+                s.workspace.next_level,
+                s.workspace.group,
+                s.workspace.slot,
+            )
         for i in range(n):
             s.workspace.influence[i] = f64(0.0)
             fill_slots(

@@ -19,6 +19,7 @@ class Workspace:
     wall_dv: wp.array(dtype=f64)  # corrections at the walls, by grain [m/s]
     slot: wp.array(dtype=wp.int32)  # place of every pair in sweeping order
     group: wp.array(dtype=wp.int32)  # that it is swept with
+    sequence: wp.array(dtype=wp.vec3i)  # pairs in sweeping order (order.py)
     influence: wp.array(dtype=f64)  # by grain
     next_level: wp.array(dtype=wp.int32)  # by grain
     used_colors: wp.array(dtype=wp.uint64)  # by grain
@@ -37,7 +38,7 @@ class SceneRecord:
     grid: Grid
     rows: Rows
     workspace: Workspace
-    flag: wp.array(dtype=wp.int32)  # LISTING, REBUILDS, REDOS
+    flag: wp.array(dtype=wp.int32)  # LISTING, REBUILDS, REDOS, TO_SEARCH
     tally: wp.array(dtype=f64)  # STEPS, ITERATIONS_SUM, ... of `kernels.tally`
     stop: Stop
     gravity: wp.vec2d  # [m/s2]
@@ -51,8 +52,9 @@ class SceneRecord:
     rounding: f64  # of a position [m]
     reserve: f64  # of a slack, that must be left before the iteration starts
     by_color: wp.int32  # whether contacts are swept by colors, or by levels
-    window: wp.int32  # pairs that are put in levels together
+    window: wp.int32  # pairs that are interleaved
     merge: wp.int32  # whether all groups are swept as one
+    holds_back: wp.int32  # whether a step that has not converged is not taken
 
 
-LISTING, REBUILDS, REDOS = (wp.constant(k) for k in range(3))
+LISTING, REBUILDS, REDOS, TO_SEARCH = (wp.constant(k) for k in range(4))

@@ -13,9 +13,10 @@ from types import SimpleNamespace
 import warp as wp
 
 from .crew import Crew, meet, share, slot_of
-from .data import GROUPS, WALLS, Contacts, Grains, Progress
+from .data import GROUPS, PAIRS, Contacts, Grains, Progress
 from .stage import kernels_of
 from .sweep import stages as sweep_stages
+from .turns import begin_turns, end_turn, end_turns, take_turn, walls_of
 from .variant import Variant
 
 f64 = wp.float64
@@ -40,25 +41,25 @@ def stages(variant: Variant) -> SimpleNamespace:
             grains.rebuilt_velocity[i] = grains.free_velocity[i]
 
     @wp.func
-    def rebuild_group(crew: Crew, tid: int, grains: Grains, contacts: Contacts, group: int):
-        """Apply this worker's share of the corrections of a group's pairs."""
-        begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
+    def rebuild_turn(crew: Crew, tid: int, grains: Grains, contacts: Contacts, turn: int):
+        """Apply the corrections of a turn's pairs."""
+        begin, end = take_turn(crew, tid, contacts, turn)
         for c in range(begin, end):
             apply_pair(grains.rebuilt_velocity, contacts, c, contacts.pair_dv[c] * contacts.pairs[c].n)
 
     @wp.func
     def rebuild_walls(crew: Crew, tid: int, grains: Grains, contacts: Contacts):
         """Apply this worker's share of the corrections at the walls."""
-        begin, end = share(crew, tid, 0, contacts.count[WALLS])
+        begin, end = walls_of(crew, tid, contacts)
         for c in range(begin, end):
             wall = contacts.walls[c]
             grains.rebuilt_velocity[wall.i] = grains.rebuilt_velocity[wall.i] - wall.dv * wall.n
 
     @wp.func
-    def worst_of_group(crew: Crew, tid: int, grains: Grains, contacts: Contacts, group: int) -> f64:
-        """The largest residual of this worker's share of a group's pairs."""
+    def worst_of_pairs(crew: Crew, tid: int, grains: Grains, contacts: Contacts) -> f64:
+        """The largest residual of this worker's share of the pairs."""
         worst = f64(0.0)
-        begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
+        begin, end = share(crew, tid, 0, contacts.count[PAIRS])
         for c in range(begin, end):
             pair = contacts.pairs[c]
             vn = wp.dot(grains.rebuilt_velocity[pair.i] - grains.rebuilt_velocity[pair.j], pair.n)
@@ -69,7 +70,7 @@ def stages(variant: Variant) -> SimpleNamespace:
     def worst_of_walls(crew: Crew, tid: int, grains: Grains, contacts: Contacts) -> f64:
         """The largest residual of this worker's share of the walls."""
         worst = f64(0.0)
-        begin, end = share(crew, tid, 0, contacts.count[WALLS])
+        begin, end = walls_of(crew, tid, contacts)
         for c in range(begin, end):
             wall = contacts.walls[c]
             vn = wp.dot(grains.rebuilt_velocity[wall.i], wall.n)
@@ -83,15 +84,16 @@ def stages(variant: Variant) -> SimpleNamespace:
         """Part of eta of this worker; CPU workers meet between the stages."""
         free_share(crew, tid, grains)
         meet(crew)
-        for group in range(contacts.count[GROUPS]):
-            rebuild_group(crew, tid, grains, contacts, group)
-            meet(crew)
+        first, last = begin_turns(crew, tid, contacts)
+        for turn in range(first, last):
+            rebuild_turn(crew, tid, grains, contacts, turn)
+            end_turn(crew, tid, contacts)
+        end_turns(crew, contacts)
         rebuild_walls(crew, tid, grains, contacts)
         meet(crew)
-        worst = worst_of_walls(crew, tid, grains, contacts)
-        for group in range(contacts.count[GROUPS]):
-            worst = wp.max(worst, worst_of_group(crew, tid, grains, contacts, group))
-        return worst
+        return wp.max(
+            worst_of_walls(crew, tid, grains, contacts), worst_of_pairs(crew, tid, grains, contacts)
+        )
 
     @wp.func
     def measure_all(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
@@ -111,7 +113,7 @@ def stages(variant: Variant) -> SimpleNamespace:
     ):
         """Launch of one group on a GPU."""
         if progress.checking[0] != 0 and group < contacts.count[GROUPS]:
-            rebuild_group(crew, tid, grains, contacts, group)
+            rebuild_turn(crew, tid, grains, contacts, group)
 
     @wp.func
     def finish_rebuild(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
@@ -123,9 +125,9 @@ def stages(variant: Variant) -> SimpleNamespace:
     def find_worst(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
         """Last launch of eta on a GPU."""
         if progress.checking[0] != 0:
-            worst = worst_of_walls(crew, tid, grains, contacts)
-            for group in range(contacts.count[GROUPS]):
-                worst = wp.max(worst, worst_of_group(crew, tid, grains, contacts, group))
+            worst = wp.max(
+                worst_of_walls(crew, tid, grains, contacts), worst_of_pairs(crew, tid, grains, contacts)
+            )
             wp.atomic_max(progress.residual, slot_of(crew, tid, progress.residual.shape[0]), worst)
 
     return SimpleNamespace(

@@ -7,12 +7,12 @@ import warp as wp
 
 from . import iterate, iteration, measure, momentum, motion, rebuild, residual, sweep, watch
 from .crew import Crew
-from .data import BAD_GRAIN, GROUPS, ITERATIONS, PAIRS, WALLS
+from .data import BAD_GRAIN, GROUPS, ITERATIONS, PAIRS, WALLS, ZETA
 from .record import LISTING, REBUILDS, REDOS, SceneRecord
 from .variant import Variant
 
 f64 = wp.float64
-SOLVED, WITHOUT_ROOM, FAILED = (wp.constant(k) for k in range(3))
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, MISSING = (wp.constant(k) for k in range(5))
 
 
 @wp.func
@@ -22,6 +22,15 @@ def revert(s: SceneRecord):
         s.contacts.pair_dv[c] = s.contacts.pair_dv_start[c]
     for c in range(s.contacts.count[WALLS]):
         s.contacts.walls[c].dv = s.contacts.wall_dv_start[c]
+
+
+@wp.func
+def has_converged(s: SceneRecord, residual: f64) -> bool:
+    """Whether the step, solved to this residual [m/s], has met its tolerance."""
+    error = s.progress.report[ZETA]
+    if s.stop.on_residual != 0:
+        error = residual
+    return error <= s.stop.tolerance
 
 
 @cache
@@ -53,7 +62,6 @@ def stages(variant: Variant) -> SimpleNamespace:
     @wp.func
     def finish(crew: Crew, s: SceneRecord):
         """Move, and measure what the report tells."""
-        measure_all(crew, 0, s.grains, s.contacts, s.progress)
         move(crew, 0, s.grains, s.dt)
         remember(crew, 0, s.watch)
         shift_frame(s.watch, s.dt)
@@ -61,7 +69,7 @@ def stages(variant: Variant) -> SimpleNamespace:
         gather(s.progress)
 
     @wp.func
-    def attempt(crew: Crew, s: SceneRecord) -> bool:
+    def attempt(crew: Crew, s: SceneRecord) -> int:
         """Solve the step for the listed contacts, and take it if none was missing."""
         warm_start(crew, s)
         verify(crew, 0, s.grains, s.watch, s.dt, s.rounding, s.reserve, f64(1.0))
@@ -71,9 +79,19 @@ def stages(variant: Variant) -> SimpleNamespace:
         loop(crew, 0, s.grains, s.contacts, s.watch, s.progress, s.momentum, s.stop)
         verify(crew, 0, s.grains, s.watch, s.dt, s.rounding, f64(0.0), f64(0.0))
         judge(s.watch, s.progress)
+        outcome = int(SOLVED)
         if s.progress.accepted[0] != 0:
-            finish(crew, s)
-        return s.progress.accepted[0] != 0
+            measure_all(crew, 0, s.grains, s.contacts, s.progress)
+            if s.holds_back != 0 and not has_converged(s, s.progress.residual[0]):
+                outcome = NOT_CONVERGED
+            else:
+                finish(crew, s)
+        elif s.watch.flag[BAD_GRAIN] >= 0:
+            revert(s)
+            outcome = NOT_FINITE
+        else:
+            outcome = MISSING
+        return outcome
 
     @wp.func
     def solve(crew: Crew, s: SceneRecord) -> int:
@@ -82,20 +100,16 @@ def stages(variant: Variant) -> SimpleNamespace:
             s.flag[REBUILDS] = 0
             s.flag[REDOS] = 0
             free_velocity(crew, 0, s.grains, s.gravity, s.drag, s.dt)
-        outcome = int(-1)
-        while outcome < 0:
+        outcome = int(MISSING)
+        while outcome == MISSING:
             if s.flag[LISTING] != 0:
                 if list_contacts(s):
                     s.flag[LISTING] = 0
                 else:
                     outcome = WITHOUT_ROOM
             if s.flag[LISTING] == 0:
-                if attempt(crew, s):
-                    outcome = SOLVED
-                elif s.watch.flag[BAD_GRAIN] >= 0:
-                    revert(s)
-                    outcome = FAILED
-                else:
+                outcome = attempt(crew, s)
+                if outcome == MISSING:
                     if s.progress.report[ITERATIONS] > f64(0.0):
                         s.flag[REDOS] = s.flag[REDOS] + 1
                     s.flag[REBUILDS] = s.flag[REBUILDS] + 1

@@ -22,10 +22,8 @@ from .access import (
     wall_dv_of,
     wall_normal_of,
 )
-from .crew import Crew, meet, share
+from .crew import Crew
 from .data import (
-    GROUPS,
-    WALLS,
     WATCHING,
     Contacts,
     Grains,
@@ -33,6 +31,7 @@ from .data import (
 )
 from .features import functions
 from .stage import kernels_of
+from .turns import begin_turns, end_turn, take_turn, walls_of
 from .variant import Variant
 from .watch import watch_grain
 
@@ -106,12 +105,10 @@ def stages(variant: Variant) -> SimpleNamespace:
         apply_pair(grains.next_velocity, contacts, c, contacts.pair_dv[c] * n)
 
     @wp.func
-    def sweep_group(
-        crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch, group: int
-    ) -> f64:
-        """Correct this worker's share of the pairs of a group. Returns the largest |dv|."""
+    def sweep_turn(crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch, turn: int) -> f64:
+        """Correct the pairs of a turn. Returns the largest |dv|."""
         largest = f64(0.0)
-        begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
+        begin, end = take_turn(crew, tid, contacts, turn)
         if watch.flag[WATCHING] == 0:
             c = begin
             while c < end:
@@ -132,7 +129,7 @@ def stages(variant: Variant) -> SimpleNamespace:
     def sweep_all_walls(crew: Crew, tid: int, grains: Grains, contacts: Contacts, watch: Watch) -> f64:
         """Correct this worker's share of the grains that may reach a wall. Returns the largest |dv|."""
         largest = f64(0.0)
-        begin, end = share(crew, tid, 0, contacts.count[WALLS])
+        begin, end = walls_of(crew, tid, contacts)
         c = begin
         while c < end:
             largest = wp.max(largest, correct_wall(grains.next_velocity, contacts, c))
@@ -145,21 +142,22 @@ def stages(variant: Variant) -> SimpleNamespace:
 
     @wp.func
     def start_pairs(
-        crew: Crew, tid: int, grains: Grains, contacts: Contacts, dt: f64, first_group: int, last_group: int
+        crew: Crew, tid: int, grains: Grains, contacts: Contacts, dt: f64, first_turn: int, last_turn: int
     ):
-        """Iteration 0 of the pairs (warm start), group after group."""
-        for group in range(first_group, wp.min(last_group, contacts.count[GROUPS])):
-            begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
+        """Iteration 0 of the pairs (warm start), turn after turn."""
+        first, last = begin_turns(crew, tid, contacts)
+        for turn in range(wp.max(first, first_turn), wp.min(last, last_turn)):
+            begin, end = take_turn(crew, tid, contacts, turn)
             for c in range(begin, end):
                 start_pair(grains, contacts, c, dt)
-            meet(crew)
+            end_turn(crew, tid, contacts)
 
     @wp.func
     def start_walls(
         crew: Crew, tid: int, grains: Grains, contacts: Contacts, radius_in: f64, radius_out: f64, dt: f64
     ):
         """Iteration 0 of the walls."""
-        begin, end = share(crew, tid, 0, contacts.count[WALLS])
+        begin, end = walls_of(crew, tid, contacts)
         for c in range(begin, end):
             wall = contacts.walls[c]
             n, distance = law.normal(wp.vec2d(f64(0.0), f64(0.0)), grains.position[wall.i])
@@ -174,7 +172,7 @@ def stages(variant: Variant) -> SimpleNamespace:
     return SimpleNamespace(
         weights_of=weights_of,
         apply_pair=apply_pair,
-        sweep_group=sweep_group,
+        sweep_turn=sweep_turn,
         sweep_all_walls=sweep_all_walls,
         start_pairs=start_pairs,
         start_walls=start_walls,

@@ -17,6 +17,7 @@ from warpgrains import (
     SimulationError,
     State,
     StepReport,
+    contacts,
     scene_records,
     waves,
 )
@@ -168,6 +169,55 @@ def test_a_scene_that_fails(
     with pytest.raises(SimulationError, match=f"scene {FAILING}: step 4, from t = .*reached a velocity"):
         batch.step()
     assert [batch.state(k).steps for k in others] == [STEPS + 1] * 7
+
+
+def test_windows_of_pairs(
+    scenes: list[Scene],
+    expected: list[tuple[State, Tally, StepReport]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(contacts, "WINDOW", dict.fromkeys(ORDERS, 5))
+    batch = Batch(scenes, threads=2)
+    batch.run(steps=STEPS)
+    assert_as_alone(batch, list(range(len(scenes))), expected)
+
+
+def test_a_step_that_has_not_converged_is_not_taken(scenes: list[Scene]) -> None:
+    raising = [scene.replace(on_unconverged="raise", max_iterations=8) for scene in scenes[:8]]
+    batch = Batch(raising, threads=2)
+    summaries = batch.run(steps=STEPS)
+    assert any(summary.error for summary in summaries)
+    for k, (scene, summary) in enumerate(zip(raising, summaries, strict=True)):
+        simulation, error = Simulation(scene, threads=1), None
+        try:
+            for _ in range(STEPS):
+                simulation.step()
+        except SimulationError as failure:
+            error = str(failure)
+        assert summary.error == error
+        assert contents(batch.state(k)) == contents(simulation.state())
+
+
+def test_grains_that_cannot_fit_are_named() -> None:
+    ring = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    scene = Scene(
+        position=0.6 * np.stack([np.cos(ring), np.sin(ring)], axis=1),
+        radius=0.5,
+        mass=0.1,
+        radius_out=1.0,
+        radius_in=0.0,
+        gravity=(0.0, -9.81),
+        max_iterations=50,
+    )
+    simulation, tally = Simulation(scene, threads=1), Tally()
+    for _ in range(5):
+        report = simulation.step()
+        tally.add(report)
+    assert report.infeasible
+    batch = Batch([Scene.load("annulus"), scene], threads=2)
+    summary = batch.run(steps=5)[1]
+    assert batch.reports[1] == report
+    assert (summary.infeasible, summary.infeasible_grains) == (tally.infeasible, tally.infeasible_grains)
 
 
 def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:

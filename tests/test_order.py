@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import fields
-from itertools import pairwise
 
 import graphs
 import numpy as np
@@ -16,7 +15,6 @@ from warpgrains.kernels.variant import Variant
 from warpgrains.reports import IntArray
 
 KERNELS = order.kernels(Variant(*[False] * len(fields(Variant))))
-ONE_WINDOW = np.iinfo(np.int32).max
 
 GRAPHS = {
     "empty": graphs.empty(),
@@ -45,10 +43,10 @@ def rows_of(pairs: IntArray) -> Rows:
     return rows
 
 
-def group_by_levels(pairs: IntArray, window: int = ONE_WINDOW) -> IntArray:
+def group_by_levels(pairs: IntArray) -> IntArray:
     rows, group = rows_of(pairs), wp.full(len(pairs), -1, dtype=wp.int32, device="cpu")
     next_level = wp.full(len(rows.start), -1, dtype=wp.int32, device="cpu")
-    wp.launch(KERNELS.levels, dim=1, inputs=(rows, window, next_level, group), device="cpu")
+    wp.launch(KERNELS.levels, dim=1, inputs=(rows, next_level, group), device="cpu")
     return group.numpy()
 
 
@@ -89,15 +87,6 @@ def test_levels_are_the_lowest_possible(pairs: IntArray) -> None:
     assert_sequential_order(pairs, level)
 
 
-@pytest.mark.parametrize("window", [1, 7, 100])
-def test_levels_in_windows(pairs: IntArray, window: int) -> None:
-    level = group_by_levels(pairs, window)
-    assert_no_shared_grain(pairs, level)
-    assert_sequential_order(pairs, level)
-    windows = [level[k : k + window] for k in range(0, len(level), window)]
-    assert all(one.max() < later.min() for one, later in pairwise(windows))
-
-
 def test_colors_are_first_fit(pairs: IntArray) -> None:
     color = group_by_colors(pairs)
     assert color.tolist() == graphs.first_fit_colors(pairs)
@@ -115,3 +104,25 @@ def test_every_pair_has_its_place(pairs: IntArray, group_by: Callable[[IntArray]
     merged_slot, merged_start = place(pairs, group, merge=True)
     assert np.array_equal(merged_slot, slot)
     assert merged_start.tolist() == [0, len(pairs)]
+
+
+@pytest.mark.parametrize("group_by", [group_by_levels, group_by_colors])
+@pytest.mark.parametrize("window", [1, 7, 100])
+def test_windows(pairs: IntArray, window: int, group_by: Callable[[IntArray], IntArray]) -> None:
+    """Of two pairs that share a grain, the one that was swept first still is; windows follow each other."""
+    contacts, rows = Contacts(), rows_of(pairs)
+    contacts.count = wp.array([len(pairs), -1, -1], dtype=wp.int32, device="cpu")
+    before, _ = place(pairs, group_by(pairs), merge=True)
+    sequence = wp.full(len(pairs), wp.vec3i(-1), dtype=wp.vec3i, device="cpu")
+    slot = wp.array(before, dtype=wp.int32, device="cpu")
+    wp.launch(KERNELS.line_up, dim=len(rows.start) - 1, inputs=(rows, slot, sequence), device="cpu")
+    assert np.array_equal(sequence.numpy().reshape(-1, 3)[before, :2], pairs.reshape(-1, 2))
+    scratch = [wp.full(len(pairs) + 2, -1, dtype=wp.int32, device="cpu") for _ in range(2)]
+    wp.launch(KERNELS.windows, dim=1, inputs=(contacts, sequence, window, *scratch, slot), device="cpu")
+    after = slot.numpy()
+    assert np.array_equal(np.sort(after), np.arange(len(pairs)))
+    for grain in range(int(pairs.max(initial=0)) + 1):
+        on_grain = (pairs == grain).any(axis=1)
+        assert np.array_equal(np.argsort(after[on_grain]), np.argsort(before[on_grain]))
+    if group_by is group_by_levels:
+        assert (np.diff(np.argsort(after) // window) >= 0).all()

@@ -33,6 +33,8 @@ class ContactBuffers:
         The listed pairs by first grain, and those of the list before.
     slot, group : array of int
         Place of every pair in sweeping order, and the group that it is swept with.
+    sequence : array of vec3i
+        The pairs in sweeping order, see `order.line_up`.
     old_pair_dv, wall_dv : array of float
         Corrections of the pairs of the list before, and by grain those of the walls [m/s].
     """
@@ -46,11 +48,15 @@ class ContactBuffers:
         contacts.weights = self._zeros(0, wp.vec2d)
         contacts.pair_dv_start = self._zeros(0, wp.float64)
         contacts.group_start = self._zeros(2, wp.int32)
+        contacts.own_turns = 0
+        for name in ("lane_turn", "turn_after", "lane_wall"):
+            setattr(contacts, name, self._zeros(0, wp.int32))
         contacts.walls = self._zeros(grains, Wall)
         contacts.wall_dv_start = self._zeros(grains, wp.float64)
         contacts.count = self._zeros(3, wp.int32)
         self._read_count = reader(contacts.count)
         self.slot, self.group = self._zeros(0, wp.int32), self._zeros(0, wp.int32)
+        self.sequence = self._zeros(0, wp.vec3i)
         self.old_pair_dv, self.wall_dv = self._zeros(0, wp.float64), self._zeros(grains, wp.float64)
         self._growing = [
             (contacts, "pairs"),
@@ -63,6 +69,7 @@ class ContactBuffers:
             (self, "old_pair_dv"),
             (self, "slot"),
             (self, "group"),
+            (self, "sequence"),
         ]
         if variant.distinct_masses:
             self._growing.append((contacts, "weights"))
@@ -134,6 +141,8 @@ class ContactBuffers:
         host = self.host()
         host.load(pair, wall, corrections)
         self._write(host)
+        self.contacts.lane_turn.zero_()
+        self.contacts.lane_wall.zero_()
 
     def revert(self) -> None:
         """Take back what an unfinished step did to the corrections."""

@@ -9,12 +9,13 @@ from warpgrains.kernels import carry, data, detect, order, reach
 from warpgrains.kernels.data import WALLS, Contacts, Grains, Progress, Watch
 from warpgrains.kernels.momentum import Momentum
 from warpgrains.kernels.variant import Variant
+from warpgrains.lanes import Lanes
 from warpgrains.neighbors import NeighborSearch
 from warpgrains.replay import Replay, reader
 from warpgrains.reports import Corrections, Lists
 from warpgrains.scene import Scene
 
-WINDOW = 32768  # pairs that one worker interleaves by levels: many hide latency, few stay in cache
+WINDOW = {"sequential": 32768, "color": 1024}  # pairs interleaved: many hide latency, few fit in cache
 
 
 class ContactList:
@@ -53,7 +54,10 @@ class ContactList:
         self._buffers = ContactBuffers(scene.n, variant, momentum, replay)
         cell_size = scales.cell_size(scene)
         self._search = NeighborSearch(grains, watch, self._buffers.rows, variant, replay, cell_size)
-        self._in_line = replay.in_line and not variant.accelerated
+        self._in_line = not replay.by_group and not variant.accelerated
+        self._lanes = (
+            Lanes(self._buffers, variant, replay) if self._in_line and replay.launchers > 1 else None
+        )
         self._influence = wp.zeros(scene.n, dtype=wp.float64, device=replay.device)
         self._next_level = wp.zeros(scene.n, dtype=wp.int32, device=replay.device)
         self._used_colors = wp.zeros(scene.n, dtype=wp.uint64, device=replay.device)
@@ -88,6 +92,8 @@ class ContactList:
                 break
         self._put_in_order()
         self._replay.alone(self._list_walls)
+        if self._lanes is not None:
+            self._lanes.deal_walls()
 
     def _set_old_aside(self) -> None:
         """Keep the pairs and corrections of the old list."""
@@ -122,19 +128,31 @@ class ContactList:
         """Put the pairs in sweeping order; where every group is a launch, more of them need a new graph."""
         groups = self.groups
         self._replay.alone(self._arrange)
+        if self._lanes is not None:
+            self._lanes.deal(self._grains.position.numpy())
+        self._replay.alone(self._fill)
         if self._replay.by_group and self.groups > groups:
             self._replay.forget()
 
     def _arrange(self) -> None:
-        """Give every pair its slot, and write it there with the correction that it carries."""
-        each, n, buffers, in_line = self._replay.each, self._scene.n, self._buffers, self._in_line
-        rows, contacts, slot, group = buffers.rows, buffers.contacts, buffers.slot, buffers.group
+        """Give every pair its slot in the common order."""
+        each, buffers, kernels = self._replay.each, self._buffers, self._order
+        rows, group, slot, sequence = buffers.rows, buffers.group, buffers.slot, buffers.sequence
         if self._scene.order == "color":
-            each(self._order.colors, 1, rows, self._used_colors, group)
+            each(kernels.colors, 1, rows, self._used_colors, group)
         else:
-            window = WINDOW if in_line else np.iinfo(np.int32).max
-            each(self._order.levels, 1, rows, window, self._next_level, group)
-        each(self._order.place, 1, rows, group, int(in_line), contacts, slot)
+            each(kernels.levels, 1, rows, self._next_level, group)
+        each(kernels.place, 1, rows, group, int(self._in_line), buffers.contacts, slot)
+        if self._in_line:
+            each(kernels.line_up, self._scene.n, rows, slot, sequence)
+            window = WINDOW[self._scene.order]
+            each(kernels.windows, 1, buffers.contacts, sequence, window, self._next_level, group, slot)
+            each(kernels.line_up, self._scene.n, rows, slot, sequence)
+
+    def _fill(self) -> None:
+        """Write every pair in its slot, with the correction that it carries."""
+        each, n, buffers = self._replay.each, self._scene.n, self._buffers
+        rows, contacts, slot = buffers.rows, buffers.contacts, buffers.slot
         old = (buffers.old_rows, buffers.old_pair_dv)
         each(self._carry.fill_slots, n, self._grains, *old, rows, slot, contacts)
         self._influence.zero_()
@@ -175,5 +193,7 @@ class ContactList:
             return
         self._buffers.load(lists.pair, lists.wall, corrections)
         self._put_in_order()
+        if self._lanes is not None:
+            self._lanes.deal_walls()
         for name in Lists.WATCHED:
             getattr(self._watch, name).assign(getattr(lists, name))

@@ -88,6 +88,7 @@ def _lengths_by_name(n: Counts, pairs: Counts, variant: Variant) -> dict[str, An
             "weights": pairs * int(variant.distinct_masses),
             "pair_dv_start": pairs,
             "group_start": pairs + 2,
+            **dict.fromkeys(("lane_turn", "turn_after", "lane_wall"), 0),
             "walls": n,
             "wall_dv_start": n,
             "count": 3,
@@ -114,12 +115,13 @@ def _lengths_by_name(n: Counts, pairs: Counts, variant: Variant) -> dict[str, An
         "rows": rows,
         "workspace": {
             "old_rows": rows | {"cursor": 0, "found": 0, "total": 0},
-            **dict.fromkeys(("old_pair_dv", "slot", "group"), pairs),
+            **dict.fromkeys(("old_pair_dv", "slot", "sequence"), pairs),
+            "group": pairs + 1,
             **dict.fromkeys(("wall_dv", "influence", "next_level", "used_colors"), n),
             "lost": 1,
         },
-        "flag": 3,
-        "tally": 7,
+        "flag": 4,
+        "tally": 8,
     }
 
 

@@ -47,8 +47,9 @@ class Replay:
         self.slots = threads if device.is_cpu else GPU_SLOTS
         arrivals = wp.zeros(1, dtype=wp.int64, device=device)
         launchers = workers if device.is_cpu else 1
-        self._crews = [_crew(first, workers, arrivals) for first in range(launchers)]
-        self._alone = _crew(0, 1 if device.is_cpu else workers, arrivals)
+        ended = wp.zeros(8 * launchers, dtype=wp.int64, device=device)
+        self._crews = [_crew(first, workers, arrivals, ended) for first in range(launchers)]
+        self._alone = _crew(0, 1 if device.is_cpu else workers, arrivals, ended)
         self._crew = self._alone
         self._pool = ThreadPoolExecutor(launchers - 1) if launchers > 1 else None
         self._graphs: dict[str, list[wp.Graph]] = {}
@@ -59,9 +60,9 @@ class Replay:
         return not self.device.is_cpu
 
     @property
-    def in_line(self) -> bool:
-        """Whether one worker sweeps all groups, in order."""
-        return not self.by_group and len(self._crews) == 1
+    def launchers(self) -> int:
+        """OS threads that launch kernels."""
+        return len(self._crews)
 
     def __call__(self, launches: Callable[[], None]) -> None:
         """Replay the launches of a function with all workers; at first it is called, to be captured."""
@@ -114,7 +115,7 @@ class Replay:
             yield 0, ALL_GROUPS
 
 
-def _crew(first: int, workers: int, arrivals: wp.array) -> Crew:
+def _crew(first: int, workers: int, arrivals: wp.array, ended: wp.array) -> Crew:
     crew = Crew()
-    crew.first, crew.workers, crew.arrivals = first, workers, arrivals
+    crew.first, crew.workers, crew.arrivals, crew.ended = first, workers, arrivals, ended
     return crew

@@ -6,11 +6,23 @@ import numpy as np
 import warp as wp
 
 from warpgrains import scales
+from warpgrains.failures import not_converged, not_finite
 from warpgrains.host_list import HostList
+from warpgrains.infeasible import find_certificate, iterations_worth_a_search
 from warpgrains.kernels import batch as kernels
 from warpgrains.kernels.data import BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, RESIDUAL, SLACK, ZETA
-from warpgrains.kernels.record import REBUILDS, REDOS
-from warpgrains.kernels.step import FAILED, SOLVED, WITHOUT_ROOM
+from warpgrains.kernels.record import REBUILDS, REDOS, TO_SEARCH
+from warpgrains.kernels.step import NOT_CONVERGED, NOT_FINITE, SOLVED, WITHOUT_ROOM
+from warpgrains.kernels.tally import (
+    ALL_REBUILDS,
+    ALL_REDOS,
+    MOST,
+    STEPS,
+    SUM,
+    UNCONVERGED,
+    WORST_OVERLAP,
+    WORST_RESIDUAL,
+)
 from warpgrains.kernels.variant import Variant
 from warpgrains.reports import Lists, State, StepReport, Tally
 from warpgrains.scene import Scene
@@ -63,6 +75,8 @@ class ScenePool:
         self._crew.workers = 1
         self._steps = np.zeros(count, np.int64)
         self._asked = np.zeros(count, np.int64)
+        self._proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
+        self._errors: dict[int, str] = {}
 
     def _list(self, k: int) -> HostList:
         return HostList(**{name: self._array(k, place) for name, place in PLACES.items()})
@@ -110,6 +124,8 @@ class ScenePool:
         self.outcome[k] = SOLVED
         self._seconds[k] = 0.0
         self._array(k, "tally")[:] = 0.0
+        self._proofs[k] = []
+        self._errors.pop(k, None)
 
     def launch(self) -> wp.Launch:
         """Return the launch of one thread: it advances scenes until there is no other free."""
@@ -120,44 +136,82 @@ class ScenePool:
         """Let the threads begin no other turn."""
         self._halt[0] = 1
 
-    def grow(self) -> list[int]:
+    def attend(self) -> bool:
+        """Do what scenes wait for; return whether one of them can go on."""
+        waiting = self._grow() + np.flatnonzero(self.outcome == kernels.UNPROVED).tolist()
+        for k in waiting:
+            if self.outcome[k] == kernels.UNPROVED:
+                self._look_for_proof(k)
+            self.outcome[k] = SOLVED
+        return bool((self.left[waiting] > 0).any())
+
+    def _grow(self) -> list[int]:
         """Make room where a list needs it; return for which scenes."""
         without = np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist()
         for k in without:
             self._records.make_room(k, int(self._array(k, "rows.total")[0]))
-            self.outcome[k] = SOLVED
         return without
 
+    def _look_for_proof(self, k: int) -> None:
+        """Name the grains that cannot fit after an unconverged step, as `Simulation` does."""
+        position, velocity = self._array(k, "grains.last_position"), self._array(k, "grains.velocity")
+        certificate = find_certificate(self.scenes[k], position, velocity, self._list(k).corrections())
+        wait = 0 if certificate else iterations_worth_a_search(self.scenes[k].n)
+        self._array(k, "flag")[TO_SEARCH] = wait
+        if certificate:
+            self._proofs[k].append((self._done(k), certificate.grains))
+
+    def _done(self, k: int) -> int:
+        """Steps of scene k since its start."""
+        return int(self._steps[k] + self._asked[k] - self.left[k])
+
     def settle(self) -> None:
-        """Bring every scene between two steps, and count the steps done."""
+        """Bring every scene between two steps, count the steps done, and say what failed."""
         self._halt[0] = 0
         try:
             self._finish_steps()
         finally:
             self._steps += self._asked - self.left
             self._asked[:] = self.left
+            for k in np.flatnonzero(np.isin(self.outcome, (NOT_FINITE, NOT_CONVERGED))).tolist():
+                step, time = self._steps[k] + 1, self._steps[k].item() * self.scenes[k].dt
+                self._errors[k] = f"step {step}, from t = {time} s: {self._reason(k)}"
 
     def _finish_steps(self) -> None:
         """Solve to their ends the steps amid which lists are to grow."""
-        while amid := self.grow():
+        while amid := self._grow():
             left = self.left.copy()
             self.left[:] = 0
-            self.left[amid] = 1
+            self.left[amid], self.outcome[amid] = 1, SOLVED
             self.launch().launch()
             left[amid] += self.left[amid] - 1
             self.left[:] = left
+
+    def _reason(self, k: int) -> str:
+        """Say why the step of scene k failed; what it did to the corrections is taken back."""
+        velocity = self._array(k, "grains.next_velocity")
+        if self.outcome[k] == NOT_FINITE:
+            grain = int(self._array(k, "watch.flag")[BAD_GRAIN])
+            return not_finite(grain, velocity[grain].tolist())
+        scene, contacts, report = self.scenes[k], self._list(k), self._array(k, "progress.report")
+        position, residual = self._array(k, "grains.position"), self._array(k, "progress.residual").item()
+        certificate = find_certificate(scene, position, velocity, contacts.corrections())
+        contacts.revert()
+        return not_converged(scene, int(report[ITERATIONS]), report[ZETA].item(), residual, certificate)
 
     def report(self, k: int) -> StepReport:
         """Return what the last step of scene k did."""
         report, scene = self._array(k, "progress.report"), self.scenes[k]
         flag = self._array(k, "flag")
         pairs, _, walls = self._array(k, "contacts.count").tolist()
-        zeta, error = report[ZETA].item(), report[RESIDUAL].item()
+        zeta, residual = report[ZETA].item(), report[RESIDUAL].item()
         return StepReport(
             iterations=int(report[ITERATIONS]),
             zeta=zeta,
-            residual=error,
-            converged=(error if scene.stops_on_residual else zeta) <= scene.tolerance,
+            residual=residual,
+            gap_error=self._gap_error(k, residual),
+            converged=(residual if scene.stops_on_residual else zeta) <= scene.tolerance,
+            infeasible=dict(self._proofs[k]).get(self._done(k), ()),
             contacts=int(report[CARRYING]),
             candidates=pairs + walls,
             overlap=report[OVERLAP].item(),
@@ -165,24 +219,29 @@ class ScenePool:
             redos=int(flag[REDOS]),
         )
 
+    def _gap_error(self, k: int, residual: float) -> float:
+        """Return dt * residual in smallest radii."""
+        return self.scenes[k].dt * residual / scales.smallest_radius(self.scenes[k])
+
     def tally(self, k: int) -> Tally:
         """Return what scene k has done since it was asked."""
-        steps, iterations, most, unconverged, overlap, rebuilds, redos = self._array(k, "tally").tolist()
+        sums = self._array(k, "tally")
+        counts = sums.astype(np.int64).tolist()
         return Tally(
-            steps=int(steps),
-            iterations=int(iterations),
-            iterations_max=int(most),
-            unconverged=int(unconverged),
-            overlap=overlap,
-            rebuilds=int(rebuilds),
-            redos=int(redos),
+            steps=counts[STEPS],
+            iterations=counts[SUM],
+            iterations_max=counts[MOST],
+            unconverged=counts[UNCONVERGED],
+            infeasible=len(self._proofs[k]),
+            infeasible_grains=self._proofs[k][0][1] if self._proofs[k] else (),
+            residual=sums[WORST_RESIDUAL].item(),
+            gap_error=self._gap_error(k, sums[WORST_RESIDUAL].item()),
+            overlap=sums[WORST_OVERLAP].item(),
+            rebuilds=counts[ALL_REBUILDS],
+            redos=counts[ALL_REDOS],
             seconds=self._seconds[k].item(),
         )
 
     def error(self, k: int) -> str | None:
         """Return why scene k stopped before its end, if it did."""
-        if self.outcome[k] != FAILED:
-            return None
-        grain, step = int(self._array(k, "watch.flag")[BAD_GRAIN]), self._steps[k].item()
-        velocity, time = self._array(k, "grains.next_velocity")[grain].tolist(), step * self.scenes[k].dt
-        return f"step {step + 1}, from t = {time} s: grain {grain} reached a velocity of {velocity} m/s"
+        return self._errors.get(k)

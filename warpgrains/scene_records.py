@@ -64,9 +64,9 @@ class SceneRecords:
             host[name] = [getattr(scales, name)(scene) for scene in scenes]
         host["reserve"] = solver.RESERVE
         host["by_color"] = [scene.order == "color" for scene in scenes]
-        ahead = self._variant.accelerated
-        host["window"] = np.iinfo(np.int32).max if ahead else contacts.WINDOW
-        host["merge"] = not ahead
+        host["window"] = [contacts.WINDOW[scene.order] for scene in scenes]
+        host["merge"] = not self._variant.accelerated
+        host["holds_back"] = [scene.on_unconverged == "raise" for scene in scenes]
         host["stop"]["on_residual"] = [scene.stops_on_residual for scene in scenes]
         for name in ("tolerance", "max_iterations"):
             host["stop"][name] = [getattr(scene, name) for scene in scenes]

@@ -84,7 +84,7 @@ class SmallScenes:
                 pool.settle()
 
     def _work_off(self, advanced: Advanced) -> None:
-        """Let threads advance scenes until none has steps left; where lists have to grow, grow them."""
+        """Let threads advance scenes, and attend to those that wait, until none has steps left."""
         left = self._left()
 
         def glance() -> None:
@@ -92,17 +92,14 @@ class SmallScenes:
             before, left = left, self._left()
             advanced(before - left)
 
-        growing = True
-        while growing:
+        going_on = True
+        while going_on:
             launches = [[pool.launch() for pool in self._pools] for _ in range(self._threads)]
             side_by_side([partial(_launch, each) for each in launches], glance, self._halt)
-            growing = self._grow()
+            going_on = sum(pool.attend() for pool in self._pools) > 0
 
     def _left(self) -> int:
         return sum(int(pool.left.sum()) for pool in self._pools)
-
-    def _grow(self) -> bool:
-        return sum(len(pool.grow()) for pool in self._pools) > 0
 
     def _halt(self) -> None:
         for pool in self._pools:

@@ -1,0 +1,103 @@
+"""Who sweeps which pairs, and when: passes over the pairs, turn after turn.
+
+Where workers meet after every group, a turn is a group, and each worker takes its share of it. Where every
+worker has turns of its own (lanes.py), a turn is a stretch of slots that it sweeps without a pause; before
+it, it waits until each other worker has ended as many of its turns as `turn_after` tells. Either way a pair
+finds the velocities that it would find if all slots were swept one by one in the common order.
+"""
+
+import warp as wp
+
+from .crew import Crew, meet, share
+from .data import GROUPS, WALLS, Contacts
+
+
+@wp.func_native("""
+    const long long pass = 1LL << 32;
+    __atomic_store_n(&ended.data[8 * worker], (ended.data[8 * worker] / pass + 1) * pass, __ATOMIC_RELEASE);
+""")
+def begin_own_turns(ended: wp.array(dtype=wp.int64), worker: int):
+    """Count a pass over the pairs in the upper half of a worker's word, and no turns in the lower."""
+    ...
+
+
+@wp.func_native("""
+    const long long pass = ended.data[8 * worker] / (1LL << 32) * (1LL << 32);
+    for (int other = 0; other < workers; other++) {
+        const long long needed = after.data[turn * workers + other];
+        if (needed > 0)
+            for (int look = 0;
+                 __atomic_load_n(&ended.data[8 * other], __ATOMIC_ACQUIRE) < pass + needed; look++) {
+#if defined(__x86_64__)
+                __builtin_ia32_pause();
+#endif
+#if defined(__linux__) || defined(__APPLE__)
+                int yield_processor(void) __asm__("sched_yield");
+                if (look > 1000)
+                    yield_processor();
+#endif
+            }
+    }
+""")
+def wait_for_others(
+    ended: wp.array(dtype=wp.int64), after: wp.array(dtype=wp.int32), turn: int, worker: int, workers: int
+):
+    """Wait until every other worker has ended the turns, in this pass, that this one comes after."""
+    ...
+
+
+@wp.func_native("__atomic_store_n(&ended.data[8 * worker], ended.data[8 * worker] + 1, __ATOMIC_RELEASE);")
+def count_own_turn(ended: wp.array(dtype=wp.int64), worker: int):
+    """Tell the others that one more turn is over."""
+    ...
+
+
+@wp.func
+def begin_turns(crew: Crew, tid: int, contacts: Contacts):
+    """Begin a pass. Returns this worker's first turn, and the one after its last."""
+    worker = crew.first + tid
+    first = int(0)
+    last = contacts.count[GROUPS]
+    if contacts.own_turns != 0:
+        begin_own_turns(crew.ended, worker)
+        first = contacts.lane_turn[worker]
+        last = contacts.lane_turn[worker + 1]
+    return first, last
+
+
+@wp.func
+def take_turn(crew: Crew, tid: int, contacts: Contacts, turn: int):
+    """Wait for a turn. Returns the first slot that this worker sweeps in it, and the one after the last."""
+    begin = contacts.group_start[turn]
+    end = contacts.group_start[turn + 1]
+    if contacts.own_turns != 0:
+        wait_for_others(crew.ended, contacts.turn_after, turn, crew.first + tid, crew.workers)
+    else:
+        begin, end = share(crew, tid, begin, end)
+    return begin, end
+
+
+@wp.func
+def end_turn(crew: Crew, tid: int, contacts: Contacts):
+    """Let others go on with what this turn has changed."""
+    if contacts.own_turns != 0:
+        count_own_turn(crew.ended, crew.first + tid)
+    else:
+        meet(crew)
+
+
+@wp.func
+def walls_of(crew: Crew, tid: int, contacts: Contacts):
+    """The grains at the walls that this worker sweeps: the first, and the one after the last."""
+    begin, end = share(crew, tid, 0, contacts.count[WALLS])
+    if contacts.own_turns != 0:
+        begin = contacts.lane_wall[crew.first + tid]
+        end = contacts.lane_wall[crew.first + tid + 1]
+    return begin, end
+
+
+@wp.func
+def end_turns(crew: Crew, contacts: Contacts):
+    """End a pass: no worker goes on before all have ended their turns."""
+    if contacts.own_turns != 0:
+        meet(crew)
