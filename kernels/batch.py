@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import warp as wp
 
 from . import step
-from .crew import Crew
 from .rebuild import stages as rebuild_stages
 from .record import SceneRecord
 from .step import SOLVED
@@ -102,14 +101,14 @@ def kernels(variant: Variant) -> SimpleNamespace:
     solve, put_in_order = step.stages(variant).solve, rebuild_stages(variant).put_in_order
 
     @wp.func
-    def advance_scene(crew: Crew, s: SceneRecord, queue: Queue, k: int):
+    def advance_scene(s: SceneRecord, queue: Queue, k: int):
         """Advance a scene until it is done, cannot go on, or its turn is over."""
         start = seconds()
         spent = f64(0.0)
         left = queue.left[k]
         outcome = int(SOLVED)
         while left > 0 and outcome == SOLVED and spent < TURN:
-            outcome = solve(crew, s)
+            outcome = solve(s)
             if outcome == SOLVED:
                 left = left - 1
                 if add_step(s):
@@ -120,11 +119,11 @@ def kernels(variant: Variant) -> SimpleNamespace:
         queue.seconds[k] = queue.seconds[k] + spent
 
     @wp.kernel(module=module)
-    def advance(crew: Crew, records: wp.array(dtype=SceneRecord), queue: Queue):
+    def advance(records: wp.array(dtype=SceneRecord), queue: Queue):
         """Advance scenes as long as one is free: one thread's launch."""
         k = take(queue)
         while k >= 0:
-            advance_scene(crew, records[k], queue, k)
+            advance_scene(records[k], queue, k)
             give_back(queue.taken, k)
             k = take(queue)
 

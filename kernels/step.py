@@ -94,8 +94,10 @@ def stages(variant: Variant) -> SimpleNamespace:
         return outcome
 
     @wp.func
-    def solve(crew: Crew, s: SceneRecord) -> int:
+    def solve(s: SceneRecord) -> int:
         """Advance by one time step; stop before it if it fails, and amid it if a list must grow."""
+        crew = Crew()
+        crew.workers = 1
         if s.flag[LISTING] == 0:
             s.flag[REBUILDS] = 0
             s.flag[REDOS] = 0

@@ -71,8 +71,6 @@ class ScenePool:
         self._queue.halt = wp.zeros(1, dtype=wp.int32, device="cpu")
         self.left, self.outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self._seconds, self._halt = self._queue.seconds.numpy(), self._queue.halt.numpy()
-        self._crew = kernels.Crew()
-        self._crew.workers = 1
         self._steps = np.zeros(count, np.int64)
         self._asked = np.zeros(count, np.int64)
         self._proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
@@ -129,7 +127,7 @@ class ScenePool:
 
     def launch(self) -> wp.Launch:
         """Return the launch of one thread: it advances scenes until there is no other free."""
-        inputs = (self._crew, self._records.device, self._queue)
+        inputs = (self._records.device, self._queue)
         return wp.launch(self._kernels.advance, dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
     def halt(self) -> None:
