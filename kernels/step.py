@@ -98,6 +98,7 @@ def stages(variant: Variant) -> SimpleNamespace:
         """Advance by one time step; stop before it if it fails, and amid it if a list must grow."""
         crew = Crew()
         crew.workers = 1
+        s.contacts.own_turns = 0
         if s.flag[LISTING] == 0:
             s.flag[REBUILDS] = 0
             s.flag[REDOS] = 0

@@ -60,6 +60,12 @@ def strayed(position: wp.vec2d, watch: Watch, i: int) -> f64:
 
 
 @wp.func
+def is_finite(x: wp.vec2d) -> bool:
+    """Whether both components are numbers: infinity less infinity is none."""
+    return x[0] - x[0] == f64(0.0) and x[1] - x[1] == f64(0.0)
+
+
+@wp.func
 def watch_grain(velocity: wp.vec2d, watch: Watch, i: int):
     """Keep the peak of grain i, and flag MISSED once its reach no longer allows it."""
     peak = wp.length_sq(strayed_velocity(velocity, watch, i))
@@ -138,7 +144,7 @@ def stages(variant: Variant) -> SimpleNamespace:
             x = grains.position[i]
             peak = wp.max(wp.sqrt(watch.peak[i]) + watch.scalar[DRIFT], foreseen * watch.recent[i])
             used = strayed(x, watch, i) + dt * peak
-            if not wp.isfinite(x + dt * grains.next_velocity[i]):
+            if not is_finite(x + dt * grains.next_velocity[i]):
                 wp.atomic_max(watch.flag, BAD_GRAIN, i)
             elif not (used + least <= watch.reach[i]):
                 watch.flag[MISSED] = 1

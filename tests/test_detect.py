@@ -77,7 +77,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     buffers.reserve(search.total)
     search.find()
     search.sort()
-    return buffers.listed_pairs()
+    return buffers.host().listed_pairs()
 
 
 def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:
