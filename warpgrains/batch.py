@@ -1,7 +1,7 @@
 """Batch: many scenes, advanced together."""
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from tqdm import tqdm
 
@@ -107,7 +107,7 @@ class Batch:
         wanted = [_steps_of(scene, steps, duration) for scene in self.scenes]
         with tqdm(total=sum(wanted), disable=not progress) as bar:
             outcomes = self._advance(wanted, bar.update)
-        return [SceneSummary(**asdict(done.tally.summary(None)), error=done.error) for done in outcomes]
+        return [SceneSummary(**vars(done.tally.summary(None)), error=done.error) for done in outcomes]
 
     def _advance(self, steps: list[int], advanced: Advanced) -> list[Done]:
         """Do so many steps of each scene, and keep the last reports."""

@@ -37,12 +37,14 @@ class SceneRecords:
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device="cpu")
         self._host = self.device.numpy()
         self._blocks = [np.zeros(0, np.uint8)] * len(scenes)
-        self._layout = Layout.of(self._n, self._room, variant)
-        self._place(np.arange(len(scenes)), self._layout)
+        self._length: list[list[int]] = [[]] * len(scenes)
+        self._offset: list[list[int]] = [[]] * len(scenes)
+        self._place(np.arange(len(scenes)))
         self._write_parameters()
 
-    def _place(self, which: Counts, layout: Layout) -> None:
+    def _place(self, which: Counts) -> None:
         """Give scenes new blocks of memory, and write in their records where the arrays are."""
+        layout = Layout.of(self._n[which], self._room[which], self._variant)
         blocks = [_block(size) for size in layout.size.tolist()]
         base = np.array([block.__array_interface__["data"][0] for block in blocks], np.uint64)
         for number, field in enumerate(fields()):
@@ -51,8 +53,9 @@ class SceneRecords:
             arrays["shape"][which, 0] = layout.length[number]
             arrays["strides"][which, 0] = field.bytes
             arrays["ndim"][which] = 1
-        for k, block in zip(which, blocks, strict=True):
-            self._blocks[k] = block
+        places = zip(blocks, layout.length.T.tolist(), layout.offset.T.tolist(), strict=True)
+        for k, place in zip(which, places, strict=True):
+            self._blocks[k], self._length[k], self._offset[k] = place
 
     def _write_parameters(self) -> None:
         """Write what a scene's record holds beside arrays."""
@@ -78,8 +81,8 @@ class SceneRecords:
         """Return an array of scene k, a view that is valid until its list grows."""
         number = self._number[name]
         field = fields()[number]
-        length, offset = self._layout.length[number, k], self._layout.offset[number, k].item()
-        return np.ndarray((length, *field.shape), field.dtype, self._blocks[k], offset)
+        shape = (self._length[k][number], *field.shape)
+        return np.ndarray(shape, field.dtype, self._blocks[k], self._offset[k][number])
 
     def make_room(self, k: int, pairs: int) -> None:
         """Move scene k to where a list of so many pairs has room."""
@@ -88,9 +91,7 @@ class SceneRecords:
         require_memory(0, pairs + pairs // 4, wp.get_device("cpu"))
         kept = {field.name: self.array(k, field.name) for field in fields()}
         self._room[k] = pairs + pairs // 4
-        layout = Layout.of(self._n[[k]], self._room[[k]], self._variant)
-        self._layout.length[:, k], self._layout.offset[:, k] = layout.length[:, 0], layout.offset[:, 0]
-        self._place(np.array([k]), layout)
+        self._place(np.array([k]))
         for name, array in kept.items():
             self.array(k, name)[: len(array)] = array
 

@@ -21,8 +21,8 @@ from .rows import SPEEDUP, Subject, Table, row
 from .timing import in_turn, say, seconds
 
 SCENES = 1_000
-IN_C = 10  # scenes that are run in C, too
-COURSE_STEPS, PILE_STEPS = 800, 25
+IN_C = 5  # scenes that are run in C, too
+PILE_STEPS = 25
 
 
 def course(count: int) -> list[Scene]:
