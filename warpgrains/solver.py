@@ -25,18 +25,21 @@ from warpgrains.scene import Scene
 
 CALM = 0.3  # of the slack: what a grain may stray in a step without being watched
 PAIRS_PER_GRAIN = 4  # that a list may come to hold
-PAIRS_PER_MEETING = 1000  # that a crew must sweep to gain far more than a meeting costs, on busy cores too
+SHARED_GRAINS = 20_000  # from which workers with turns of their own gain far more than they wait
+SHARED_GROUP = 1000  # pairs of a group, from which workers that meet after each gain more than they wait
 RESERVE = 0.1  # of the slack: what must be left of a reach before the iteration starts
 
 
 def paying_threads(scene: Scene) -> int:
-    """Return how many threads pay: all cores, if there is enough to sweep between two meetings.
+    """Return how many threads pay: all cores, if there is enough to sweep between two waits.
 
     A pile has about 3 contacts a grain; they fall in about 12 colors, or in 7 sqrt(n) levels (DESIGN.md).
     """
-    groups = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return cores if 3.0 * scene.n / groups > PAIRS_PER_MEETING else 1
+    if scene.method == "accelerated":
+        groups = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
+        return cores if 3.0 * scene.n / groups > SHARED_GROUP else 1
+    return cores if scene.n >= SHARED_GRAINS else 1
 
 
 class StepSolver:
