@@ -5,17 +5,17 @@ A sweep is coordinate descent on the dual objective of the step (SPEC.md, "Why i
     phi = 1/2 sum_i m_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = m_i m_j / (m_i + m_j), m_i at a wall.
 
 Between two sweeps, corrections x and velocities go on along the line from the last ones,
-y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983). With beta the
-sweep's over-relaxation grows, to 1 + RELAXED (Young 1954).
+y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983). With beta
+grows the over-relaxation of the sweep (Young 1954), up to RELAXED.
 
-Momentum stops when it points up the gradient (O'Donoghue and Candes 2015), but t only halves: speed is gone,
-friction stays low, so that the next run is soon as fast (as in Liang, Luo and Schoenlieb 2022). A sweep that does
-not make good what going on to y has cost in phi is undone and counts as such a stop, so that phi falls from sweep
-to sweep; as over-relaxation is what most often breaks this, it is worn down each time.
+Momentum stops when it points up the gradient (O'Donoghue and Candes 2015), but t is only halved: the speed is
+gone, the friction stays low, and the next run is soon as fast (Liang, Luo and Schoenlieb 2022). A sweep that
+does not make good what going on to y has cost in phi is undone, which stops momentum as well; so phi falls
+from sweep to sweep. Over-relaxation is what most often raises it, and is worn down each time.
 
-Rounding errors of velocities that are corrected in place add up, and momentum carries them on. From time to time
-velocities are therefore rebuilt from the corrections, and the last ones are moved by as much: a difference of
-theirs that the corrections do not have would be a push that returns with every sweep, a hundred times larger.
+Velocities that are corrected in place gather rounding errors, and momentum carries these on. Now and then
+they are rebuilt from the corrections, and the last ones moved by as much: without that, the difference of
+the two would hold a push that no correction has, and that every sweep repeats.
 
 The sums that decide this are taken over chunks of fixed length and then in order, so that they, too, are
 the same for any number of workers.

@@ -10,6 +10,8 @@ from sample_scenes import SUDDEN, random_scene
 
 from warpgrains import Scene, Simulation, StepReport
 
+TEXTS = {"method": "gauss-seidel", "order": "sequential"}
+
 MakeReference = Callable[..., Reference]
 
 
@@ -70,12 +72,12 @@ def test_shipped_scene(reference: MakeReference, name: str) -> None:
 
 
 def test_pile_from_its_start(reference: MakeReference) -> None:
-    scene = Scene.load("pile").replace(max_iterations=200)
+    scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
     step_both(Simulation(scene), reference(scene), steps=20)
 
 
 def test_pile_that_settles(reference: MakeReference) -> None:
-    scene = Scene.load("pile").replace(max_iterations=200)
+    scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
     simulation = Simulation(scene)
     simulation.run(steps=200)
     reports = step_both(simulation, reference(scene, simulation.state()), steps=5)
