@@ -89,7 +89,7 @@ def test_long_solves_do_not_drift() -> None:
         method="accelerated", order="color", tolerance=0.0, max_iterations=20_000
     )
     simulation = Simulation(scene)
-    # Each of the 100 sweeps between two rebuilds rounds a velocity up to five times (three contacts, momentum,
+    # Each of the 100 sweeps between two rebuilds rounds a velocity up to five times (contacts, momentum,
     # the rebuilding itself), and momentum may repeat each of these errors in the sweeps that are left.
     repeated = 5 * 100 * 100 * np.finfo(float).eps
     for _ in range(3):
