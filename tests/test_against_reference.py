@@ -11,6 +11,8 @@ from sample_scenes import SUDDEN, random_scene
 
 from warpgrains import Scene, Simulation, StepReport
 
+TEXTS = {"method": "gauss-seidel", "order": "sequential"}
+
 MakeReference = Callable[..., Reference]
 
 
@@ -71,12 +73,12 @@ def test_shipped_scene(reference: MakeReference, simulate: Simulate, name: str) 
 
 
 def test_pile_from_its_start(reference: MakeReference, simulate: Simulate) -> None:
-    scene = Scene.load("pile").replace(max_iterations=200)
+    scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
     step_both(simulate(scene), reference(scene), steps=simulate.of(20))
 
 
 def test_pile_that_settles(reference: MakeReference, simulate: Simulate) -> None:
-    scene = Scene.load("pile").replace(max_iterations=200)
+    scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
     simulation = simulate(scene)
     simulation.run(steps=200)
     reports = step_both(simulation, reference(scene, simulation.state()), steps=5)

@@ -171,7 +171,7 @@ class StepSolver:
         each(loop.decide_here, 1, *state, self._stop)
         self._measure_residual()
         each(loop.check_here, 1, progress, self._stop)
-        share(loop.go_on_here, self.grains, self._watch, progress, self._momentum)
+        share(loop.go_on_here, *state)
 
     def _verify(self, reserve: float, foreseen: float) -> None:
         """Check that no contact is missing, with a reserve of slacks, and that every number is finite."""
