@@ -10,8 +10,8 @@ J is blind to one displacement alone, the rotation of the heap about the origin:
 moment about it. The angular momentum L changes only by gravity's moment: the heap is a pendulum of inertia I,
 with I phi'' = -m g h sin(phi), h the distance of its centre of mass from the origin. The scheme is symplectic
 Euler for it, and keeps the amplitude below sqrt(phi0^2 + (L0 / (I w))^2) / (1 - w dt / 2), w^2 = m g h / I.
-A deformation that moves the centre of mass by s changes gravity's moment by m g s at most, and so adds at most
-m g s t / (I w) in a time t.
+A deformation that moves the centre of mass by s changes gravity's moment by m g s at most, and so adds
+m g s t / (I w) at most in a time t.
 """
 
 from dataclasses import dataclass
