@@ -143,6 +143,7 @@ def test_summary_is_aligned_lines(scene, tmp_path, capfd):
             "steps",
             "iterations",
             "not converged",
+            "worst residual",
             "worst overlap",
             "overlaps at start",
             "time",

@@ -24,7 +24,7 @@ from warpgrains.scene import Scene
 from warpgrains.states import require_state
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 1
+VERSION = 2
 
 Arrays = dict[str, np.ndarray]
 Header = dict[str, Any]

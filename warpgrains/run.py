@@ -6,12 +6,13 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
+from warnings import warn
 
 from tqdm import tqdm
 
 from warpgrains.checkpoint import Checkpoint, require_checkpoint_path, write_checkpoint
 from warpgrains.plan import Plan
-from warpgrains.reports import Summary, Tally
+from warpgrains.reports import Summary, Tally, named
 from warpgrains.scene import Scene
 
 if TYPE_CHECKING:
@@ -38,12 +39,20 @@ def carry_out(simulation: Simulation, plan: Plan, tally: Tally, progress: bool =
         The recording cannot be written there, or cannot be continued.
     SimulationError
         A step failed.
+
+    Warns
+    -----
+    UserWarning
+        Grains cannot fit; said once a run.
     """
     start = perf_counter() - tally.seconds
     with open_outputs(plan, simulation.scene, tally) as recorder, _bar(plan, tally, progress) as bar:
         _keep(simulation, plan, tally, recorder)
         while tally.steps < plan.steps:
-            tally.add(simulation.step())
+            report = simulation.step()
+            if report.infeasible and not tally.infeasible:
+                warn(f"step {tally.steps + 1}: {named(report.infeasible)} cannot fit", stacklevel=2)
+            tally.add(report)
             tally.seconds = perf_counter() - start
             _keep(simulation, plan, tally, recorder)
             bar.update()

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from argparse import Namespace
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
+
+from tqdm import tqdm
 
 from warpgrains import checks
 from warpgrains.checkpoint import Checkpoint, read_checkpoint
 from warpgrains.console import start_warp, stdout_kept_clean
 from warpgrains.errors import SceneError
 from warpgrains.plan import Plan
-from warpgrains.reports import Summary, Tally
+from warpgrains.reports import Summary, Tally, named
 from warpgrains.run import carry_out, open_outputs
 from warpgrains.scene import Scene
 from warpgrains.states import first_state
@@ -94,7 +97,21 @@ def _simulate(start: Checkpoint, plan: Plan, device: str, threads: int | None) -
     simulation = Simulation(start.scene, device, threads)
     simulation.restore(start.state)
     load_kernels(start.scene, device)
-    return carry_out(simulation, plan, start.tally, progress=sys.stderr.isatty())
+    with warnings.catch_warnings():
+        warnings.showwarning = _tell
+        return carry_out(simulation, plan, start.tally, progress=sys.stderr.isatty())
+
+
+def _tell(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Say on standard error what the run warns of, above its progress bar."""
+    tqdm.write(f"warpgrains: warning: {message}", file=file or sys.stderr)
 
 
 def _results(scene: Scene, summary: Summary) -> dict[str, Any]:
@@ -114,10 +131,16 @@ def _lines(results: dict[str, Any]) -> str:
         "scene": f"{results['scene']}, {results['grains']} grains",
         "steps": f"{results['steps']}",
         "iterations": f"mean {results['iterations_mean']:.1f}, max {results['iterations_max']}",
-        "not converged": f"{results['unconverged']} steps",
+        "not converged": f"{results['unconverged']} steps{_without_solution(results)}",
+        "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
         "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
         "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall",
         "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
         "output": results["output"] or "none (-o records one)",
     }
     return "\n".join(f"{name:<17} {value}" for name, value in rows.items())
+
+
+def _without_solution(results: dict[str, Any]) -> str:
+    grains = results["infeasible_grains"]
+    return f", {results['infeasible']} or more have no solution: {named(grains)} cannot fit" if grains else ""

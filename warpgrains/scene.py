@@ -17,6 +17,7 @@ from warpgrains.scene_file import read_scene
 ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated")
 STOPS = ("default", "zeta", "residual")
+UNCONVERGED = ("report", "raise")
 
 
 class Overlaps(NamedTuple):
@@ -63,6 +64,9 @@ class Scene:
     stop
         What the tolerance is on: "zeta", the text's, or "residual", the error (see `StepReport`). By default
         it is zeta for "gauss-seidel" and the residual for "accelerated".
+    on_unconverged
+        What a step does that has not met its tolerance after `max_iterations`: "report" it and go on, or
+        "raise" `SimulationError` and leave the state as it was before the step.
     name
         What the scene is called.
     text
@@ -89,6 +93,7 @@ class Scene:
     order: str = "sequential"
     method: str = "gauss-seidel"
     stop: str = "default"
+    on_unconverged: str = "report"
     name: str = "scene"
     text: str = ""
 
@@ -177,6 +182,7 @@ class Scene:
             "order": checks.one_of("order", self.order, ORDERS),
             "method": checks.one_of("method", self.method, METHODS),
             "stop": checks.one_of("stop", self.stop, STOPS),
+            "on_unconverged": checks.one_of("on_unconverged", self.on_unconverged, UNCONVERGED),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)

@@ -6,7 +6,8 @@ section  keys                                  meaning
 domain   radius_in, radius_out                 walls [m]
 physics  gravity, drag                         [m/s2], [kg/s]
 time     dt, duration                          [s]
-solver   tolerance, max_iterations, order, method, stop      see `Scene`
+solver   tolerance, max_iterations, order,     see `Scene`
+..       method, stop, on_unconverged
 grains   layout and the keys of that layout    "rows", "lattice", "random" or "column": see `layouts`
 ..       or: position, radius                  a list of places, a radius or a list of them [m]
 ..       or: file, radius                      an .npz or .csv file beside the scene: see `grain_file`
@@ -37,7 +38,7 @@ SECTIONS = {
     "domain": ("radius_in", "radius_out"),
     "physics": ("gravity", "drag"),
     "time": ("dt", "duration"),
-    "solver": ("tolerance", "max_iterations", "order", "method", "stop"),
+    "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
 }
 SOURCES = ("layout", "position", "file")
 PROPERTIES = ("mass", "density", "velocity")

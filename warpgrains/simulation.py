@@ -60,7 +60,8 @@ class Simulation:
         Raises
         ------
         SimulationError
-            A number is no longer finite. The state is that before the step.
+            A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
+            "raise". The state is that before the step.
         """
         try:
             report = self._solver.solve()

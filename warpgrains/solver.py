@@ -14,12 +14,13 @@ from warpgrains.grains import (
     allocate_watch,
     variant_of,
 )
+from warpgrains.infeasible import Certificate, find_certificate, iterations_worth_a_search
 from warpgrains.kernels import iterate, iteration, measure, momentum, motion, residual, sweep, watch
 from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, RESIDUAL, ZETA
 from warpgrains.kernels.iteration import Stop
 from warpgrains.memory import require_memory
 from warpgrains.replay import Replay, reader
-from warpgrains.reports import State, StepReport
+from warpgrains.reports import State, StepReport, named
 from warpgrains.scene import Scene
 
 CALM = 0.3  # of the slack: what a grain may stray in a step without being watched
@@ -81,12 +82,14 @@ class StepSolver:
         self._stop.on_residual = int(scene.stops_on_residual)
         self._stop.tolerance, self._stop.max_iterations = scene.tolerance, scene.max_iterations
         self._stop.calm = CALM / scene.dt
+        self._iterations_to_search, self._smallest = 0, scene.radius.min().item()
 
     def load(self, state: State) -> None:
         """Continue from a state."""
         self.grains.position.assign(state.position)
         self.grains.velocity.assign(state.velocity)
         self.grains.last_position.assign(state.position)
+        self._iterations_to_search = 0
         self.contacts.load(state.corrections, state.lists)
 
     def solve(self) -> StepReport:
@@ -95,7 +98,8 @@ class StepSolver:
         Raises
         ------
         SimulationError
-            A number is no longer finite. The state is that before the step.
+            A number is no longer finite; or the step has not converged, where that is to raise. The state is
+            that before the step.
         """
         self._replay(self._solve_step)
         rebuilds = redos = 0
@@ -104,7 +108,15 @@ class StepSolver:
             rebuilds += 1
             self.contacts.rebuild()
             self._replay(self._attempt)
+        if self._holds_back:
+            self._require_convergence()
+            self._replay(self._finish)
         return self._step_report(rebuilds, redos)
+
+    @property
+    def _holds_back(self) -> bool:
+        """Whether grains move only once the host has seen that the step has converged."""
+        return self._scene.on_unconverged == "raise"
 
     def _solve_step(self) -> None:
         """Free velocity, contacts, move: stages 1 to 3 of SPEC.md."""
@@ -120,7 +132,7 @@ class StepSolver:
         self._iterate()
         self._verify(reserve=0.0, foreseen=0.0)
         self._replay.each(self._iteration.judge, 1, self._watch, self._progress)
-        wp.capture_if(self._progress.accepted, self._finish)
+        wp.capture_if(self._progress.accepted, self._measure_residual if self._holds_back else self._finish)
 
     def _warm_start(self) -> None:
         """Freeze normals and gaps, and re-apply the corrections of the previous step (iteration 0)."""
@@ -198,15 +210,49 @@ class StepSolver:
             raise SimulationError(f"grain {grain} reached a velocity of {velocity} m/s")
         return False
 
+    def _converged(self, zeta: float, residual: float) -> bool:
+        return (residual if self._stop.on_residual else zeta) <= self._scene.tolerance
+
+    def _require_convergence(self) -> None:
+        """Raise unless the step has met its tolerance; the grains have not moved yet."""
+        report = self._read_report()
+        zeta, residual = report[ZETA].item(), self._progress.residual.numpy().max().item()
+        if self._converged(zeta, residual):
+            return
+        certificate = self._search(self.grains.position, self.grains.next_velocity)
+        self.contacts.revert()
+        reason = "" if certificate is None else f": {named(certificate.grains)} cannot fit, {certificate}"
+        raise SimulationError(
+            f"not converged after {int(report[ITERATIONS])} iterations: zeta {zeta:.3e} m/s, residual"
+            f" {residual:.3e} m/s, tolerance {self._scene.tolerance:.3e} m/s{reason}"
+        )
+
+    def _search(self, position: wp.array, velocity: wp.array) -> Certificate | None:
+        """Look for a proof that the step has no solution."""
+        corrections = self.contacts.corrections()
+        return find_certificate(self._scene, position.numpy(), velocity.numpy(), corrections)
+
+    def _grains_that_cannot_fit(self, iterations: int) -> tuple[int, ...]:
+        """Name them after an unconverged step; a search that finds none waits until the next pays."""
+        self._iterations_to_search -= iterations
+        if self._iterations_to_search > 0:
+            return ()
+        certificate = self._search(self.grains.last_position, self.grains.velocity)
+        self._iterations_to_search = 0 if certificate else iterations_worth_a_search(self._scene.n)
+        return certificate.grains if certificate else ()
+
     def _step_report(self, rebuilds: int, redos: int) -> StepReport:
         report = self._read_report()
         pairs, _, walls = self.contacts.counts
-        zeta, error = report[ZETA].item(), report[RESIDUAL].item()
+        iterations, zeta, residual = int(report[ITERATIONS]), report[ZETA].item(), report[RESIDUAL].item()
+        converged = self._converged(zeta, residual)
         return StepReport(
-            iterations=int(report[ITERATIONS]),
+            iterations=iterations,
             zeta=zeta,
-            residual=error,
-            converged=(error if self._stop.on_residual else zeta) <= self._scene.tolerance,
+            residual=residual,
+            gap_error=self._scene.dt * residual / self._smallest,
+            converged=converged,
+            infeasible=() if converged else self._grains_that_cannot_fit(iterations),
             contacts=int(report[CARRYING]),
             candidates=pairs + walls,
             overlap=report[OVERLAP].item(),

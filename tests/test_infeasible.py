@@ -1,0 +1,241 @@
+"""Steps without a solution: named, and proved in exact arithmetic; hard ones that have one are not."""
+
+from decimal import Decimal, localcontext
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, SceneError, Simulation, infeasible, solver
+from warpgrains.checks import FloatArray
+from warpgrains.infeasible import Constraints, find_certificate, iterations_worth_a_search
+from warpgrains.reports import Corrections
+from warpgrains.scene import METHODS, ORDERS
+
+
+def chain(grains: int, overlap: float, **options) -> Scene:
+    """Grains in line from wall to wall, too large by `overlap` in all [m]."""
+    radius = (0.5 + overlap) / (2 * grains)
+    y = 0.5 + (np.arange(grains) + 0.5) * 0.5 / grains
+    options = {"mass": 0.1, "max_iterations": 2000} | options
+    return Scene(
+        position=np.stack([0.0 * y, -y], axis=1), radius=radius, radius_in=0.5, radius_out=1.0, **options
+    )
+
+
+def ring(grains: int, too_large: float, **options) -> Scene:
+    """Grains in single file all the way round, so large that `too_large` times less would just fit."""
+    fitting = np.sin(np.pi / grains) / (1.0 + np.sin(np.pi / grains))
+    angle = 2.0 * np.pi * (np.arange(grains) + 0.3) / grains
+    radius = too_large * fitting
+    return Scene(
+        position=(1.0 - radius) * np.stack([np.cos(angle), np.sin(angle)], axis=1),
+        radius=radius,
+        mass=0.1,
+        radius_in=1.0 - 2.0 * radius,
+        radius_out=1.0,
+        **options,
+    )
+
+
+def crowd(grains: int, area: float, **options) -> Scene:
+    """Grains at random that would take `area` of all the area between the walls."""
+    rng = np.random.default_rng(0)
+    radius = np.sqrt(area * (1.0 - 0.3**2) / grains)
+    angle = rng.uniform(0.0, 2.0 * np.pi, grains)
+    rho = np.sqrt(rng.uniform((0.3 + radius) ** 2, (1.0 - radius) ** 2, grains))
+    return Scene(
+        position=rho[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1),
+        radius=radius,
+        mass=0.1,
+        radius_in=0.3,
+        radius_out=1.0,
+        **options,
+    )
+
+
+CANNOT_FIT = {
+    "chain of 5": chain(5, 1e-3),
+    "chain of 50": chain(50, 1e-3),
+    "chain of mass ratio 1,000": chain(5, 1e-3, mass=[0.01, 0.1, 10.0, 0.1, 1.0]),
+    "chain too long by a micrometre": chain(5, 1e-6),
+    "ring of 20": ring(20, 1.02, max_iterations=500),
+    "ring of 100": ring(100, 1.001, max_iterations=2000),
+    "area of 120 %": crowd(100, 1.2, max_iterations=300),
+    "area of 200 %": crowd(100, 2.0, max_iterations=300),
+}
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("scene", CANNOT_FIT.values(), ids=CANNOT_FIT.keys())
+def test_grains_that_cannot_fit_are_named(scene: Scene, method: str, order: str) -> None:
+    simulation = Simulation(scene, method=method, order=order)
+    for _ in range(3):
+        report = simulation.step()
+        assert not report.converged
+        # All that a chain or a ring has, and most of a crowd, in which some grains have room.
+        assert len(report.infeasible) >= scene.n * (0.9 if scene.n == 100 else 1.0)
+        assert set(report.infeasible) <= set(range(scene.n))
+
+
+def test_those_that_fit_are_not_named() -> None:
+    """A chain, and beside it a pair of grains that overlap, and one that rests."""
+    wedged = chain(5, 1e-3)
+    others = np.array([[0.75, 0.0], [0.84, 0.0], [-0.75, -0.1]])
+    scene = wedged.replace(
+        position=np.vstack([others, wedged.position]),
+        velocity=None,
+        radius=wedged.radius[0].item(),
+        mass=0.1,
+    )
+    for method in METHODS:
+        assert Simulation(scene, method=method).step().infeasible == (3, 4, 5, 6, 7)
+
+
+def test_a_gap_narrower_than_a_grain_is_no_scene() -> None:
+    with pytest.raises(SceneError, match=r"radius of grain 0 is 0\.26: at most 0\.25 m fit"):
+        Scene(position=[[0.75, 0.0]], radius=0.26, mass=0.1, radius_in=0.5, radius_out=1.0)
+
+
+def column_of_200() -> Scene:
+    """Two hundred grains, one on the other, that have just come down."""
+    y = -1.0 + 0.002 * (0.5 + np.arange(200))
+    velocity = np.tile([0.0, -1.0], (200, 1))
+    return Scene(
+        position=np.stack([0.0 * y, y], axis=1),
+        velocity=velocity,
+        radius=0.001,
+        mass=0.1,
+        radius_out=1.0,
+        max_iterations=200,
+    )
+
+
+def jam() -> Scene:
+    """Grains that fill 80 % of a disc, on a lattice, and are shaken."""
+    radius = 0.05
+    step = 2.0 * radius * np.sqrt(np.pi / (2.0 * np.sqrt(3.0)) / 0.85)  # of a lattice that fills 85 %
+    column, row = np.meshgrid(np.arange(-30, 31), np.arange(-30, 31))
+    place = np.stack([step * (column + row % 2 / 2.0).ravel(), step * np.sqrt(0.75) * row.ravel()], axis=1)
+    place = place + np.array([1e-3, 2e-3])
+    place = place[np.hypot(*place.T) < 1.0 - radius]
+    radius_out = np.sqrt(len(place) * radius**2 / 0.8)
+    velocity = np.random.default_rng(1).normal(0.0, 1.0, place.shape)
+    assert np.hypot(*place.T).max() + radius < 1.05 * radius_out
+    return Scene(
+        position=place, velocity=velocity, radius=radius, mass=0.1, radius_out=radius_out, max_iterations=100
+    )
+
+
+HARD = {
+    "column of 200": column_of_200(),
+    "jam": jam(),
+    "mass ratio 10,000": Scene.load("pile").replace(
+        mass=10.0 ** np.random.default_rng(0).uniform(-4.0, 0.0, 1000), drag=0.0, max_iterations=50
+    ),
+    "pile of few iterations": Scene.load("pile").replace(max_iterations=10),
+    "polydisperse": Scene.load("polydisperse").replace(max_iterations=10),
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("scene", HARD.values(), ids=HARD.keys())
+def test_what_is_only_hard_is_not_named(scene: Scene, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(solver, "iterations_worth_a_search", lambda grains: 0)
+    simulation = Simulation(scene.replace(method=method, tolerance=1e-9))
+    unconverged = 0
+    for _ in range(60):
+        report = simulation.step()
+        unconverged += not report.converged
+        assert report.infeasible == ()
+    assert unconverged >= 30
+
+
+def exact_least_speed(scene: Scene, contacts: Constraints, weight: FloatArray) -> Decimal:
+    """-b . y / sum |J^T y| with fifty digits, from the places of the grains; weights as they are."""
+
+    def vector(grain: int) -> tuple[Decimal, Decimal]:
+        x, y = scene.position[grain].tolist()
+        return Decimal(x), Decimal(y)
+
+    def length(x: Decimal, y: Decimal) -> Decimal:
+        return (x * x + y * y).sqrt()
+
+    force = [[Decimal(0), Decimal(0)] for _ in range(scene.n)]
+    work, pairs = Decimal(0), len(contacts.second)
+    for c, (i, y) in enumerate(zip(contacts.first.tolist(), weight.tolist(), strict=True)):
+        radius = Decimal(scene.radius[i].item())
+        (xi, yi), y = vector(i), Decimal(y)
+        if c < pairs:
+            j = contacts.second[c].item()
+            xj, yj = vector(j)
+            nx, ny = xj - xi, yj - yi
+            gap = length(nx, ny) - radius - Decimal(scene.radius[j].item())
+        else:
+            outer = (contacts.normal[c] * np.conj(complex(xi, yi))).real > 0.0
+            nx, ny = (xi, yi) if outer else (-xi, -yi)
+            rho = length(xi, yi)
+            gap = Decimal(scene.radius_out) - rho if outer else rho - Decimal(scene.radius_in)
+            gap -= radius
+        size = length(nx, ny)
+        force[i][0] += y * nx / size
+        force[i][1] += y * ny / size
+        if c < pairs:
+            force[j][0] -= y * nx / size
+            force[j][1] -= y * ny / size
+        work -= y * gap / Decimal(scene.dt)
+    return work / sum(length(*f) for f in force)
+
+
+@pytest.mark.parametrize(
+    "name", ["chain of 5", "chain too long by a micrometre", "ring of 20", "area of 120 %"]
+)
+def test_what_is_claimed_holds_in_exact_arithmetic(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For every set of weights that the search tries: never more is claimed, and hardly less."""
+    scene, claims = CANNOT_FIT[name], []
+    claim = Constraints.least_speed
+
+    def noted(contacts, weight, imbalance):
+        claims.append((contacts, weight, claim(contacts, weight, imbalance)))
+        return claims[-1][2]
+
+    monkeypatch.setattr(Constraints, "least_speed", noted)
+    assert Simulation(scene).step().infeasible
+    limit = 2.0 * scene.radius_out / scene.dt
+    assert claims[-1][2] > limit
+    with localcontext(prec=50):
+        for contacts, weight, speed in claims:
+            exact = exact_least_speed(scene, contacts, weight)
+            assert speed <= exact
+            # Far from what rounding allows to be told, little is given away.
+            if 0.0 < exact < 1e4 * limit and name != "chain too long by a micrometre":
+                assert speed >= 0.99 * float(exact)
+
+
+def test_rounding_is_no_overlap() -> None:
+    """Grains that just fit, to the last bit or two, are not said to overlap."""
+    for overlap in (0.0, 2e-16, 5e-16):
+        scene = chain(5, overlap)
+        everywhere = Corrections(
+            np.stack([np.arange(4), np.arange(1, 5)], axis=1).astype(np.int32), np.ones(4), np.ones(5)
+        )
+        assert find_certificate(scene, scene.position, np.zeros((5, 2)), everywhere) is None
+
+
+def test_searches_are_as_rare_as_they_must_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    searches = []
+
+    def count(*arguments):
+        searches.append(arguments)
+        return infeasible.find_certificate(*arguments)
+
+    monkeypatch.setattr(solver, "find_certificate", count)
+    scene = Scene.load("polydisperse").replace(tolerance=1e-12, max_iterations=400)
+    simulation = Simulation(scene)
+    unconverged = sum(not simulation.step().converged for _ in range(700))
+    between = -(-iterations_worth_a_search(scene.n) // scene.max_iterations)  # steps, rounded up
+    assert unconverged > 2 * between
+    assert len(searches) == 1 + (unconverged - 1) // between
+    simulation.restore(simulation.state())
+    simulation.step()
+    assert len(searches) == 2 + (unconverged - 1) // between

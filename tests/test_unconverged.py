@@ -1,0 +1,164 @@
+"""What a step that has not converged does and tells: reported or raised, in units that mean something."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+from same_bits import contents
+from test_infeasible import chain
+
+from warpgrains import Scene, Simulation, SimulationError
+from warpgrains.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from warpgrains.cli import main
+from warpgrains.reports import Tally, named
+from warpgrains.scene import METHODS
+from warpgrains.states import first_state
+
+WEDGE = """
+domain = {radius_in = 0.5, radius_out = 1.0}
+time = {dt = 0.01, duration = 0.05}
+solver = {max_iterations = 300}
+[grains]
+layout = "column"
+count = 5
+radius = 0.0501
+mass = 0.1
+spacing = 1.996
+"""
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("method", METHODS)
+def test_raising_changes_no_bit_of_what_converges(method: str, threads: int) -> None:
+    scene = Scene.load("polydisperse").replace(method=method, tolerance=1e-3, max_iterations=100_000)
+    reporting = Simulation(scene, threads=threads)
+    raising = Simulation(scene, threads=threads, on_unconverged="raise")
+    for _ in range(60):
+        assert contents(raising.step()) == contents(reporting.step())
+    assert contents(raising.state()) == contents(reporting.state())
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_raising_leaves_the_last_good_state(method: str, tmp_path) -> None:
+    scene = Scene.load("no_inner_wall").replace(method=method, max_iterations=40)
+    simulation, expected = Simulation(scene, on_unconverged="raise"), Simulation(scene)
+    good = 0
+    while expected.step().converged:
+        simulation.step()
+        good += 1
+    assert good > 0
+    before = simulation.state()
+    criterion = "zeta" if method == "gauss-seidel" else "residual"
+    with pytest.raises(SimulationError) as failure:
+        simulation.step()
+    message = str(failure.value)
+    assert message.startswith(
+        f"step {good + 1}, from t = {simulation.time} s: not converged after 40 iterations"
+    )
+    assert f"{criterion} " in message
+    assert "tolerance 1.000e-05 m/s" in message
+    after = simulation.state()
+    for name in ("steps", "position", "velocity", "corrections"):
+        assert contents(getattr(after, name)) == contents(getattr(before, name))
+    # What is left can be saved, and goes on as if the step had never been tried.
+    simulation.save(tmp_path / "good.npz")
+    kept = Simulation.load(tmp_path / "good.npz")
+    assert kept.scene.on_unconverged == "raise"
+    other = Simulation(kept.scene, on_unconverged="report")
+    other.restore(kept.state())
+    other.step()
+    assert contents(other.position) == contents(expected.position)
+    assert contents(other.state().corrections) == contents(expected.state().corrections)
+    # So does the simulation itself: it fails again, in the same words.
+    with pytest.raises(SimulationError) as again:
+        simulation.step()
+    assert str(again.value) == message
+
+
+def test_raising_names_the_grains_that_cannot_fit() -> None:
+    simulation = Simulation(chain(5, 1e-3), on_unconverged="raise")
+    with pytest.raises(
+        SimulationError, match=r"grains 0, 1, 2, 3, 4 cannot fit, no velocities below .* m/s part them"
+    ):
+        simulation.step()
+    assert contents(simulation.position) == contents(simulation.scene.position)
+
+
+def test_error_in_radii() -> None:
+    """The velocities solve a step whose gaps are changed by dt * residual, here in smallest radii."""
+    scene = Scene.load("polydisperse").replace(max_iterations=20)
+    simulation, reports = Simulation(scene), []
+    for _ in range(80):
+        reports.append(simulation.step())
+        assert reports[-1].gap_error == scene.dt * reports[-1].residual / scene.radius.min()
+    summary = Simulation(scene).run(steps=80)
+    assert summary.residual == max(report.residual for report in reports) > 0.0
+    assert summary.gap_error == max(report.gap_error for report in reports)
+    assert summary.unconverged == sum(not report.converged for report in reports) > 0
+    assert (summary.infeasible, summary.infeasible_grains) == (0, ())
+
+
+def test_a_run_warns_once_and_counts() -> None:
+    with pytest.warns(UserWarning, match=r"^step 1: grains 0, 1, 2, 3, 4 cannot fit$") as said:
+        summary = Simulation(chain(5, 1e-3, max_iterations=300)).run(steps=7)
+    assert len(said) == 1
+    assert (summary.unconverged, summary.infeasible) == (7, 7)
+    assert summary.infeasible_grains == (0, 1, 2, 3, 4)
+
+
+def test_a_run_that_converges_warns_of_nothing() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert Simulation(Scene.load("annulus")).run(steps=100).unconverged == 0
+
+
+def test_command_line(tmp_path, capfd) -> None:
+    scene = tmp_path / "wedge.toml"
+    scene.write_text(WEDGE)
+    assert main(["run", str(scene)]) == 0
+    printed, said = capfd.readouterr()
+    assert "warpgrains: warning: step 1: grains 0, 1, 2, 3, 4 cannot fit\n" in said
+    rows = {line[:17].strip(): line[18:] for line in printed.splitlines()}
+    assert rows["not converged"] == "5 steps, 5 or more have no solution: grains 0, 1, 2, 3, 4 cannot fit"
+    # Five overlaps share 0.5 * 0.004 radii and the walls' share of the last: the residual is their mean / dt.
+    assert rows["worst residual"].endswith(" smallest radii a step)")
+    assert main(["run", str(scene), "--json"]) == 0
+    results = json.loads(capfd.readouterr().out)
+    assert results["infeasible_grains"] == [0, 1, 2, 3, 4]
+    assert results["gap_error"] == pytest.approx(results["residual"] * 0.01 / 0.0501, rel=1e-15)
+    assert main(["run", str(scene), "--set", "solver.on_unconverged=raise"]) == 1
+    assert "step 1, from t = 0.0 s: not converged after 300 iterations" in capfd.readouterr().err
+    assert main(["run", str(scene), "--set", "solver.on_unconverged=shout"]) == 2
+    assert "unknown on_unconverged 'shout'" in capfd.readouterr().err
+
+
+def test_a_resumed_run_tells_of_all_its_steps(tmp_path) -> None:
+    path, scene = tmp_path / "kept.npz", chain(5, 1e-3)
+    tally = Tally(infeasible=3, infeasible_grains=(1, 2), residual=1.0 / 3.0, gap_error=0.1)
+    kept = Checkpoint(scene, first_state(scene), None, tally)
+    write_checkpoint(path, kept)
+    assert contents(read_checkpoint(path)) == contents(kept)
+
+
+def test_checkpoint_of_version_1(tmp_path) -> None:
+    """Written before these fields were there: they have their defaults."""
+    path, scene = tmp_path / "old.npz", chain(5, 1e-3)
+    write_checkpoint(path, Checkpoint(scene, first_state(scene), None, Tally(steps=3)))
+    with np.load(path) as archive:
+        entries = {name: archive[name] for name in archive.files}
+    header = json.loads(entries["header"].tobytes())
+    header["version"] = 1
+    del header["scene"]["on_unconverged"]
+    for name in ("infeasible", "infeasible_grains", "residual", "gap_error"):
+        del header["tally"][name]
+    entries["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    np.savez(path, **entries)
+    old = read_checkpoint(path)
+    assert old.scene.on_unconverged == "report"
+    assert old.tally == Tally(steps=3)
+
+
+def test_many_grains_are_named_by_the_first() -> None:
+    assert named(tuple(range(10))) == "grains 0, 1, 2, 3, 4, 5, 6, 7, 8, 9"
+    assert named(tuple(range(3, 15))) == "grains 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 and 2 more"
