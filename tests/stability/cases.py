@@ -18,6 +18,7 @@ from hard_scenes import (
     stack,
 )
 from sample_scenes import bullet, explosion, falling_cloud, squeezed_light_grains
+from test_infeasible import chain, crowd, ring
 
 from warpgrains import Scene, Simulation
 
@@ -51,6 +52,15 @@ class Case:
     outcome: Callable[[Simulation], None] = lambda simulation: None
     tolerance: float = 1e-8
     then: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Crowded:
+    """A scene whose grains cannot fit, and at least how many of them must be named."""
+
+    name: str
+    scene: Callable[[], Scene]
+    named: int
 
 
 def rests_upright(simulation: Simulation) -> None:
@@ -122,4 +132,12 @@ CASES = (
         Case(f"dt {dt:g}", partial(heap, 60, spacing=2.0, dt=dt), 100, 1000, "a lattice gives way")
         for dt in (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
     ),
+)
+
+CROWDED = (
+    Crowded("chain of 5 in a gap too narrow", partial(chain, 5, 1e-3), 5),
+    Crowded("chain of 5 in a gap too narrow by 1 um", partial(chain, 5, 1e-6), 5),
+    Crowded("ring of 20 too long for its gap", partial(ring, 20, 1.02), 20),
+    Crowded("area of 105 %", partial(crowd, 100, 1.05), 50),
+    Crowded("area of 120 %", partial(crowd, 100, 1.2), 50),
 )
