@@ -17,8 +17,7 @@ from hard_scenes import (
     random_masses,
     stack,
 )
-from sample_scenes import bullet, explosion, falling_cloud, squeezed_light_grains
-from test_infeasible import chain, crowd, ring
+from sample_scenes import bullet, chain, crowd, explosion, falling_cloud, ring, squeezed_light_grains
 
 from warpgrains import Scene, Simulation
 
