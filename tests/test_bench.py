@@ -1,4 +1,4 @@
-"""The benchmark of a step runs, and writes what its table reads. No time is asserted."""
+"""The benchmarks run, and write what their table reads. No time is asserted."""
 
 import subprocess
 import sys
@@ -28,3 +28,11 @@ def test_benchmark_of_a_step(tmp_path: Path) -> None:
     table = command("table", file).splitlines()
     assert len(table) == 2 + len(rows)
     assert len({text.count("|") for text in table}) == 1
+
+
+def test_benchmark_of_settling(tmp_path: Path) -> None:
+    file = tmp_path / "settling.csv"
+    command("settling", "--steps", 2, "--every", 1, "-o", file)
+    head, *rows = file.read_text().splitlines()
+    assert head == COLUMNS
+    assert len(rows) == 6
