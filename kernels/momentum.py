@@ -39,7 +39,7 @@ from .watch import look_at, watch_grain
 f64 = wp.float64
 CHUNK = wp.constant(128)
 ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
-ROUNDING = wp.constant(f64(2.0e-16))
+ROUNDING = wp.constant(f64(2.0e-15))
 RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta = 1, at first
 WEAR = wp.constant(f64(0.8))  # what an undone sweep leaves of that
 STOP = wp.constant(f64(0.5))  # what a stop leaves of t

@@ -37,8 +37,6 @@ class Case:
         In words.
     outcome : callable, optional
         Asserts of the last state what the words say.
-    tolerance : float
-        Residual that every step reaches [m/s].
     then : dict
         What changes in the scene once it has run so many steps; it then goes on for as many again.
     """
@@ -49,7 +47,6 @@ class Case:
     long_steps: int
     expectation: str
     outcome: Callable[[Simulation], None] = lambda simulation: None
-    tolerance: float = 1e-8
     then: dict[str, Any] = field(default_factory=dict)
 
 
@@ -95,7 +92,7 @@ UPRIGHT = "takes the blow, and rests on its axis"
 CASES = (
     Case("column of 50", partial(stack, 50), 100, 400, UPRIGHT, rests_upright),
     Case("column of 200", partial(stack, 200), 50, 300, UPRIGHT, rests_upright),
-    Case("masses 1:100, random", partial(random_masses, 100, 1e2), 60, 200, "settles", tolerance=1e-7),
+    Case("masses 1:100, random", partial(random_masses, 100, 1e2), 60, 200, "settles"),
     Case("masses 1:10,000, random", partial(random_masses, 100, 1e4), 60, 150, "settles"),
     Case("masses 1:100, heavy top", partial(heavy_top, 100, 1e2), 60, 200, "the heavy sink in"),
     Case(
@@ -104,14 +101,13 @@ CASES = (
         11,
         30,
         "the heavy sink in",
-        tolerance=1e-6,
     ),
-    Case("jam filled to 80%", jam, 15, 20, "comes to rest from all directions"),
+    Case("jam filled to 80%", jam, 15, 30, "comes to rest from all directions"),
     Case("radii 1:5", one_to_five, 80, 300, "settles"),
     Case("radii 1:100", one_to_a_hundred, 80, 150, "large grains land on small ones"),
     Case("bullet into a pile", bullet, 40, 200, "nothing is shot through"),
     Case("cloud falling on a pile", falling_cloud, 40, 200, "nothing is shot through"),
-    Case("masses 1:1,000,000, squeezed", squeezed_light_grains, 40, 70, "the light shoot out"),
+    Case("masses 1:1,000,000, squeezed", squeezed_light_grains, 40, 200, "the light shoot out"),
     Case("thirty grains in one place", explosion, 40, 200, "no overlap outlives a step"),
     Case("deep overlap", overlapping, 40, 200, "no overlap outlives a step"),
     Case("small grain past the origin", partial(past_the_origin, 0.1), 20, 20, "flies on", flies_on),

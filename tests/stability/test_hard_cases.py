@@ -9,17 +9,18 @@ from invariants import checked_step
 
 from warpgrains import Scene, Simulation
 
+TOLERANCE = 1e-8  # m/s, of the residual
 MAX_ITERATIONS = 200_000
 
 
-def simulate(scene: Scene, tolerance: float, **changes: Any) -> Simulation:
+def simulate(scene: Scene, **changes: Any) -> Simulation:
     solver = {"method": "accelerated", "stop": "residual", "max_iterations": MAX_ITERATIONS}
-    return Simulation(scene, tolerance=tolerance, **{**solver, **changes})
+    return Simulation(scene, tolerance=TOLERANCE, **{**solver, **changes})
 
 
 def run(case: Case, steps: int, order: str) -> None:
     """Run a case, and once more if something changes on the way."""
-    simulation = simulate(case.scene(), case.tolerance, order=order)
+    simulation = simulate(case.scene(), order=order)
     take(simulation, steps)
     if case.then:
         state = simulation.state()
@@ -48,7 +49,7 @@ def test_hard_case_for_long(case: Case) -> None:
 
 @pytest.mark.parametrize("case", CROWDED, ids=lambda case: case.name)
 def test_infeasible_case(case: Crowded) -> None:
-    simulation = simulate(case.scene(), 1e-8, max_iterations=2000)
+    simulation = simulate(case.scene(), max_iterations=2000)
     for _ in range(3):
         report = simulation.step()
         assert not report.converged
