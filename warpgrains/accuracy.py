@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import missing_extra
 from warpgrains.simulation import Simulation
 
 
@@ -52,7 +52,7 @@ def certify(simulation: Simulation) -> Certificate:
         from warpgrains.exact_step import solve_exactly
         from warpgrains.step_problem import StepProblem
     except ModuleNotFoundError as error:
-        raise SceneError(f"certify needs {error.name}: pip install 'warpgrains[report]'") from error
+        raise missing_extra("certify", error) from error
     velocity = simulation.velocity
     exact = solve_exactly(StepProblem(simulation.scene, *simulation.last_start()), velocity)
     difference = float(np.abs(velocity - exact.velocity).max())
