@@ -14,7 +14,7 @@ from warpgrains.report_moments import Moment, follow_course
 from warpgrains.report_options import Effort
 from warpgrains.report_paths import FRACTIONS, PathRow, fitted_order, measure_paths
 from warpgrains.report_steps import StepRow, measure_steps
-from warpgrains.report_text import markdown
+from warpgrains.report_text import Findings, markdown
 from warpgrains.safe_files import draft_of
 from warpgrains.states import first_state
 
@@ -23,7 +23,7 @@ domain = {radius_out = 1.0}
 time = {dt = 0.01, duration = 0.3}
 grains = {layout = "column", count = 6, radius = 0.05, mass = 0.1, spacing = 2.1}
 """
-QUICK = Effort(repeats=1, most_iterations=300, horizon=8)
+QUICK = Effort(repeats=1, most_iterations=300, longest=1e9, horizon=8)  # no time decides what is done
 FILES = ["report.md", "steps.csv", "trajectories.csv", "frontier.csv", "mine-steps.png", "mine-dt.png"]
 STEP_COLUMNS = (
     "scene,moment,time,grains,contacts,code,method,order,threads,iterations,wall_time,error,"
@@ -99,9 +99,9 @@ class TestSteps:
         assert steps[0].error_of_exact <= 2 * 36 * 1e-12
 
     def test_table_tells_how_far_each_way_came(self, steps: list[StepRow], column: Scene) -> None:
-        paths, frontier = ([*measure_paths(column, first_state(column), 4)], [])
-        frontier = [*measure_frontier(column, first_state(column), 4)]
-        text = markdown(steps, paths, frontier, QUICK)
+        paths = list(measure_paths(column, first_state(column), 4))
+        frontier = list(measure_frontier(column, first_state(column), 4))
+        text = markdown(Findings(steps, paths, frontier), QUICK)
         lines = [line for line in text.splitlines() if line.startswith("| warpgrains")]
         assert len(lines) == 8
         assert all(" ms |" in line or " after 300 |" in line for line in lines)

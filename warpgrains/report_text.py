@@ -5,7 +5,7 @@ import io
 import os
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,23 @@ frontier.csv, all in m, s and m/s.
 """
 
 
+@dataclass(frozen=True)
+class Findings:
+    """All that was measured, scene after scene."""
+
+    steps: list[StepRow] = field(default_factory=list)
+    paths: list[PathRow] = field(default_factory=list)
+    frontier: list[FrontierRow] = field(default_factory=list)
+
+    def of(self, scene: str) -> "Findings":
+        """Return what was found of one scene."""
+        return Findings(
+            [row for row in self.steps if row.scene == scene],
+            [row for row in self.paths if row.scene == scene],
+            [row for row in self.frontier if row.scene == scene],
+        )
+
+
 def csv_text(rows: Sequence[Any]) -> str:
     """Return rows, all of one dataclass, as CSV with a head."""
     text = io.StringIO()
@@ -42,9 +59,7 @@ def csv_text(rows: Sequence[Any]) -> str:
     return text.getvalue()
 
 
-def markdown(
-    steps: Sequence[StepRow], paths: Sequence[PathRow], frontier: Sequence[FrontierRow], effort: Effort
-) -> str:
+def markdown(found: Findings, effort: Effort) -> str:
     """Return the report."""
     head = _HEAD.format(
         version=__version__,
@@ -54,16 +69,15 @@ def markdown(
         reference=find_c_reference().status,
     )
     sections = [head]
-    for scene in dict.fromkeys(row.scene for row in steps):
-        own_paths = [row for row in paths if row.scene == scene]
-        own_frontier = [row for row in frontier if row.scene == scene]
+    for scene in dict.fromkeys(row.scene for row in found.steps):
+        own = found.of(scene)
         sections += [
             f"## {scene}\n",
             f"![Error of one step against iterations and wall time]({scene}-steps.png)\n",
-            _step_table([row for row in steps if row.scene == scene]) + "\n",
+            _step_table(own.steps) + "\n",
             f"![Error against dt, and overlap left by equal work]({scene}-dt.png)\n",
-            _path_text(own_paths) + "\n",
-            _frontier_table(own_frontier) + "\n",
+            _path_text(own.paths) + "\n",
+            _frontier_table(own.frontier) + "\n",
         ]
     return "\n".join(sections)
 
