@@ -23,7 +23,7 @@ domain = {radius_out = 1.0}
 time = {dt = 0.01, duration = 0.3}
 grains = {layout = "column", count = 6, radius = 0.05, mass = 0.1, spacing = 2.1}
 """
-QUICK = Effort(repeats=1, most_iterations=300, longest=1e9, horizon=8)  # no time decides what is done
+QUICK = Effort(repeats=1, most_iterations=100, longest=1e9, horizon=8)  # no time decides what is done
 FILES = ["report.md", "steps.csv", "trajectories.csv", "frontier.csv", "mine-steps.png", "mine-dt.png"]
 STEP_COLUMNS = (
     "scene,moment,time,grains,contacts,code,method,order,threads,iterations,wall_time,error,"
@@ -104,7 +104,7 @@ class TestSteps:
         text = markdown(Findings(steps, paths, frontier), QUICK)
         lines = [line for line in text.splitlines() if line.startswith("| warpgrains")]
         assert len(lines) == 8
-        assert all(" ms |" in line or " after 300 |" in line for line in lines)
+        assert all(" ms |" in line or " after 100 |" in line for line in lines)
 
 
 class TestMoments:

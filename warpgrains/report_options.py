@@ -23,7 +23,7 @@ class Effort:
 
     repeats: int = 5
     most_iterations: int = 10_000
-    longest: float = 0.1
+    longest: float = 0.2
     course: int = 1000
     horizon: int = 32
 
