@@ -13,9 +13,7 @@ from warpgrains.simulation import Simulation
 COARSEST = 4  # of the scene's own steps, in the longest one tried
 FRACTIONS = (4.0, 2.0, 1.0, 1 / 2, 1 / 4, 1 / 8, 1 / 16)  # of the scene's own step
 FINEST = 1 / 64  # the trajectory that the others are held against
-APART = (
-    0.01  # of the smallest radius: where it and one of steps twice as long are further apart, chaos begins
-)
+APART = 0.01  # of the smallest radius: where it and one of steps twice as long part, it ends
 SOLVED = 1e-9  # m/s: residual to which every step is solved
 SOLVED_ITERATIONS = 20_000
 
@@ -64,8 +62,8 @@ def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]
     scene : Scene
     start : State
     longest : int
-        Steps of the scene for which they are followed at most: no further than to where two trajectories of
-        fine steps part.
+        Steps of the scene for which they are followed at most: four, and on while two trajectories of fine
+        steps stay together.
     """
     solved = begin_solved(scene, start)
     finest = follow(solved, FINEST, longest).position

@@ -22,8 +22,8 @@ RELATIVE = {"1e-3": 1e-3, "1e-6": 1e-6}  # errors that the table asks for, of th
 
 _HEAD = """# Speed against error
 
-warpgrains {version}, {machine}, {cores} cores. Wall times are medians of {repeats}.
-C reference: {reference}.
+warpgrains {version}, {machine}, {cores} cores. Wall times are medians of {repeats}; a step that takes more
+than {longest} s is timed once, and no more iterations are tried. C reference: {reference}.
 
 The error of a step is the largest difference of a velocity component from the exact solution of the step's
 convex problem, found by clarabel. A step is solved with 1, 3, 10, 30, ... iterations; the tables give the
@@ -66,6 +66,7 @@ def markdown(found: Findings, effort: Effort) -> str:
         machine=platform.machine(),
         cores=os.cpu_count(),
         repeats=effort.repeats,
+        longest=effort.longest,
         reference=find_c_reference().status,
     )
     sections = [head]
@@ -109,8 +110,8 @@ def _path_text(paths: Sequence[PathRow]) -> str:
     order = fitted_order(list(paths))
     fit = "no error to fit an order to" if order is None else f"error of order {order:.2f} in dt"
     return (
-        f"Trajectories over {paths[0].horizon:.3g} s from the first contact, until two of fine steps are 1 %"
-        f" of the smallest radius apart: {fit}."
+        f"Trajectories over {paths[0].horizon:.3g} s from the first contact (four of the scene's own steps,"
+        f" and on while two of fine steps stay within 1 % of the smallest radius of each other): {fit}."
     )
 
 
