@@ -84,8 +84,9 @@ class TestSteps:
             iterations, errors = [row.iterations for row in tried], [row.error for row in tried]
             assert iterations == sorted(set(iterations))
             assert errors[0] > 1e-2 * tried[0].error_of_nothing
-            # Momentum may overshoot, so that not every error is below the one before.
-            assert errors[-1] <= max(1e-6 * errors[0], tried[0].error_of_exact)
+            # Gauss-Seidel on a chain of 6 contacts, at one end of it a wall, has the rate cos(pi / 13)^2: of 99
+            # iterations, 3e-3. Momentum may overshoot, so that not every error is below the one before.
+            assert errors[-1] <= 3e-3 * errors[0]
 
     def test_threads_and_c_give_the_same_error(self, steps: list[StepRow]) -> None:
         """The same bits: those of C as far as it goes on where the others stop."""

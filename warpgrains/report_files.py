@@ -13,7 +13,7 @@ from warpgrains.scene import Scene
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DOTS_PER_INCH = 84
+DOTS_PER_INCH = 80
 
 
 def prepare(scenes: Sequence[Scene], folder: Path) -> None:
