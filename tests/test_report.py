@@ -84,8 +84,8 @@ class TestSteps:
             iterations, errors = [row.iterations for row in tried], [row.error for row in tried]
             assert iterations == sorted(set(iterations))
             assert errors[0] > 1e-2 * tried[0].error_of_nothing
-            # Gauss-Seidel on a chain of 6 contacts, at one end of it a wall, has the rate cos(pi / 13)^2: of 99
-            # iterations, 3e-3. Momentum may overshoot, so that not every error is below the one before.
+            # Gauss-Seidel on a chain of 6 contacts from a wall on falls by cos(pi / 13)^2 an iteration, by
+            # 3e-3 in 99. Momentum may overshoot, so that not every error is below the one before.
             assert errors[-1] <= 3e-3 * errors[0]
 
     def test_threads_and_c_give_the_same_error(self, steps: list[StepRow]) -> None:
