@@ -63,6 +63,8 @@ class StepSolver:
         State on the device.
     contacts : ContactList
         Candidate contacts, and the corrections that they carry.
+    start_velocity : wp.array
+        Velocities at the start of the last good step [m/s]; its positions are `grains.last_position`.
     """
 
     def __init__(self, scene: Scene, device: wp.Device, threads: int | None):
@@ -74,6 +76,7 @@ class StepSolver:
         self._loop, self._begin_momentum = iterate.kernels(variant), momentum.kernels(variant).begin
         self._measure, self._residual = measure.kernels(variant), residual.kernels(variant)
         self.grains = allocate_grains(scene, variant, device)
+        self.start_velocity = wp.zeros_like(self.grains.velocity)
         self._watch = allocate_watch(scene.n, device)
         self._momentum = allocate_momentum(scene.n, variant, device)
         self._progress = allocate_progress(self._replay.slots, device)
@@ -182,6 +185,7 @@ class StepSolver:
     def _finish(self) -> None:
         """Move, and measure what the report tells."""
         scene, share = self._scene, self._replay.share
+        self._replay.copy(self.start_velocity, self.grains.velocity)
         self._measure_residual()
         share(self._motion.move, self.grains, scene.dt)
         share(self._watching.remember, self._watch)
