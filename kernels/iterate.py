@@ -11,8 +11,15 @@ import warp as wp
 
 from . import momentum, residual, sweep
 from .crew import Crew, meet, slot_of
-from .data import GROUPS, LOOK, Contacts, Grains, Progress, Watch
-from .iteration import Stop, decide_after_check, decide_after_iteration, decide_what_to_watch, gather_zeta
+from .data import GROUPS, INFLUENCE, LOOK, Contacts, Grains, Progress, Watch
+from .iteration import (
+    Stop,
+    decide_after_check,
+    decide_after_iteration,
+    decide_to_rebuild,
+    decide_what_to_watch,
+    gather_zeta,
+)
 from .momentum import Momentum
 from .stage import kernels_of
 from .turns import begin_turns, end_turn, end_turns
@@ -29,7 +36,7 @@ def stages(variant: Variant) -> SimpleNamespace:
     measure = residual.stages(variant).measure
     plain_turn, plain_walls = plain.sweep_turn, plain.sweep_all_walls
     ahead_turn, ahead_walls = ahead.sweep_turn, ahead.sweep_all_walls
-    judge_sweep, advance, settle = ahead.judge_sweep, ahead.advance, ahead.settle
+    judge_sweep, go_on_ahead = ahead.judge_sweep, ahead.go_on
 
     @wp.func
     def sweep_turn(
@@ -55,21 +62,29 @@ def stages(variant: Variant) -> SimpleNamespace:
     ):
         """What follows on a sweep."""
         zeta = gather_zeta(progress)
+        change = watch.scalar[INFLUENCE] * zeta
         undone = int(0)
         if wp.static(variant.accelerated):
-            judge_sweep(contacts, momentum, grains.position.shape[0])
+            change = change + judge_sweep(contacts, momentum, grains.position.shape[0])
             undone = momentum.undo[0]
         decide_after_iteration(watch, progress, stop, zeta, undone)
-        decide_what_to_watch(watch, stop, zeta, wp.static(variant.accelerated))
+        if wp.static(variant.accelerated):
+            decide_to_rebuild(progress, undone)
+        decide_what_to_watch(watch, stop, change)
 
     @wp.func
-    def go_on(crew: Crew, tid: int, grains: Grains, watch: Watch, progress: Progress, momentum: Momentum):
+    def go_on(
+        crew: Crew,
+        tid: int,
+        grains: Grains,
+        contacts: Contacts,
+        watch: Watch,
+        progress: Progress,
+        momentum: Momentum,
+    ):
         """Do this worker's share of what comes between two sweeps."""
         if wp.static(variant.accelerated):
-            if progress.iterating[0] != 0:
-                advance(crew, tid, grains, watch, momentum)
-            else:
-                settle(crew, tid, grains, watch, progress)
+            go_on_ahead(crew, tid, grains, contacts, watch, progress, momentum)
         else:
             if watch.flag[LOOK] != 0:
                 look_again(grains.next_velocity, watch, crew, tid)
@@ -106,7 +121,7 @@ def stages(variant: Variant) -> SimpleNamespace:
                 if slot == 0:
                     decide_after_check(progress, stop)
                 meet(crew)
-            go_on(crew, tid, grains, watch, progress, momentum)
+            go_on(crew, tid, grains, contacts, watch, progress, momentum)
             meet(crew)
 
     @wp.func
@@ -154,10 +169,16 @@ def stages(variant: Variant) -> SimpleNamespace:
 
     @wp.func
     def go_on_here(
-        crew: Crew, tid: int, grains: Grains, watch: Watch, progress: Progress, momentum: Momentum
+        crew: Crew,
+        tid: int,
+        grains: Grains,
+        contacts: Contacts,
+        watch: Watch,
+        progress: Progress,
+        momentum: Momentum,
     ):
         """What comes between two sweeps: a GPU's launch."""
-        go_on(crew, tid, grains, watch, progress, momentum)
+        go_on(crew, tid, grains, contacts, watch, progress, momentum)
 
     return SimpleNamespace(
         iterate=iterate,

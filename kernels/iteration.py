@@ -10,7 +10,6 @@ from .data import (
     BAD_GRAIN,
     CARRYING,
     DRIFT,
-    INFLUENCE,
     ITERATIONS,
     LOOK,
     LOOK_DRIFT,
@@ -28,6 +27,7 @@ from .variant import Variant
 
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
+REBUILD_EVERY = wp.constant(100)  # iterations with momentum between two times that velocities are rebuilt
 NEARLY = wp.constant(f64(2.0))  # times the tolerance: a zeta from which the residual is worth a check
 
 
@@ -86,19 +86,28 @@ def decide_after_check(progress: Progress, stop: Stop):
     for slot in range(progress.residual.shape[0]):
         residual = wp.max(residual, progress.residual[slot])
         progress.residual[slot] = f64(0.0)
-    if residual <= stop.tolerance:
+    if stop.on_residual != 0 and residual <= stop.tolerance:
         progress.iterating[0] = 0
 
 
 @wp.func
-def decide_what_to_watch(watch: Watch, stop: Stop, zeta: f64, always_look: bool):
-    """Watch the next sweep if the last was not calm; look at all grains when unwatched ones have added up."""
-    change = watch.scalar[INFLUENCE] * zeta
+def decide_to_rebuild(progress: Progress, undone: int):
+    """Ask for velocities rebuilt from the corrections, with which the residual comes."""
+    if undone == 0 and int(progress.report[ITERATIONS]) % REBUILD_EVERY == 0:
+        progress.checking[0] = 1
+
+
+@wp.func
+def decide_what_to_watch(watch: Watch, stop: Stop, change: f64):
+    """Watch the next sweep if the last was not calm; look at all grains when unwatched ones have added up.
+
+    The change is the most that the velocity of a grain has changed by [m/s].
+    """
     calm = stop.calm * watch.scalar[SLACK]
     if watch.flag[WATCHING] == 0:
         watch.scalar[DRIFT] = watch.scalar[DRIFT] + change
     watch.flag[WATCHING] = 1 if change > calm else 0
-    watch.flag[LOOK] = 1 if always_look or watch.scalar[DRIFT] > calm else 0
+    watch.flag[LOOK] = 1 if watch.scalar[DRIFT] > calm else 0
     if watch.flag[LOOK] != 0:
         watch.scalar[LOOK_DRIFT] = watch.scalar[DRIFT]
         watch.scalar[DRIFT] = f64(0.0)

@@ -1,13 +1,21 @@
-"""Accelerated Gauss-Seidel: Nesterov momentum around the sweep, gradient restart, monotone safeguard.
+"""Accelerated Gauss-Seidel: momentum around a sweep that goes a little too far, restarts, monotone safeguard.
 
-A sweep is exact coordinate descent on the dual objective of the step (SPEC.md, "Why it is hard"),
+A sweep is coordinate descent on the dual objective of the step (SPEC.md, "Why it is hard"),
 
     phi = 1/2 sum_i m_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = m_i m_j / (m_i + m_j), m_i at a wall.
 
 Between two sweeps, corrections x and velocities go on along the line from the last ones,
-y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983). Momentum
-starts anew, t = 1, when it points up the gradient (O'Donoghue and Candes 2015). A sweep that does not make
-good what going on to y has cost in phi is undone, so that phi falls from sweep to sweep.
+y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983). With beta
+grows the over-relaxation of the sweep (Young 1954), up to RELAXED.
+
+Momentum stops when it points up the gradient (O'Donoghue and Candes 2015), but t is only halved: the speed is
+gone, the friction stays low, and the next run is soon as fast (Liang, Luo and Schoenlieb 2022). A sweep that
+does not make good what going on to y has cost in phi is undone, which stops momentum as well; so phi falls
+from sweep to sweep. Over-relaxation is what most often raises it, and is worn down each time.
+
+Velocities that are corrected in place gather rounding errors, and momentum carries these on. Now and then
+they are rebuilt from the corrections, and the last ones moved by as much: without that, the difference of
+the two would hold a push that no correction has, and that every sweep repeats.
 
 The sums that decide this are taken over chunks of fixed length and then in order, so that they, too, are
 the same for any number of workers.
@@ -21,7 +29,7 @@ import warp as wp
 from . import law
 from .access import dv_of, first_of, gap_rate_of, normal_of, second_of, set_dv, set_velocity, velocity_of
 from .crew import Crew, share
-from .data import GROUPS, PAIRS, WALLS, WATCHING, Contacts, Grains, Progress, Watch
+from .data import GROUPS, LOOK, PAIRS, WALLS, WATCHING, Contacts, Grains, Progress, Watch
 from .features import functions
 from .stage import kernels_of
 from .sweep import stages as sweep_stages
@@ -31,8 +39,11 @@ from .watch import look_at, watch_grain
 f64 = wp.float64
 CHUNK = wp.constant(128)
 ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
-ROUNDING = wp.constant(f64(2.0e-16))
-TIME, BETA = (wp.constant(k) for k in range(2))
+ROUNDING = wp.constant(f64(2.0e-15))
+RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta = 1, at first
+WEAR = wp.constant(f64(0.8))  # what an undone sweep leaves of that
+STOP = wp.constant(f64(0.5))  # what a stop leaves of t
+TIME, BETA, RELAXED = (wp.constant(k) for k in range(3))
 
 
 @wp.struct
@@ -44,8 +55,8 @@ class Momentum:
     last_velocity: wp.array(dtype=wp.vec2d)  # velocities that go with them [m/s]
     pair_part: wp.array(dtype=wp.vec2d)  # cost in phi less gain, and slope of phi along the momentum
     wall_part: wp.array(dtype=wp.vec2d)
-    grain_part: wp.array(dtype=wp.vec3d)  # sums of m s.v, m s.s and m v.v, where s is v less last velocity
-    scalar: wp.array(dtype=f64)  # TIME, BETA
+    grain_part: wp.array(dtype=wp.vec3d)  # sums of m s.(v + y) and m v.v, largest s.s, where y = v + beta s
+    scalar: wp.array(dtype=f64)  # TIME, BETA, RELAXED
     undo: wp.array(dtype=wp.int32)  # whether the last sweep is undone
 
 
@@ -56,18 +67,15 @@ def chunks_in(count: int) -> int:
 
 
 @wp.func
-def go_on(x: f64, last: f64, beta: f64) -> f64:
-    """Return y = x + beta (x - last); x itself without momentum."""
-    y = x
-    if beta > f64(0.0):
-        y = x + beta * (x - last)
-    return y
-
-
-@wp.func
 def wall_cost(dv: f64, gap_rate_out: f64, gap_rate_in: f64) -> f64:
     """The linear part of phi of a grain's walls, by unit mass: dv > 0 is carried by the outer one."""
     return wp.where(dv >= f64(0.0), dv * gap_rate_out, -dv * gap_rate_in)
+
+
+@wp.func
+def relaxation_of(momentum: Momentum) -> f64:
+    """How many times its own correction a contact is given."""
+    return f64(1.0) + momentum.scalar[RELAXED] * momentum.scalar[BETA]
 
 
 @cache
@@ -77,51 +85,58 @@ def stages(variant: Variant) -> SimpleNamespace:
     half = wp.constant(f64(0.5))
 
     @wp.func
-    def correct_pair(grains: Grains, contacts: Contacts, momentum: Momentum, c: int) -> wp.vec3d:
+    def mass_in_phi(grains: Grains, i: int) -> f64:
+        """Mass of a grain; where all masses are equal, phi is by unit mass."""
+        if wp.static(variant.distinct_masses):
+            return mass_of(grains, i)
+        return f64(1.0)
+
+    @wp.func
+    def correct_pair(
+        grains: Grains, contacts: Contacts, momentum: Momentum, c: int, beta: f64, relaxation: f64
+    ) -> wp.vec3d:
         """One pair's correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
         i = first_of(contacts.pairs, c)
         j = second_of(contacts.pairs, c)
         n = normal_of(contacts.pairs, c)
         gap_rate = gap_rate_of(contacts.pairs, c)
         weight = weights_of(contacts, c)
-        last = momentum.pair_last[c]
-        x = wp.where(momentum.undo[0] != 0, last, dv_of(contacts.pair_dv, c))
-        y = go_on(x, last, momentum.scalar[BETA])
+        x = dv_of(contacts.pair_dv, c)
+        ahead = beta * (x - dv_of(momentum.pair_last, c))
         vi = velocity_of(grains.next_velocity, i)
         vj = velocity_of(grains.next_velocity, j)
-        vn = wp.dot(vi - vj, n)
-        dv = law.pair_correction(vn, y, gap_rate)
+        excess = wp.dot(vi - vj, n) - gap_rate
+        dv = law.pair_correction(relaxation * excess, x + ahead, f64(0.0))
         set_velocity(grains.next_velocity, i, vi - dv * n * weight[0])
         set_velocity(grains.next_velocity, j, vj + dv * n * weight[1])
-        momentum.pair_last[c] = x
-        set_dv(contacts.pair_dv, c, y + dv)
-        mu = mass_of(grains, i) * weight[0]
-        gain = dv * (vn - gap_rate - half * dv)
-        cost = gap_rate * (y - x)
-        return wp.vec3d(wp.abs(dv), mu * (cost - ENOUGH * gain), -mu * dv * (y + dv - x))
+        set_dv(momentum.pair_last, c, x)
+        set_dv(contacts.pair_dv, c, x + ahead + dv)
+        mu = mass_in_phi(grains, i) * weight[0]
+        rise = gap_rate * ahead - ENOUGH * dv * (excess - half * dv)
+        return wp.vec3d(wp.abs(dv), mu * rise, -mu * dv * (ahead + dv))
 
     @wp.func
-    def correct_wall(grains: Grains, contacts: Contacts, momentum: Momentum, c: int) -> wp.vec3d:
+    def correct_wall(
+        grains: Grains, contacts: Contacts, momentum: Momentum, c: int, beta: f64, relaxation: f64
+    ) -> wp.vec3d:
         """One grain's wall correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
         wall = contacts.walls[c]
         gap_rate_in = -wall.gap_rate_out
-        last = momentum.wall_last[c]
-        x = wp.where(momentum.undo[0] != 0, last, wall.dv)
-        y = go_on(x, last, momentum.scalar[BETA])
+        y = wall.dv + beta * (wall.dv - momentum.wall_last[c])
         vn = wp.dot(grains.next_velocity[wall.i], wall.n)
-        new = law.outer_correction(vn, y, wall.gap_rate_out)
+        new = law.outer_correction(relaxation * vn, y, relaxation * wall.gap_rate_out)
         if wp.static(variant.inner_wall):
             gap_rate_in = wall.gap_rate_in
-            new = new - law.inner_correction(vn, y, gap_rate_in)
+            new = new - law.inner_correction(relaxation * vn, y, relaxation * gap_rate_in)
         dv = new - y
         grains.next_velocity[wall.i] = grains.next_velocity[wall.i] - dv * wall.n
-        momentum.wall_last[c] = x
-        contacts.walls[c].dv = y + dv
-        cost_x = wall_cost(x, wall.gap_rate_out, gap_rate_in)
+        momentum.wall_last[c] = wall.dv
+        contacts.walls[c].dv = new
+        cost_x = wall_cost(wall.dv, wall.gap_rate_out, gap_rate_in)
         cost_y = wall_cost(y, wall.gap_rate_out, gap_rate_in)
-        gain = dv * (vn - half * dv) - (wall_cost(y + dv, wall.gap_rate_out, gap_rate_in) - cost_y)
-        mu = mass_of(grains, wall.i)
-        return wp.vec3d(wp.abs(dv), mu * (cost_y - cost_x - ENOUGH * gain), -mu * dv * (y + dv - x))
+        gain = dv * (vn - half * dv) - (wall_cost(new, wall.gap_rate_out, gap_rate_in) - cost_y)
+        mu = mass_in_phi(grains, wall.i)
+        return wp.vec3d(wp.abs(dv), mu * (cost_y - cost_x - ENOUGH * gain), -mu * dv * (new - wall.dv))
 
     @wp.func
     def sweep_turn(
@@ -129,20 +144,26 @@ def stages(variant: Variant) -> SimpleNamespace:
     ) -> f64:
         """Correct this worker's share of the pairs of a group. Returns the largest |dv|."""
         largest = f64(0.0)
+        beta = momentum.scalar[BETA]
+        relaxation = relaxation_of(momentum)
+        watching = watch.flag[WATCHING]
         start = contacts.group_start[group]
         stop = contacts.group_start[group + 1]
         begin, end = share(crew, tid, start // CHUNK, chunks_in(stop))
         for k in range(begin, end):
             part = wp.vec2d(f64(0.0), f64(0.0))
-            for c in range(wp.max(start, k * CHUNK), wp.min(stop, (k + 1) * CHUNK)):
-                result = correct_pair(grains, contacts, momentum, c)
+            c = wp.max(start, k * CHUNK)
+            last = wp.min(stop, (k + 1) * CHUNK)
+            while c < last:
+                result = correct_pair(grains, contacts, momentum, c, beta, relaxation)
                 largest = wp.max(largest, result[0])
                 part = part + wp.vec2d(result[1], result[2])
-                if watch.flag[WATCHING] != 0:
-                    i = contacts.pairs[c].i
-                    watch_grain(grains.next_velocity[i], watch, i)
-                    j = contacts.pairs[c].j
-                    watch_grain(grains.next_velocity[j], watch, j)
+                if watching != 0:
+                    i = first_of(contacts.pairs, c)
+                    watch_grain(velocity_of(grains.next_velocity, i), watch, i)
+                    j = second_of(contacts.pairs, c)
+                    watch_grain(velocity_of(grains.next_velocity, j), watch, j)
+                c += 1
             momentum.pair_part[k + group] = part
         return largest
 
@@ -152,11 +173,13 @@ def stages(variant: Variant) -> SimpleNamespace:
     ) -> f64:
         """Correct this worker's share of the grains that may reach a wall. Returns the largest |dv|."""
         largest = f64(0.0)
+        beta = momentum.scalar[BETA]
+        relaxation = relaxation_of(momentum)
         begin, end = share(crew, tid, 0, chunks_in(contacts.count[WALLS]))
         for k in range(begin, end):
             part = wp.vec2d(f64(0.0), f64(0.0))
             for c in range(k * CHUNK, wp.min(contacts.count[WALLS], (k + 1) * CHUNK)):
-                result = correct_wall(grains, contacts, momentum, c)
+                result = correct_wall(grains, contacts, momentum, c, beta, relaxation)
                 largest = wp.max(largest, result[0])
                 part = part + wp.vec2d(result[1], result[2])
                 if watch.flag[WATCHING] != 0:
@@ -166,55 +189,108 @@ def stages(variant: Variant) -> SimpleNamespace:
         return largest
 
     @wp.func
-    def judge_sweep(contacts: Contacts, momentum: Momentum, grains: int):
-        """Undo a sweep after which phi has risen; choose how far to go on after the others."""
+    def judge_sweep(contacts: Contacts, momentum: Momentum, grains: int) -> f64:
+        """Undo a sweep after which phi has risen; choose how far to go on after the others.
+
+        Returns the largest change of a velocity [m/s] on the way to this sweep's y.
+        """
         part = wp.vec2d(f64(0.0), f64(0.0))
         for k in range(chunks_in(contacts.count[PAIRS]) + contacts.count[GROUPS]):
             part = part + momentum.pair_part[k]
         for k in range(chunks_in(contacts.count[WALLS])):
             part = part + momentum.wall_part[k]
-        energy = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
+        energy = f64(0.0)
+        size = f64(0.0)
+        farthest = f64(0.0)
         for k in range(chunks_in(grains)):
-            energy = energy + momentum.grain_part[k]
+            energy = energy + momentum.grain_part[k][0]
+            size = size + momentum.grain_part[k][1]
+            farthest = wp.max(farthest, momentum.grain_part[k][2])
         beta = momentum.scalar[BETA]
-        rise = part[0] + beta * (energy[0] + half * beta * energy[1] - ROUNDING * energy[2])
-        momentum.undo[0] = 1 if beta > f64(0.0) and rise > f64(0.0) else 0
-        if momentum.undo[0] != 0 or part[1] > f64(0.0):
-            momentum.scalar[TIME] = f64(1.0)
+        momentum.undo[0] = 0
+        if beta > f64(0.0) and part[0] + beta * (half * energy - ROUNDING * size) > f64(0.0):
+            momentum.undo[0] = 1
+            momentum.scalar[RELAXED] = WEAR * momentum.scalar[RELAXED]
         t = momentum.scalar[TIME]
-        longer = half * (f64(1.0) + wp.sqrt(f64(1.0) + f64(4.0) * t * t))
-        momentum.scalar[BETA] = (t - f64(1.0)) / longer
-        momentum.scalar[TIME] = wp.where(momentum.undo[0] != 0, f64(1.0), longer)
+        if momentum.undo[0] != 0 or part[1] > f64(0.0):
+            momentum.scalar[TIME] = wp.max(f64(1.0), STOP * t)
+            momentum.scalar[BETA] = f64(0.0)
+        else:
+            momentum.scalar[TIME] = half * (f64(1.0) + wp.sqrt(f64(1.0) + f64(4.0) * t * t))
+            momentum.scalar[BETA] = (t - f64(1.0)) / momentum.scalar[TIME]
+        return beta * wp.sqrt(farthest)
 
     @wp.func
-    def advance(crew: Crew, tid: int, grains: Grains, watch: Watch, momentum: Momentum):
-        """Take this worker's share of the velocities on to y, or, undone, back to the last ones."""
+    def take_back(crew: Crew, tid: int, contacts: Contacts, momentum: Momentum):
+        """Undo this worker's share of a sweep."""
+        begin, end = share(crew, tid, 0, contacts.count[PAIRS])
+        for c in range(begin, end):
+            contacts.pair_dv[c] = momentum.pair_last[c]
+        begin, end = share(crew, tid, 0, contacts.count[WALLS])
+        for c in range(begin, end):
+            contacts.walls[c].dv = momentum.wall_last[c]
+
+    @wp.func
+    def attend(grains: Grains, watch: Watch, progress: Progress, momentum: Momentum, i: int):
+        """Look at a grain, and give it its last velocity if the sweep is undone, or the one rebuilt."""
+        v = velocity_of(grains.next_velocity, i)
+        if watch.flag[LOOK] != 0:
+            look_at(v, watch, i)
+        if momentum.undo[0] != 0:
+            set_velocity(grains.next_velocity, i, velocity_of(momentum.last_velocity, i))
+        elif progress.checking[0] != 0:
+            rebuilt = velocity_of(grains.rebuilt_velocity, i)
+            set_velocity(grains.next_velocity, i, rebuilt)
+            last = velocity_of(momentum.last_velocity, i)
+            set_velocity(momentum.last_velocity, i, last + (rebuilt - v))
+
+    @wp.func
+    def advance(crew: Crew, tid: int, grains: Grains, momentum: Momentum, watch: Watch):
+        """Take this worker's share of the velocities on to y."""
         n = grains.position.shape[0]
         beta = momentum.scalar[BETA]
+        watching = watch.flag[WATCHING]
         begin, end = share(crew, tid, 0, chunks_in(n))
         for k in range(begin, end):
-            part = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
-            for i in range(k * CHUNK, wp.min(n, (k + 1) * CHUNK)):
-                v = grains.next_velocity[i]
-                look_at(v, watch, i)
-                if momentum.undo[0] != 0:
-                    v = momentum.last_velocity[i]
-                s = v - momentum.last_velocity[i]
-                m = mass_of(grains, i)
-                part = part + wp.vec3d(m * wp.dot(s, v), m * wp.dot(s, s), m * wp.dot(v, v))
-                momentum.last_velocity[i] = v
-                grains.next_velocity[i] = v + beta * s
-                watch_grain(grains.next_velocity[i], watch, i)
-            momentum.grain_part[k] = part
+            energy = f64(0.0)
+            size = f64(0.0)
+            farthest = f64(0.0)
+            i = k * CHUNK
+            stop = wp.min(n, (k + 1) * CHUNK)
+            while i < stop:
+                v = velocity_of(grains.next_velocity, i)
+                s = v - velocity_of(momentum.last_velocity, i)
+                y = v + beta * s
+                set_velocity(momentum.last_velocity, i, v)
+                set_velocity(grains.next_velocity, i, y)
+                m = mass_in_phi(grains, i)
+                energy = energy + m * wp.dot(s, v + y)
+                size = size + m * wp.dot(v, v)
+                farthest = wp.max(farthest, wp.dot(s, s))
+                if watching != 0:
+                    watch_grain(y, watch, i)
+                i += 1
+            momentum.grain_part[k] = wp.vec3d(energy, size, farthest)
 
     @wp.func
-    def settle(crew: Crew, tid: int, grains: Grains, watch: Watch, progress: Progress):
-        """End with this worker's share of the velocities; rebuilt ones leave rounding errors behind."""
-        begin, end = share(crew, tid, 0, grains.position.shape[0])
-        for i in range(begin, end):
-            look_at(grains.next_velocity[i], watch, i)
-            if progress.checking[0] != 0:
-                grains.next_velocity[i] = grains.rebuilt_velocity[i]
+    def go_on(
+        crew: Crew,
+        tid: int,
+        grains: Grains,
+        contacts: Contacts,
+        watch: Watch,
+        progress: Progress,
+        momentum: Momentum,
+    ):
+        """Do this worker's share of what comes after a sweep."""
+        if momentum.undo[0] != 0:
+            take_back(crew, tid, contacts, momentum)
+        if watch.flag[LOOK] != 0 or momentum.undo[0] != 0 or progress.checking[0] != 0:
+            begin, end = share(crew, tid, 0, chunks_in(grains.position.shape[0]))
+            for i in range(begin * CHUNK, wp.min(grains.position.shape[0], end * CHUNK)):
+                attend(grains, watch, progress, momentum, i)
+        if progress.iterating[0] != 0:
+            advance(crew, tid, grains, momentum, watch)
 
     @wp.func
     def begin(crew: Crew, tid: int, grains: Grains, contacts: Contacts, momentum: Momentum):
@@ -222,20 +298,29 @@ def stages(variant: Variant) -> SimpleNamespace:
         first, last = share(crew, tid, 0, grains.position.shape[0])
         for i in range(first, last):
             momentum.last_velocity[i] = grains.next_velocity[i]
+        first, last = share(crew, tid, 0, chunks_in(grains.position.shape[0]))
+        for k in range(first, last):
+            momentum.grain_part[k] = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
+        first, last = share(crew, tid, 0, contacts.count[PAIRS])
+        for c in range(first, last):
+            momentum.pair_last[c] = contacts.pair_dv[c]
+        first, last = share(crew, tid, 0, contacts.count[WALLS])
+        for c in range(first, last):
+            momentum.wall_last[c] = contacts.walls[c].dv
         parts = chunks_in(contacts.count[PAIRS]) + contacts.count[GROUPS]
         first, last = share(crew, tid, 0, parts)
         for k in range(first, last):
             momentum.pair_part[k] = wp.vec2d(f64(0.0), f64(0.0))
         momentum.scalar[TIME] = f64(1.0)
         momentum.scalar[BETA] = f64(0.0)
+        momentum.scalar[RELAXED] = RELAXATION
         momentum.undo[0] = 0
 
     return SimpleNamespace(
         sweep_turn=sweep_turn,
         sweep_all_walls=sweep_all_walls,
         judge_sweep=judge_sweep,
-        advance=advance,
-        settle=settle,
+        go_on=go_on,
         begin=begin,
     )
 

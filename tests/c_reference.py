@@ -2,6 +2,7 @@
 
 import ctypes
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,14 +30,15 @@ class Grains(ctypes.Structure):
     )
 
 
-def build(folder: Path) -> ctypes.CDLL:
+def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
     """Compile the reference without contracting products and sums; raise RuntimeError if that fails."""
     library = folder / "libgrains.so"
-    command = ["cc", "-O2", "-ffp-contract=off", "-shared", "-fPIC", str(SOURCE), "-o", str(library), "-lm"]
+    fixed = ["-ffp-contract=off", "-shared", "-fPIC", str(SOURCE), "-o", str(library), "-lm"]
+    command = ["cc", *flags, *fixed]
     try:
         subprocess.run(command, check=True, capture_output=True, text=True)
     except FileNotFoundError as error:
-        raise RuntimeError("these tests need a C compiler called `cc`, and there is none") from error
+        raise RuntimeError("the C reference needs a C compiler called `cc`, and there is none") from error
     except subprocess.CalledProcessError as error:
         raise RuntimeError(f"`{' '.join(command)}` failed:\n{error.stderr}") from error
     return _declared(ctypes.CDLL(str(library)))

@@ -43,9 +43,9 @@ def solve_one_step(scene: Scene) -> Solved:
     pair_impulse = scene.mass[i] * scene.mass[j] / (scene.mass[i] + scene.mass[j]) * pair
     wall_impulses = (scene.mass * np.maximum(sign * wall, 0.0) for sign in (1.0, -1.0))
     impulse = np.concatenate([pair_impulse, *wall_impulses])
-    pair_excess = _pair_excess(scene, v)
-    excess = np.concatenate([pair_excess, *_wall_excess(scene, v)])
-    contacts = _contacts_that_change(scene, pair_excess)
+    pairs = pair_excess(scene, v)
+    excess = np.concatenate([pairs, *wall_excess(scene, v)])
+    contacts = _contacts_that_change(scene, pairs)
     largest = max(np.abs(array).max() for array in (scene.velocity, v, pair, wall))
     return Solved(
         velocity=v,
@@ -57,7 +57,7 @@ def solve_one_step(scene: Scene) -> Solved:
     )
 
 
-def _pair_excess(scene: Scene, v: FloatArray) -> FloatArray:
+def pair_excess(scene: Scene, v: FloatArray) -> FloatArray:
     """J v - b of all pairs [m/s]."""
     i, j = np.triu_indices(scene.n, 1)
     d = scene.position[j] - scene.position[i]
@@ -66,7 +66,7 @@ def _pair_excess(scene: Scene, v: FloatArray) -> FloatArray:
     return approach - (distance - (scene.radius[i] + scene.radius[j])) / scene.dt
 
 
-def _wall_excess(scene: Scene, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+def wall_excess(scene: Scene, v: FloatArray) -> tuple[FloatArray, FloatArray]:
     """J v - b of all grains at the outer and at the inner wall [m/s]."""
     rho = np.hypot(*scene.position.T)
     outward = (v * scene.position).sum(axis=1) / rho
@@ -76,11 +76,11 @@ def _wall_excess(scene: Scene, v: FloatArray) -> tuple[FloatArray, FloatArray]:
     return outer, -outward - (rho - scene.radius_in - scene.radius) / scene.dt
 
 
-def _contacts_that_change(scene: Scene, pair_excess: FloatArray) -> int:
+def _contacts_that_change(scene: Scene, excess: FloatArray) -> int:
     """Count the most contacts of one grain, its walls as one, whose corrections the last iteration changed.
 
     It changed none by more than the tolerance, so that J v - b was within a few of it from 0.
     """
     i, j = np.triu_indices(scene.n, 1)
-    near = pair_excess > -1e3 * scene.tolerance
+    near = excess > -1e3 * scene.tolerance
     return int(np.bincount(np.concatenate([i[near], j[near]]), minlength=1).max()) + 1

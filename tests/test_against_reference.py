@@ -6,9 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from c_reference import Grains, Reference, assert_same_bits
+from conftest import Simulate
 from sample_scenes import SUDDEN, random_scene
 
 from warpgrains import Scene, Simulation, StepReport
+
+TEXTS = {"method": "gauss-seidel", "order": "sequential"}
 
 MakeReference = Callable[..., Reference]
 
@@ -63,33 +66,35 @@ def test_annulus_is_the_scene_of_the_course(c_library: ctypes.CDLL) -> None:
 
 
 @pytest.mark.parametrize("name", ["annulus", "column", "no_inner_wall", "polydisperse"])
-def test_shipped_scene(reference: MakeReference, name: str) -> None:
+def test_shipped_scene(reference: MakeReference, simulate: Simulate, name: str) -> None:
     scene = Scene.load(name)
-    reports = step_both(Simulation(scene), reference(scene), steps=500)
+    reports = step_both(simulate(scene), reference(scene), steps=simulate.of(500))
     assert all(report.converged for report in reports)
 
 
-def test_pile_from_its_start(reference: MakeReference) -> None:
-    scene = Scene.load("pile").replace(max_iterations=200)
-    step_both(Simulation(scene), reference(scene), steps=20)
+def test_pile_from_its_start(reference: MakeReference, simulate: Simulate) -> None:
+    scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
+    step_both(simulate(scene), reference(scene), steps=simulate.of(20))
 
 
-def test_pile_that_settles(reference: MakeReference) -> None:
-    scene = Scene.load("pile").replace(max_iterations=200)
-    simulation = Simulation(scene)
+def test_pile_that_settles(reference: MakeReference, simulate: Simulate) -> None:
+    scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
+    simulation = simulate(scene)
     simulation.run(steps=200)
     reports = step_both(simulation, reference(scene, simulation.state()), steps=5)
     assert min(report.contacts for report in reports) > scene.n
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_random_scene(reference: MakeReference, seed: int) -> None:
+def test_random_scene(reference: MakeReference, simulate: Simulate, seed: int) -> None:
     scene = random_scene(seed)
-    step_both(Simulation(scene), reference(scene), steps=500)
+    step_both(simulate(scene), reference(scene), steps=simulate.of(500))
 
 
 @pytest.mark.parametrize("make", SUDDEN)
-def test_step_that_is_solved_again(reference: MakeReference, make: Callable[[], Scene]) -> None:
+def test_step_that_is_solved_again(
+    reference: MakeReference, simulate: Simulate, make: Callable[[], Scene]
+) -> None:
     scene = make()
-    reports = step_both(Simulation(scene), reference(scene), steps=200)
+    reports = step_both(simulate(scene), reference(scene), steps=simulate.of(200))
     assert sum(report.redos for report in reports) > 0

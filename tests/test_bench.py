@@ -24,7 +24,7 @@ def test_benchmark_of_a_step(tmp_path: Path) -> None:
     command("step", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "-o", file)
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
-    assert len(rows) == 14
+    assert len(rows) == 18
     table = command("table", file).splitlines()
     assert len(table) == 2 + len(rows)
     assert len({text.count("|") for text in table}) == 1
@@ -37,3 +37,11 @@ def test_benchmark_of_a_batch(tmp_path: Path) -> None:
     assert head == COLUMNS
     assert len(rows) == 4
     assert len(command("table", file).splitlines()) == 2 + len(rows)
+
+
+def test_benchmark_of_settling(tmp_path: Path) -> None:
+    file = tmp_path / "settling.csv"
+    command("settling", "--steps", 2, "--every", 1, "-o", file)
+    head, *rows = file.read_text().splitlines()
+    assert head == COLUMNS
+    assert len(rows) == 6

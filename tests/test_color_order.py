@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from c_reference import Reference, assert_same_bits
+from conftest import Simulate
 from graphs import complete, first_fit_colors
 from optimality import solve_one_step
 from sample_scenes import SUDDEN, random_scene
@@ -18,8 +19,7 @@ MakeReference = Callable[..., Reference]
 def swept_pairs(simulation: Simulation) -> IntArray:
     """Read in which order the last step swept its pairs, shape (m, 2)."""
     contacts = simulation._solver.contacts
-    slots = contacts.device.pairs.numpy()[: contacts.counts[0]]
-    return np.stack([slots["i"], slots["j"]], axis=1)
+    return contacts._buffers.sequence.numpy()[: contacts.counts[0], :2]
 
 
 def full_order(simulation: Simulation) -> IntArray:
@@ -39,32 +39,34 @@ def step_both(simulation: Simulation, reference: Reference, steps: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["annulus", "column", "no_inner_wall", "polydisperse"])
-def test_shipped_scene(reference: MakeReference, name: str) -> None:
+def test_shipped_scene(reference: MakeReference, simulate: Simulate, name: str) -> None:
     scene = Scene.load(name).replace(order="color", max_iterations=200)
-    step_both(Simulation(scene), reference(scene), steps=200)
+    step_both(simulate(scene), reference(scene), steps=simulate.of(200))
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_random_scene(reference: MakeReference, seed: int) -> None:
+def test_random_scene(reference: MakeReference, simulate: Simulate, seed: int) -> None:
     scene = random_scene(seed).replace(order="color")
-    step_both(Simulation(scene), reference(scene), steps=100)
+    step_both(simulate(scene), reference(scene), steps=simulate.of(100))
 
 
 @pytest.mark.parametrize("make", SUDDEN)
-def test_step_that_is_solved_again(reference: MakeReference, make: Callable[[], Scene]) -> None:
+def test_step_that_is_solved_again(
+    reference: MakeReference, simulate: Simulate, make: Callable[[], Scene]
+) -> None:
     scene = make().replace(order="color")
-    step_both(Simulation(scene), reference(scene), steps=60)
+    step_both(simulate(scene), reference(scene), steps=simulate.of(60))
 
 
 @pytest.mark.parametrize("order", ["sequential", "color"])
-def test_iteration_by_iteration(reference: MakeReference, order: str) -> None:
+def test_iteration_by_iteration(reference: MakeReference, simulate: Simulate, order: str) -> None:
     """Two steps of k = 1, 2, 3, ... iterations; the second one starts warm."""
     simulation = Simulation(Scene.load("polydisperse"))
-    simulation.run(steps=60)
+    simulation.run(steps=simulate.of(60))
     scene = simulation.scene.replace(position=simulation.position, velocity=simulation.velocity)
     for k in range(1, 41):
         cut = scene.replace(order=order, tolerance=0.0, max_iterations=k)
-        step_both(Simulation(cut), reference(cut), steps=2)
+        step_both(simulate(cut), reference(cut), steps=2)
 
 
 def test_pairs_are_swept_by_first_fit_colors() -> None:

@@ -4,54 +4,13 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
+from sample_scenes import chain, crowd, ring
 
 from warpgrains import Scene, SceneError, Simulation, infeasible, solver
 from warpgrains.checks import FloatArray
 from warpgrains.infeasible import Constraints, find_certificate, iterations_worth_a_search
 from warpgrains.reports import Corrections
 from warpgrains.scene import METHODS, ORDERS
-
-
-def chain(grains: int, overlap: float, **options) -> Scene:
-    """Grains in line from wall to wall, too large by `overlap` in all [m]."""
-    radius = (0.5 + overlap) / (2 * grains)
-    y = 0.5 + (np.arange(grains) + 0.5) * 0.5 / grains
-    options = {"mass": 0.1, "max_iterations": 2000} | options
-    return Scene(
-        position=np.stack([0.0 * y, -y], axis=1), radius=radius, radius_in=0.5, radius_out=1.0, **options
-    )
-
-
-def ring(grains: int, too_large: float, **options) -> Scene:
-    """Grains in single file all the way round, so large that `too_large` times less would just fit."""
-    fitting = np.sin(np.pi / grains) / (1.0 + np.sin(np.pi / grains))
-    angle = 2.0 * np.pi * (np.arange(grains) + 0.3) / grains
-    radius = too_large * fitting
-    return Scene(
-        position=(1.0 - radius) * np.stack([np.cos(angle), np.sin(angle)], axis=1),
-        radius=radius,
-        mass=0.1,
-        radius_in=1.0 - 2.0 * radius,
-        radius_out=1.0,
-        **options,
-    )
-
-
-def crowd(grains: int, area: float, **options) -> Scene:
-    """Grains at random that would take `area` of all the area between the walls."""
-    rng = np.random.default_rng(0)
-    radius = np.sqrt(area * (1.0 - 0.3**2) / grains)
-    angle = rng.uniform(0.0, 2.0 * np.pi, grains)
-    rho = np.sqrt(rng.uniform((0.3 + radius) ** 2, (1.0 - radius) ** 2, grains))
-    return Scene(
-        position=rho[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1),
-        radius=radius,
-        mass=0.1,
-        radius_in=0.3,
-        radius_out=1.0,
-        **options,
-    )
-
 
 CANNOT_FIT = {
     "chain of 5": chain(5, 1e-3),

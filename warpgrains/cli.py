@@ -1,4 +1,4 @@
-"""The command line: `warpgrains run` and `warpgrains check`. See `commands` for what they do."""
+"""The command line: `warpgrains run` and others. See `commands` for what they do."""
 
 import argparse
 import sys
@@ -73,6 +73,13 @@ def _parser() -> argparse.ArgumentParser:
             "plot",
             help="draw frames and curves of a recording",
             description="Draw frames of a recording side by side, and energy, height and contacts over time.",
+        )
+    )
+    _add_report(
+        subparsers.add_parser(
+            "report",
+            help="measure speed against error",
+            description="Measure speed against error: tables, CSV and pictures, in some minutes.",
         )
     )
     return parser
@@ -159,6 +166,17 @@ def _add_plot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-curves", dest="curves", action="store_false", help="draw nothing but the frames"
     )
+
+
+def _add_report(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(command=commands.report)
+    parser.add_argument(
+        "scenes",
+        metavar="SCENE",
+        nargs="*",
+        help="TOML files, or names of shipped scenes (default: all shipped)",
+    )
+    parser.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to put the report in")
 
 
 def _whole_numbers(text: str) -> list[int]:

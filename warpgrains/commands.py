@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import missing_extra
 
 
 def run(arguments: Namespace) -> bool:
@@ -37,8 +37,15 @@ def plot(arguments: Namespace) -> bool:
     try:
         from warpgrains.plotting import plot
     except ModuleNotFoundError as error:
-        raise SceneError(f"plot needs {error.name}: pip install 'warpgrains[report]'") from error
+        raise missing_extra("plot", error) from error
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
     numbers = plot(arguments.file, output, arguments.frames, arguments.curves)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
+
+
+def report(arguments: Namespace) -> bool:
+    """Measure speed against error of scenes, and print the names of the files that tell of it."""
+    from warpgrains import report_command
+
+    return report_command.report(arguments)

@@ -81,6 +81,6 @@ def allocate_momentum(grains: int, variant: Variant, device: wp.Device) -> Momen
     momentum.wall_part = wp.zeros(grains, dtype=wp.vec2d, device=device)
     momentum.last_velocity = wp.zeros(grains, dtype=wp.vec2d, device=device)
     momentum.grain_part = wp.zeros(grains, dtype=wp.vec3d, device=device)
-    momentum.scalar = wp.zeros(2, dtype=wp.float64, device=device)
+    momentum.scalar = wp.zeros(3, dtype=wp.float64, device=device)
     momentum.undo = wp.zeros(1, dtype=wp.int32, device=device)
     return momentum

@@ -15,7 +15,7 @@ from matplotlib.patches import Annulus
 
 from warpgrains.curves import draw_curves
 from warpgrains.errors import SceneError
-from warpgrains.safe_files import publish, require_writable_folder
+from warpgrains.safe_files import draft_of, require_writable_folder
 from warpgrains.usd_reader import Chains, FloatArray, RecordingReader
 
 SUFFIXES = (".png", ".pdf", ".svg")
@@ -61,12 +61,8 @@ def plot(
     reader = RecordingReader(recording)
     numbers = _numbers(frames, len(reader.time))
     figure = _draw(reader, numbers, curves and len(reader.time) > 1)
-    draft = output.with_name(f".draft.{output.name}")
-    try:
+    with draft_of(output) as draft:
         figure.savefig(draft, dpi=_DOTS_PER_INCH)
-        publish(draft, output)
-    finally:
-        draft.unlink(missing_ok=True)
     return numbers
 
 

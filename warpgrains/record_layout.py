@@ -108,7 +108,7 @@ def _lengths_by_name(n: Counts, pairs: Counts, variant: Variant) -> dict[str, An
             "pair_last": ahead * pairs,
             "pair_part": ahead * (pairs + pairs // CHUNK + 1),
             **dict.fromkeys(("wall_last", "wall_part", "last_velocity", "grain_part"), ahead * n),
-            "scalar": 2,
+            "scalar": 3,
             "undo": 1,
         },
         "grid": {"cell_start": cells, "cell_cursor": cells, "cell_grain": n, "extent": n},

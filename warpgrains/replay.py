@@ -103,6 +103,11 @@ class Replay:
         wp.launch(kernel, dim=dim, inputs=(self._crew, *inputs), device=self.device)
         self._meet()
 
+    def copy(self, target: wp.array, source: wp.array) -> None:
+        """Copy an array; on a CPU the first worker does it, before it meets the others at the next launch."""
+        if self._crew.first == 0:
+            wp.copy(target, source)
+
     def _meet(self) -> None:
         if self.device.is_cpu and self._crew.workers > 1:
             wp.launch(crew_kernels.meet_here, dim=1, inputs=(self._crew,), device=self.device)

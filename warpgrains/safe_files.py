@@ -2,6 +2,8 @@
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from warpgrains.errors import SceneError
@@ -30,3 +32,14 @@ def publish(draft: Path, target: Path) -> None:
     sync(draft)
     os.replace(draft, target)
     sync(target.parent)
+
+
+@contextmanager
+def draft_of(target: Path) -> Iterator[Path]:
+    """Give the name of a file to write: once it is written, it takes the place of `target`."""
+    draft = target.with_name(f".draft.{target.name}")
+    try:
+        yield draft
+        publish(draft, target)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -68,6 +68,7 @@ class Simulation:
         except SimulationError as error:
             raise SimulationError(f"step {self._steps + 1}, from t = {self.time} s: {error}") from error
         self._steps += 1
+        self._stepped = True
         return report
 
     def run(
@@ -140,6 +141,19 @@ class Simulation:
         """Velocities of the grains [m/s], shape (n, 2); a copy."""
         return self._solver.grains.velocity.numpy().copy()
 
+    def last_start(self) -> tuple[FloatArray, FloatArray]:
+        """Return where the last step began: centres [m] and velocities [m/s], shape (n, 2); copies.
+
+        Raises
+        ------
+        SimulationError
+            No step has been taken since the start, or since `restore`.
+        """
+        if not self._stepped:
+            raise SimulationError("no step has been taken from this state: call step() first")
+        solver = self._solver
+        return solver.grains.last_position.numpy().copy(), solver.start_velocity.numpy().copy()
+
     def contacts(self) -> PairContacts:
         """Return the contacts between grains of the last step, those that carry a correction."""
         return pair_contacts(
@@ -164,7 +178,7 @@ class Simulation:
             It is a state of other grains.
         """
         require_state(state, self.scene.n)
-        self._steps = state.steps
+        self._steps, self._stepped = state.steps, False
         self._solver.load(state)
 
     def save(self, path: str | Path) -> None:

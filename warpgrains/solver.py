@@ -26,17 +26,20 @@ from warpgrains.threads import cores
 
 CALM = 0.3  # of the slack: what a grain may stray in a step without being watched
 PAIRS_PER_GRAIN = 4  # that a list may come to hold
-PAIRS_PER_MEETING = 1000  # that a crew must sweep to gain far more than a meeting costs, on busy cores too
+SHARED_GRAINS = 20_000  # from which workers with turns of their own gain far more than they wait
+SHARED_GROUP = 1000  # pairs of a group, from which workers that meet after each gain more than they wait
 RESERVE = 0.1  # of the slack: what must be left of a reach before the iteration starts
 
 
 def paying_threads(scene: Scene) -> int:
-    """Return how many threads pay: all cores, if there is enough to sweep between two meetings.
+    """Return how many threads pay: all cores, if there is enough to sweep between two waits.
 
     A pile has about 3 contacts a grain; they fall in about 12 colors, or in 7 sqrt(n) levels (DESIGN.md).
     """
-    groups = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
-    return cores() if 3.0 * scene.n / groups > PAIRS_PER_MEETING else 1
+    if scene.method == "accelerated":
+        groups = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
+        return cores() if 3.0 * scene.n / groups > SHARED_GROUP else 1
+    return cores() if scene.n >= SHARED_GRAINS else 1
 
 
 class StepSolver:
@@ -60,6 +63,8 @@ class StepSolver:
         State on the device.
     contacts : ContactList
         Candidate contacts, and the corrections that they carry.
+    start_velocity : wp.array
+        Velocities at the start of the last good step [m/s]; its positions are `grains.last_position`.
     """
 
     def __init__(self, scene: Scene, device: wp.Device, threads: int | None):
@@ -71,6 +76,7 @@ class StepSolver:
         self._loop, self._begin_momentum = iterate.kernels(variant), momentum.kernels(variant).begin
         self._measure, self._residual = measure.kernels(variant), residual.kernels(variant)
         self.grains = allocate_grains(scene, variant, device)
+        self.start_velocity = wp.zeros_like(self.grains.velocity)
         self._watch = allocate_watch(scene.n, device)
         self._momentum = allocate_momentum(scene.n, variant, device)
         self._progress = allocate_progress(self._replay.slots, device)
@@ -168,7 +174,7 @@ class StepSolver:
         each(loop.decide_here, 1, *state, self._stop)
         self._measure_residual()
         each(loop.check_here, 1, progress, self._stop)
-        share(loop.go_on_here, self.grains, self._watch, progress, self._momentum)
+        share(loop.go_on_here, *state)
 
     def _verify(self, reserve: float, foreseen: float) -> None:
         """Check that no contact is missing, with a reserve of slacks, and that every number is finite."""
@@ -178,6 +184,7 @@ class StepSolver:
     def _finish(self) -> None:
         """Move, and measure what the report tells."""
         scene, share = self._scene, self._replay.share
+        self._replay.copy(self.start_velocity, self.grains.velocity)
         self._measure_residual()
         share(self._motion.move, self.grains, scene.dt)
         share(self._watching.remember, self._watch)

@@ -18,7 +18,9 @@ GRAINS, STEPS, REPEATS = 10_000, 40, 5
 def make_scene() -> wg.Scene:
     """Return the pile, ten times as many grains, with exactly 50 iterations a step."""
     overrides = [f"grains.count={GRAINS}", "grains.radius=0.004"]
-    return wg.Scene.load("pile", overrides).replace(tolerance=0.0, max_iterations=50)
+    return wg.Scene.load("pile", overrides).replace(
+        tolerance=0.0, max_iterations=50, method="gauss-seidel", order="sequential"
+    )
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from warpgrains.console import start_warp
 
-from . import against_c, lists, scaling, threads
+from . import accelerated, against_c, lists, scaling, threads
 from .options import Options
 from .rows import Table
 from .timing import say, seconds
@@ -29,6 +29,7 @@ PARTS: dict[str, Callable[[Options], Iterator[dict[str, str]]]] = {
     "threads": threads.threads,
     "costs": scaling.costs,
     "memory": scaling.memory,
+    "accelerated": accelerated.accelerated,
 }
 
 

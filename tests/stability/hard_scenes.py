@@ -1,0 +1,88 @@
+"""Scenes that a contact solver is known to fail on."""
+
+from typing import Any
+
+import numpy as np
+
+from warpgrains import Scene
+from warpgrains.checks import FloatArray
+from warpgrains.layouts import column, lattice
+
+RADIUS_OUT = 1.0  # m
+
+
+def stack(count: int) -> Scene:
+    """A column of grains that touch, on the axis of symmetry, and one more that lands on it at 1 m/s."""
+    position, radius = column(0.0, RADIUS_OUT, count=count + 1, radius=0.95 / (count + 2), spacing=2.0)
+    position[-1, 1] += 0.02
+    velocity = np.zeros_like(position)
+    velocity[-1, 1] = -1.0
+    return Scene(position=position, velocity=velocity, radius=radius, mass=0.1, radius_out=RADIUS_OUT)
+
+
+def heap(count: int, spacing: float = 2.05, **changes: Any) -> Scene:
+    """Grains of one size over two fifths of the disc, each a little off its place on a lattice."""
+    radius = np.sqrt(0.4 / count)
+    position, _ = lattice(0.0, RADIUS_OUT, radius=radius, count=count, spacing=spacing)
+    off = abs(spacing - 2.0) * radius / 4.0
+    position += np.random.default_rng(1).uniform(-off, off, position.shape)
+    return Scene(**{"position": position, "radius": radius, "mass": 0.1, "radius_out": RADIUS_OUT, **changes})
+
+
+def random_masses(count: int, ratio: float) -> Scene:
+    """A heap whose masses are spread evenly in their logarithm."""
+    return heap(count, mass=0.1 * ratio ** np.random.default_rng(2).uniform(0.0, 1.0, count))
+
+
+def heavy_top(count: int, ratio: float) -> Scene:
+    """A heap whose highest tenth is heavier than the rest."""
+    scene = heap(count)
+    mass = np.full(count, 0.1)
+    mass[np.argsort(scene.position[:, 1])[-count // 10 :]] *= ratio
+    return scene.replace(mass=mass)
+
+
+def jam() -> Scene:
+    """Grains that fill four fifths of the disc, and run in all directions."""
+    position, radius = lattice(0.0, RADIUS_OUT, radius=0.04, spacing=2.04)
+    velocity = np.random.default_rng(4).normal(0.0, 1.0, position.shape)
+    return Scene(position=position, velocity=velocity, radius=radius, mass=0.1, radius_out=RADIUS_OUT)
+
+
+def sizes(radius: FloatArray) -> Scene:
+    """Grains of many sizes at random places, none overlapping; masses go with their areas."""
+    rng = np.random.default_rng(3)
+    radius, position = np.sort(radius)[::-1], np.empty((0, 2))
+    while len(position) < len(radius):
+        r, at = radius[len(position)], rng.uniform(-RADIUS_OUT, RADIUS_OUT, 2)
+        if (
+            np.hypot(*at) < RADIUS_OUT - r
+            and (np.hypot(*(position - at).T) > radius[: len(position)] + r).all()
+        ):
+            position = np.vstack([position, at])
+    return Scene(position=position, radius=radius, mass=10.0 * radius**2, radius_out=RADIUS_OUT)
+
+
+def one_to_five() -> Scene:
+    return sizes(np.random.default_rng(3).uniform(0.015, 0.075, 150))
+
+
+def one_to_a_hundred() -> Scene:
+    return sizes(np.repeat([0.2, 0.02, 0.002], [6, 60, 300]))
+
+
+def overlapping() -> Scene:
+    """A heap whose neighbours overlap by half their diameter."""
+    return heap(60, spacing=1.0)
+
+
+def past_the_origin(radius: float) -> Scene:
+    """A grain passes the origin at 1e-9 m, where a wall's normal turns about within one step."""
+    return Scene(
+        position=[[-0.0155, 1e-9]],
+        velocity=[[1.0, 0.0]],
+        radius=radius,
+        mass=0.1,
+        radius_out=RADIUS_OUT,
+        gravity=(0.0, 0.0),
+    )

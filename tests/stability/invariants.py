@@ -1,0 +1,180 @@
+"""What holds in every step, whatever the scene.
+
+A step ends with velocities v = v* - M^-1 J^T p, where v* are the free velocities, p >= 0 the impulses of its
+contacts, and J v the velocities vn at which they close. Its residual eta says (kernels/residual.py) that
+vn <= gap/dt + eta everywhere, and vn >= gap/dt - eta where a contact carries dv > eta.
+
+Momentum. m_i (v_i - v*_i) is the sum of the impulses of the contacts of grain i: pairs change no total.
+
+Energy. From M (v* - v) = J^T p,
+
+    K(v*) - K(v) = 1/2 |v - v*|_M^2 + (v* - v)^T M v = 1/2 |v - v*|_M^2 + p^T J v.
+
+With -vn <= -gap/dt + eta, a contact adds at most p (max(0, -gap)/dt + eta) to K: its mean force p/dt times
+the overlap that it separates, and the share of the residual. Without overlaps, contacts only dissipate.
+Where 0 < dv <= eta, the residual does not say how fast a contact opens; there vn is taken as it is.
+
+Overlap of grains. |d + dt (v_j - v_i)| is at least its component along n, distance - dt vn, so that the new
+gap is at least gap - dt vn >= -dt eta, whatever the gap was. The inner wall is convex too: the same holds.
+
+Overlap with the outer wall. A grain at distance rho ends at |(rho + dt vn, dt vt)|, vt tangential. With
+A = radius_out - r and rho + dt vn <= A + dt eta, it overlaps by sqrt((A + dt eta)^2 + (dt vt)^2) - A at most:
+of second order in dt, unless a grain crosses the whole disc in one step. The wall behind the origin does not
+bound such a step, and a scene that is to be stable does not take it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpgrains import Scene, Simulation
+from warpgrains.checks import FloatArray
+from warpgrains.reports import IntArray, StepReport
+
+EPS = np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step, as seen from outside: arrays before (0) and after it, and what it says of its contacts."""
+
+    scene: Scene
+    report: StepReport
+    x0: FloatArray
+    x: FloatArray
+    v_free: FloatArray
+    v: FloatArray
+    pair: IntArray
+    pair_impulse: FloatArray  # [kg m/s], of the pairs, along n from i to j
+    pair_correction: FloatArray
+    wall_correction: FloatArray
+
+    @property
+    def size(self) -> float:
+        """Largest length in the step [m]: what positions and gaps are rounded against."""
+        scene = self.scene
+        lengths = (scene.radius_out, self.x0, self.x, scene.dt * self.v, scene.dt * self.v_free)
+        return max(np.abs(array).max() for array in lengths)
+
+    @property
+    def allowed(self) -> float:
+        """By how much a gap may fall short [m]: dt eta, and the rounding of a dozen operations on `size`."""
+        return self.scene.dt * self.report.residual + 16.0 * EPS * self.size
+
+
+def checked_step(simulation: Simulation) -> StepReport:
+    """Advance by one step, and assert everything above."""
+    scene, x0, v0 = simulation.scene, simulation.position, simulation.velocity
+    v_free = v0 + scene.dt * (np.array(scene.gravity) - (scene.drag / scene.mass)[:, None] * v0)
+    report = simulation.step()
+    contacts, walls = simulation.contacts(), simulation.wall_contacts()
+    i, j = contacts.pair.T
+    mu = scene.mass[i] * scene.mass[j] / (scene.mass[i] + scene.mass[j])
+    step = Step(
+        scene=scene,
+        report=report,
+        x0=x0,
+        x=simulation.position,
+        v_free=v_free,
+        v=simulation.velocity,
+        pair=contacts.pair,
+        pair_impulse=mu * contacts.correction,
+        pair_correction=contacts.correction,
+        wall_correction=walls.correction,
+    )
+    assert_finite(step)
+    assert_momentum(step)
+    assert_energy(step)
+    assert_overlaps(step)
+    return report
+
+
+def assert_finite(step: Step) -> None:
+    report = step.report
+    for array in (step.x, step.v, step.pair_correction, step.wall_correction, [report.residual, report.zeta]):
+        assert np.isfinite(array).all()
+    assert (step.pair_correction > 0.0).all()
+
+
+def momentum_rounding(step: Step) -> FloatArray:
+    """How far m_i (v_i - v*_i) may be from the sum of its impulses [kg m/s], shape (n,).
+
+    With k contacts, k additions on either side and less than 8 more operations for v* and each product, each
+    rounded by at most eps of what has come together by then.
+    """
+    n, (i, j) = step.scene.n, step.pair.T
+    impulses, count = step.scene.mass * np.abs(step.wall_correction), np.ones(n)
+    for grain in (i, j):
+        impulses += np.bincount(grain, step.pair_impulse, n)
+        count += np.bincount(grain, minlength=n)
+    return 2.0 * (count + 8.0) * EPS * (step.scene.mass * np.hypot(*step.v_free.T) + impulses)
+
+
+def assert_momentum(step: Step) -> None:
+    """A grain's momentum changes by the impulses of its contacts, the sum of all by those of the walls."""
+    mass, (i, j) = step.scene.mass[:, None], step.pair.T
+    d = step.x0[j] - step.x0[i]
+    impulse = (step.pair_impulse / np.hypot(*d.T))[:, None] * d
+    wall_normal = step.x0 / np.hypot(*step.x0.T)[:, None]
+    gained = mass * (step.v - step.v_free) + mass * step.wall_correction[:, None] * wall_normal
+    rounding = momentum_rounding(step)
+    assert (np.abs(gained.sum(axis=0)) <= rounding.sum()).all()
+    np.add.at(gained, i, impulse)
+    np.subtract.at(gained, j, impulse)
+    assert (np.abs(gained) <= rounding[:, None]).all()
+
+
+def contacts_of(step: Step) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """p [kg m/s], dv [m/s], gap [m] and vn [m/s] of all pairs that carry, and of both walls of all grains."""
+    scene, (i, j) = step.scene, step.pair.T
+    d, rho = step.x0[j] - step.x0[i], np.hypot(*step.x0.T)
+    distance, outward = np.hypot(*d.T), (step.v * step.x0).sum(axis=1) / rho
+    vn = ((step.v[i] - step.v[j]) * d).sum(axis=1) / distance
+    kinds = [(step.pair_impulse, step.pair_correction, distance - scene.radius[i] - scene.radius[j], vn)]
+    for sign, gap in (
+        (1.0, scene.radius_out - rho - scene.radius),
+        (-1.0, rho - scene.radius_in - scene.radius),
+    ):
+        dv = np.maximum(sign * step.wall_correction, 0.0)
+        kinds.append((scene.mass * dv, dv, gap, sign * outward))
+    p, dv, gap, vn = map(np.concatenate, zip(*kinds, strict=True))
+    return p, dv, gap, vn
+
+
+def assert_energy(step: Step) -> None:
+    """Contacts dissipate, but for what separating overlaps takes."""
+    mass, eta = step.scene.mass, step.report.residual
+    p, dv, gap, vn = contacts_of(step)
+    opening = np.where(dv > eta, np.maximum(-gap, 0.0) / step.scene.dt + eta, np.maximum(-vn, 0.0))
+    before, after, dissipated = (
+        0.5 * (mass * (u * u).sum(axis=1)).sum() for u in (step.v_free, step.v, step.v - step.v_free)
+    )
+    # Each velocity is off by its momentum's rounding over m; sums of n numbers are off by n eps.
+    speeds = np.hypot(*step.v_free.T) + np.hypot(*step.v.T)
+    work = (p * opening).sum()
+    rounding = 2.0 * (momentum_rounding(step) * speeds).sum() + step.scene.n * EPS * (before + after + work)
+    assert after + dissipated <= before + work + rounding
+
+
+def assert_overlaps(step: Step) -> None:
+    """Nothing overlaps by more than residual and outer wall allow, and the report tells the worst."""
+    scene, dt, allowed = step.scene, step.scene.dt, step.allowed
+    i, j = np.triu_indices(scene.n, 1)
+    gap = np.hypot(*(step.x[j] - step.x[i]).T) - (scene.radius[i] + scene.radius[j])
+    assert (gap >= -allowed).all()
+    rho = np.hypot(*step.x.T)
+    outer, inner = scene.radius_out - rho - scene.radius, rho - scene.radius_in - scene.radius
+    rho0, room = np.hypot(*step.x0.T), scene.radius_out - scene.radius
+    normal = step.x0 / rho0[:, None]
+    vn = (step.v * normal).sum(axis=1)
+    vt = normal[:, 0] * step.v[:, 1] - normal[:, 1] * step.v[:, 0]
+    assert (rho0 + dt * vn >= -room).all(), "a grain crosses the disc in one step"
+    assert (
+        outer >= room - np.hypot(room + dt * step.report.residual, dt * vt) - 16.0 * EPS * step.size
+    ).all()
+    gaps = [gap, outer]
+    if scene.radius_in > 0.0:
+        assert (inner >= -allowed).all()
+        gaps.append(inner)
+    worst = max(0.0, -min(gaps_of_kind.min(initial=np.inf) for gaps_of_kind in gaps))
+    assert abs(step.report.overlap - worst) <= 8.0 * EPS * step.size

@@ -1,0 +1,57 @@
+"""The hard set: every step reaches the residual asked for, or names the grains that cannot fit."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import CASES, CROWDED, Case, Crowded
+from invariants import checked_step
+
+from warpgrains import Scene, Simulation
+
+TOLERANCE = 1e-8  # m/s, of the residual
+MAX_ITERATIONS = 200_000
+
+
+def simulate(scene: Scene, **changes: Any) -> Simulation:
+    solver = {"method": "accelerated", "stop": "residual", "max_iterations": MAX_ITERATIONS}
+    return Simulation(scene, tolerance=TOLERANCE, **{**solver, **changes})
+
+
+def run(case: Case, steps: int, order: str) -> None:
+    """Run a case, and once more if something changes on the way."""
+    simulation = simulate(case.scene(), order=order)
+    take(simulation, steps)
+    if case.then:
+        state = simulation.state()
+        simulation = Simulation(simulation.scene.replace(**case.then))
+        simulation.restore(state)
+        take(simulation, steps)
+    case.outcome(simulation)
+
+
+def take(simulation: Simulation, steps: int) -> None:
+    for step in range(steps):
+        report = checked_step(simulation)
+        assert report.converged, f"step {step}: {report}"
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_hard_case(case: Case) -> None:
+    run(case, case.steps, "sequential")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_hard_case_for_long(case: Case) -> None:
+    run(case, case.long_steps, "color")
+
+
+@pytest.mark.parametrize("case", CROWDED, ids=lambda case: case.name)
+def test_infeasible_case(case: Crowded) -> None:
+    simulation = simulate(case.scene(), max_iterations=2000)
+    for _ in range(3):
+        report = simulation.step()
+        assert not report.converged
+        assert len(report.infeasible) >= case.named
+        assert np.isfinite(simulation.velocity).all()

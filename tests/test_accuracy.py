@@ -1,0 +1,238 @@
+"""The true error of a step: exact velocities against closed forms and the twin, and what is refused."""
+
+import sys
+
+import numpy as np
+import pytest
+from optimality import EPS, pair_excess, solve_one_step, wall_excess
+from sample_scenes import bullet
+
+from warpgrains import Scene, SceneError, Simulation, SimulationError
+from warpgrains.accuracy import certify
+from warpgrains.exact_step import ExactStep, solve_exactly
+from warpgrains.step_problem import StepProblem, pairs_within
+
+DT = 0.01
+
+
+def exact_first_step(scene: Scene) -> ExactStep:
+    return solve_exactly(StepProblem(scene, scene.position, scene.velocity), scene.velocity)
+
+
+def assert_exact(scene: Scene, expected: np.ndarray) -> None:
+    """The velocities are the expected ones, to within what is claimed and what b = gap / dt rounds."""
+    exact = exact_first_step(scene)
+    rounding = 8.0 * EPS * scene.n * (scene.radius_out / scene.dt + np.abs(expected).max())
+    # The gap of a projection that is solved to a relative 1e-14 of it: its root is some 1e-7 of the speeds.
+    assert exact.error <= 1e-6 * max(1.0, np.abs(expected).max())
+    assert np.abs(exact.velocity - expected).max() <= exact.error + rounding
+
+
+def column(n: int) -> Scene:
+    """Grains at rest, one on the other, on the outer wall."""
+    y = -2.0 + 0.05 + 0.1 * np.arange(n)
+    return Scene(position=np.stack([np.zeros(n), y], axis=1), radius=0.05, mass=0.1, radius_out=2.0, dt=DT)
+
+
+class TestExactVelocities:
+    def test_two_grains_share_their_momentum(self) -> None:
+        """v_rel . n = gap / dt after the step, m_1 v_1 + m_2 v_2 as before."""
+        x, v, mass = np.array([[0.2, 0.1], [0.5, 0.5]]), np.array([[3.0, 1.0], [-2.0, 0.5]]), [0.1, 0.4]
+        scene = Scene(
+            position=x, velocity=v, radius=0.24, mass=mass, radius_out=5.0, gravity=(0.0, 0.0), dt=DT
+        )
+        n, gap = np.array([0.6, 0.8]), 0.5 - 0.48
+        impulse = 0.1 * 0.4 / 0.5 * ((v[0] - v[1]) @ n - gap / DT)
+        assert impulse > 0.0
+        assert_exact(scene, v + impulse * np.array([-n / 0.1, n / 0.4]))
+
+    def test_a_column_rests(self) -> None:
+        """All gaps are 0 but for rounding, and so are all velocities."""
+        assert_exact(column(20), np.zeros((20, 2)))
+
+    def test_a_column_without_a_floor_falls(self) -> None:
+        scene = column(20).replace(radius_out=9.0)
+        assert_exact(scene, np.tile([0.0, -9.81 * DT], (20, 1)))
+
+    @pytest.mark.parametrize("side", [1.0, -1.0])
+    def test_a_grain_at_a_wall_keeps_what_is_tangential(self, side: float) -> None:
+        """v . n = gap / dt at the outer wall, -v . n = gap / dt at the inner one."""
+        normal, tangent, gap = np.array([0.6, 0.8]), np.array([-0.8, 0.6]), 1e-3
+        rho = 2.0 - 0.1 - gap if side > 0.0 else 0.5 + 0.1 + gap
+        scene = Scene(
+            position=[rho * normal],
+            velocity=[7.0 * side * normal + 2.0 * tangent],
+            radius=0.1,
+            mass=0.3,
+            radius_in=0.5,
+            radius_out=2.0,
+            gravity=(0.0, 0.0),
+            drag=0.4,
+            dt=DT,
+        )
+        assert_exact(scene, [side * gap / DT * normal + 2.0 * (1.0 - DT * 0.4 / 0.3) * tangent])
+
+    def test_a_blow_is_passed_on_to_grains_that_seemed_out_of_reach(self) -> None:
+        """v_0 = v_1, v_1 - v_2 = gap / dt, and the sum of all three is kept."""
+        v, gap = 3.0, 0.002
+        x = np.array([[0.5, 0.0], [0.7, 0.0], [0.9 + gap, 0.0]])
+        start = np.array([[v, 0.0], [0.0, 0.0], [0.0, 0.0]])
+        scene = Scene(
+            position=x, velocity=start, radius=0.1, mass=0.2, radius_out=5.0, gravity=(0.0, 0.0), dt=DT
+        )
+        last = (v - 2.0 * gap / DT) / 3.0
+        assert_exact(scene, np.array([[last + gap / DT, 0.0], [last + gap / DT, 0.0], [last, 0.0]]))
+
+    def test_error_is_that_of_the_lightest_grain(self) -> None:
+        """A heavy grain that rests far away makes no other velocity more certain."""
+        alone = crowd(np.random.default_rng(0)).replace(gravity=(0.0, 0.0), radius_out=9.0)
+        beside = alone.replace(
+            position=np.vstack([alone.position, [8.0, 0.0]]),
+            velocity=np.vstack([alone.velocity, [0.0, 0.0]]),
+            radius=np.append(alone.radius, 0.1),
+            mass=np.append(alone.mass, 1e12),
+        )
+        # The same problem, but for the library's rounding; by its mass it would be a millionth.
+        assert exact_first_step(beside).error >= 0.1 * exact_first_step(alone).error
+
+    @pytest.mark.parametrize("seed", range(4))
+    def test_twin_agrees_over_all_pairs(self, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        scene = crowd(rng).replace(tolerance=1e-12, max_iterations=1_000_000)
+        exact, solved = exact_first_step(scene), solve_one_step(scene)
+        excess = [pair_excess(scene, exact.velocity), *wall_excess(scene, exact.velocity)]
+        assert max(array.max() for array in excess) <= solved.delta_rounding
+        # |v - v_exact|_M^2 <= (lambda_exact - lambda)^T delta, where v is exact for gaps off by dt delta.
+        # All gaps are positive, so that v = 0 satisfies them: sum(lambda_exact) <= |v*|_M^2 / 2 / min(b).
+        rest = np.zeros((scene.n, 2))
+        bound = -max(array.max() for array in (pair_excess(scene, rest), *wall_excess(scene, rest)))
+        free = scene.velocity + scene.dt * np.array(scene.gravity)
+        assert bound > 0.0
+        impulses = solved.impulse.sum() + 0.5 * scene.mass @ (free**2).sum(axis=1) / bound
+        delta = np.abs(solved.delta).max() + solved.delta_rounding
+        own = np.sqrt(impulses * delta / scene.mass.min()) + solved.velocity_rounding
+        assert solved.impulse.sum() > 0.0
+        assert np.abs(exact.velocity - solved.velocity).max() <= exact.error + own
+
+
+def crowd(rng: np.random.Generator) -> Scene:
+    """Thirty grains of unlike sizes that touch nothing yet and run into one another and both walls."""
+    angle = 2.0 * np.pi * (np.arange(30) % 10) / 10 + rng.uniform(0.0, 0.05, 30)
+    rho = 0.75 + 0.45 * (np.arange(30) // 10) + rng.uniform(0.0, 0.05, 30)
+    return Scene(
+        position=rho[:, np.newaxis] * np.stack([np.cos(angle), np.sin(angle)], axis=1),
+        velocity=rng.normal(0.0, 30.0, (30, 2)),
+        radius=rng.uniform(0.15, 0.2, 30),
+        mass=rng.uniform(0.1, 1.0, 30),
+        radius_in=0.5,
+        radius_out=2.0,
+        dt=DT,
+    )
+
+
+class TestCertify:
+    def test_error_is_the_difference_from_the_closed_form(self) -> None:
+        simulation = Simulation(column(20), max_iterations=10)
+        assert not simulation.step().converged
+        certificate = certify(simulation)
+        assert certificate.error == pytest.approx(
+            np.abs(simulation.velocity).max(), abs=certificate.solver_error
+        )
+        assert certificate.error > 100.0 * certificate.solver_error
+        assert certificate.at_most == certificate.error + certificate.solver_error
+
+    def test_error_below_that_of_the_solver_is_not_named(self) -> None:
+        simulation = Simulation(column(20), stop="residual", tolerance=1e-13, max_iterations=100_000)
+        assert simulation.step().converged
+        certificate = certify(simulation)
+        assert certificate.error is None
+        assert 0.0 < certificate.solver_error <= certificate.at_most <= 2.0 * certificate.solver_error
+
+    @pytest.mark.parametrize("wrong", [1e-3, 1e-5])
+    def test_wrong_velocities_are_caught(self, wrong: float) -> None:
+        simulation = Simulation(Scene.load("annulus"), stop="residual", tolerance=1e-12)
+        for _ in range(40):
+            report = simulation.step()
+        assert report.contacts > 5
+        assert certify(simulation).error is None
+        velocity = simulation._solver.grains.velocity
+        values = velocity.numpy().copy()
+        values[7, 1] += wrong
+        velocity.assign(values)
+        certificate = certify(simulation)
+        assert certificate.error == pytest.approx(wrong, abs=certificate.solver_error)
+
+    @pytest.mark.parametrize("threads", [1, 2])
+    def test_it_is_the_last_step_that_is_certified(self, threads: int) -> None:
+        simulation = Simulation(bullet(), threads=threads)
+        redos = 0
+        for _ in range(6):
+            start = simulation.state()
+            redos += simulation.step().redos
+            position, velocity = simulation.last_start()
+            assert np.array_equal(position, start.position)
+            assert np.array_equal(velocity, start.velocity)
+            assert certify(simulation).at_most >= 0.0
+        assert redos > 0
+
+    def test_it_changes_nothing(self) -> None:
+        plain, certified = (Simulation(Scene.load("annulus")) for _ in range(2))
+        for _ in range(60):
+            plain.step()
+            certified.step()
+            certify(certified)
+        assert np.array_equal(plain.velocity, certified.velocity)
+
+    def test_a_step_that_failed_is_not_the_last_one(self) -> None:
+        simulation = Simulation(column(3))
+        simulation.step()
+        simulation._solver.grains.velocity.assign(np.full((3, 2), np.inf))
+        with pytest.raises(SimulationError, match="reached a velocity"):
+            simulation.step()
+        position, velocity = simulation.last_start()
+        assert np.array_equal(position, column(3).position)
+        assert np.array_equal(velocity, np.zeros((3, 2)))
+
+    def test_no_step(self) -> None:
+        simulation = Simulation(column(2))
+        with pytest.raises(SimulationError, match="no step has been taken"):
+            certify(simulation)
+        simulation.step()
+        simulation.restore(simulation.state())
+        with pytest.raises(SimulationError, match="no step has been taken"):
+            certify(simulation)
+
+    def test_grains_that_do_not_fit(self) -> None:
+        """Two grains, one behind the other, that are together wider than the room between the walls."""
+        scene = Scene(
+            position=[[0.66, 0.0], [0.94, 0.0]],
+            radius=0.16,
+            mass=1.0,
+            radius_in=0.5,
+            radius_out=1.1,
+            max_iterations=10,
+        )
+        simulation = Simulation(scene)
+        simulation.step()
+        with pytest.raises(SimulationError, match="no velocities satisfy every gap"):
+            certify(simulation)
+
+    def test_missing_library_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        simulation = Simulation(column(2))
+        simulation.step()
+        monkeypatch.setitem(sys.modules, "clarabel", None)
+        monkeypatch.delitem(sys.modules, "warpgrains.exact_step")
+        with pytest.raises(SceneError, match=r"certify needs clarabel: pip install 'warpgrains\[report\]'"):
+            certify(simulation)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pairs_within_reach_are_those_of_all_pairs(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    position, radius = rng.uniform(-1.0, 1.0, (60, 2)), 10.0 ** rng.uniform(-3.0, -0.5, 60)
+    reach = 10.0 ** rng.uniform(-4.0, 0.0, 60)
+    i, j = np.triu_indices(60, 1)
+    gap = np.hypot(*(position[j] - position[i]).T) - (radius[i] + radius[j])
+    near = gap <= reach[i] + reach[j]
+    assert 0 < near.sum() < len(i)
+    assert np.array_equal(pairs_within(position, radius, reach), np.stack([i[near], j[near]], axis=1))

@@ -1,0 +1,223 @@
+"""Speed against error: the report of a small scene, and what is measured for it against closed forms."""
+
+import csv
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, SceneError, report, report_reference
+from warpgrains.cli import main
+from warpgrains.report_frontier import measure_frontier
+from warpgrains.report_moments import Moment, follow_course
+from warpgrains.report_options import Effort
+from warpgrains.report_paths import FRACTIONS, PathRow, fitted_order, measure_paths
+from warpgrains.report_steps import StepRow, measure_steps
+from warpgrains.report_text import Findings, markdown
+from warpgrains.safe_files import draft_of
+from warpgrains.states import first_state
+
+COLUMN = """
+domain = {radius_out = 1.0}
+time = {dt = 0.01, duration = 0.3}
+grains = {layout = "column", count = 6, radius = 0.05, mass = 0.1, spacing = 2.1}
+"""
+QUICK = Effort(repeats=1, most_iterations=100, longest=1e9, horizon=8)  # no time decides what is done
+FILES = ["report.md", "steps.csv", "trajectories.csv", "frontier.csv", "mine-steps.png", "mine-dt.png"]
+STEP_COLUMNS = (
+    "scene,moment,time,grains,contacts,code,method,order,threads,iterations,wall_time,error,"
+    "error_of_exact,error_of_nothing"
+)
+
+
+@pytest.fixture
+def toml(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.toml"
+    path.write_text(COLUMN)
+    return path
+
+
+@pytest.fixture(scope="module")
+def column(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = tmp_path_factory.mktemp("scene") / "mine.toml"
+    path.write_text(COLUMN)
+    return Scene.load(path)
+
+
+@pytest.fixture(scope="module")
+def steps(column: Scene) -> list[StepRow]:
+    (hardest,) = (moment for moment in follow_course(column, 30).moments if moment.name == "hardest")
+    return list(measure_steps(column, hardest, QUICK))
+
+
+def test_command_writes_every_file(
+    toml: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report, "Effort", lambda: QUICK)
+    folder = tmp_path / "made" / "here"
+    assert main(["report", str(toml), "-o", str(folder)]) == 0
+    printed, _ = capfd.readouterr()
+    assert printed.splitlines() == [str(folder / name) for name in FILES]
+    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+    text = (folder / "report.md").read_text()
+    for name in FILES[1:]:
+        assert name in text
+    assert (folder / "steps.csv").read_text().splitlines()[0] == STEP_COLUMNS
+    for name in FILES[1:4]:
+        rows = list(csv.DictReader((folder / name).open()))
+        assert {row["scene"] for row in rows} == {"mine"}
+    for name in FILES[4:]:
+        assert (folder / name).read_bytes().startswith(b"\x89PNG")
+
+
+class TestSteps:
+    def test_every_way_is_there(self, steps: list[StepRow]) -> None:
+        ways = {row.way for row in steps}
+        assert len(ways) == 9
+        assert ("C reference", "gauss-seidel", "sequential", 1) in ways
+        assert all(row.wall_time > 0.0 for row in steps)
+
+    def test_error_falls_with_the_iterations(self, steps: list[StepRow]) -> None:
+        for way in {row.way for row in steps}:
+            tried = [row for row in steps if row.way == way]
+            iterations, errors = [row.iterations for row in tried], [row.error for row in tried]
+            assert iterations == sorted(set(iterations))
+            assert errors[0] > 1e-2 * tried[0].error_of_nothing
+            # Gauss-Seidel on a chain of 6 contacts from a wall on falls by cos(pi / 13)^2 an iteration, by
+            # 3e-3 in 99. Momentum may overshoot, so that not every error is below the one before.
+            assert errors[-1] <= 3e-3 * errors[0]
+
+    def test_threads_and_c_give_the_same_error(self, steps: list[StepRow]) -> None:
+        """The same bits: those of C as far as it goes on where the others stop."""
+        errors = {(row.way, row.iterations): row.error for row in steps}
+        for (way, iterations), error in errors.items():
+            other = way._replace(threads=1) if way.code == "warpgrains" else way._replace(code="warpgrains")
+            assert errors.get((other, iterations), error) == error
+
+    def test_exact_solution_is_that_of_the_accelerated_method(self, steps: list[StepRow]) -> None:
+        """A residual of 1e-12 m/s at each of 6 contacts adds up over the column as forces do, 6 * 6 times."""
+        assert steps[0].error_of_exact <= 2 * 36 * 1e-12
+
+    def test_table_tells_how_far_each_way_came(self, steps: list[StepRow], column: Scene) -> None:
+        paths = list(measure_paths(column, first_state(column), 4))
+        frontier = list(measure_frontier(column, first_state(column), 4))
+        text = markdown(Findings(steps, paths, frontier), QUICK)
+        lines = [line for line in text.splitlines() if line.startswith("| warpgrains")]
+        assert len(lines) == 8
+        assert all(" ms |" in line or " after 100 |" in line for line in lines)
+
+
+class TestMoments:
+    def test_moments_are_in_order(self, column: Scene) -> None:
+        course = follow_course(column, 30)
+        names = [moment.name for moment in course.moments]
+        at = [moment.state.steps for moment in course.moments]
+        assert names[-1] == "end"
+        assert "hardest" in names
+        assert at == sorted(set(at))
+        assert at[-1] == 29
+        assert course.first.steps <= at[0]
+
+    def test_scene_without_contacts(self) -> None:
+        scene = Scene(position=[[0.5, 0.0]], radius=0.1, mass=0.1, radius_out=9.0, name="alone")
+        with pytest.raises(SceneError, match="scene 'alone' has no contacts in 5 steps"):
+            follow_course(scene, 5)
+
+
+class TestTrajectories:
+    def test_free_fall(self) -> None:
+        """Symplectic Euler falls by g T dt / 2 too far: the distance of two of them is g T (dt - dt') / 2."""
+        g = 9.81
+        scene = Scene(position=[[0.5, 0.0]], radius=1.0, mass=0.1, radius_out=90.0, dt=0.01)
+        rows = list(measure_paths(scene, first_state(scene), 32))
+        assert [row.dt for row in rows] == [0.01 * fraction for fraction in FRACTIONS]
+        for row in rows:
+            assert row.horizon == pytest.approx(0.32)
+            # 2048 steps round positions of less than a metre, and as many velocities.
+            rounding = 2048 * np.finfo(float).eps
+            assert row.error == pytest.approx(0.5 * g * 0.32 * (row.dt - 0.01 / 64), abs=rounding)
+            assert row.finest_error == pytest.approx(0.5 * g * 0.32 * 0.01 / 64, abs=rounding)
+        errors = [fraction - 1 / 64 for fraction in FRACTIONS]  # but for a factor
+        assert fitted_order(rows) == pytest.approx(np.polyfit(np.log(FRACTIONS), np.log(errors), 1)[0])
+
+    @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
+    def test_order_of_a_power(self, order: float) -> None:
+        rows = [PathRow("power", 1.0, dt, 3.0 * dt**order, 0.0) for dt in (1e-1, 1e-2, 1e-3)]
+        assert fitted_order(rows) == pytest.approx(order, rel=1e-12)
+        assert fitted_order([*rows, PathRow("power", 1.0, 1e-4, 0.0, 0.0)]) == pytest.approx(order, rel=1e-12)
+
+    def test_no_order_of_one_error(self) -> None:
+        assert fitted_order([PathRow("one", 1.0, 0.1, 1.0, 0.0), PathRow("one", 1.0, 0.2, 0.0, 0.0)]) is None
+
+    def test_drag_limits_the_longest_step(self) -> None:
+        scene = Scene(position=[[0.5, 0.0]], radius=1.0, mass=0.1, radius_out=9.0, dt=0.01, drag=3.0)
+        rows = list(measure_paths(scene, first_state(scene), 4))
+        assert [row.dt for row in rows] == [0.01 * fraction for fraction in FRACTIONS[1:]]
+
+
+class TestFrontier:
+    def test_work_is_equal(self, column: Scene) -> None:
+        rows = list(measure_frontier(column, follow_course(column, 30).hardest, 8))
+        assert len(rows) == 2 * 3 * len(FRACTIONS)
+        for row in rows:
+            assert row.iterations == pytest.approx(row.cost * row.dt / column.dt)
+            assert row.wall_floor == pytest.approx(rows[0].wall_floor * (row.dt / rows[0].dt) ** 2)
+        worst, best = (
+            max(row.overlap for row in rows if (row.cost, row.method) == kind)
+            for kind in ((16, "gauss-seidel"), (1600, "accelerated"))
+        )
+        assert best < 1e-3 * worst
+
+
+class TestRefusals:
+    @pytest.mark.parametrize("arguments", [["anulus"], ["annulus", "annulus"]])
+    def test_scenes(self, arguments: list[str], tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        assert main(["report", *arguments, "-o", str(tmp_path / "new")]) == 2
+        assert not (tmp_path / "new").exists()
+        message = capfd.readouterr().err
+        assert message.count("\n") == 1
+        assert "annulus" in message
+
+    def test_folder_that_is_a_file(self, toml: Path, capfd: pytest.CaptureFixture[str]) -> None:
+        assert main(["report", str(toml), "-o", str(toml)]) == 2
+        assert "cannot be made" in capfd.readouterr().err
+
+    @pytest.mark.parametrize("library", ["matplotlib", "scipy", "clarabel"])
+    def test_missing_library_is_named(
+        self,
+        library: str,
+        toml: Path,
+        tmp_path: Path,
+        capfd: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        monkeypatch.setitem(sys.modules, library, None)
+        assert main(["report", str(toml), "-o", str(tmp_path / "new")]) == 2
+        assert f"report needs {library}: pip install 'warpgrains[report]'" in capfd.readouterr().err
+        assert not (tmp_path / "new").exists()
+
+
+def test_without_the_source_there_is_no_c_reference(
+    column: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(report_reference, "SOURCE", tmp_path / "c_reference.py")
+    report_reference.find_c_reference.cache_clear()
+    try:
+        assert report_reference.find_c_reference().start is None
+        moment = Moment("start", first_state(column), 0)
+        rows = list(measure_steps(column, moment, Effort(repeats=1, most_iterations=1)))
+        assert {row.code for row in rows} == {"warpgrains"}
+    finally:
+        report_reference.find_c_reference.cache_clear()
+
+
+def test_a_file_that_fails_half_way_is_not_there(tmp_path: Path) -> None:
+    def write() -> None:
+        with draft_of(tmp_path / "file") as draft:
+            draft.write_text("half")
+            raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        write()
+    assert list(tmp_path.iterdir()) == []
