@@ -24,7 +24,7 @@ def test_benchmark_of_a_step(tmp_path: Path) -> None:
     command("step", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "-o", file)
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
-    assert len(rows) == 18
+    assert len(rows) == 20
     table = command("table", file).splitlines()
     assert len(table) == 2 + len(rows)
     assert len({text.count("|") for text in table}) == 1
@@ -35,7 +35,7 @@ def test_benchmark_of_a_batch(tmp_path: Path) -> None:
     command("batch", "--scenes", 2, "--repeats", 1, "-o", file)
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
-    assert len(rows) == 4
+    assert len(rows) == 5
     assert len(command("table", file).splitlines()) == 2 + len(rows)
 
 

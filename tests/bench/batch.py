@@ -6,6 +6,7 @@ python -m tests.bench.batch -o tests/bench/batch.csv
 import argparse
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -83,15 +84,23 @@ def _steps(scenes: list[Scene]) -> int:
 
 
 def cores(scenes: list[Scene], repeats: int) -> Iterator[dict[str, str]]:
-    """The same batch on two threads, and on one."""
+    """The same batch on two threads, and on one; beside it two that share nothing, at once."""
 
     def run(threads: int) -> float:
         batch = Batch(scenes, threads=threads)
         return seconds(batch.run) * 1e3
 
-    two, one = in_turn(repeats, partial(run, 2), partial(run, 1))
-    subject = Subject(f"a run of {len(scenes)} scenes of the course", scenes[0].n, threads="2")
-    yield row(subject, two, "ms", "1 thread", one, SPEEDUP, ">= 1.85")
+    def run_halves() -> float:
+        halves = [Batch(scenes[first::2], threads=1) for first in range(2)]
+        with ThreadPoolExecutor(2) as pool:
+            return seconds(lambda: list(pool.map(Batch.run, halves))) * 1e3
+
+    two, one, apart = in_turn(repeats, partial(run, 2), partial(run, 1), run_halves)
+    subject = f"a run of {len(scenes)} scenes of the course"
+    n = scenes[0].n
+    yield row(Subject(subject, n, threads="2"), two, "ms", "1 thread", one, SPEEDUP, ">= 1.85")
+    halves = Subject(f"{subject}, as two batches at once", n, threads="1 + 1")
+    yield row(halves, apart, "ms", "1 thread", one, SPEEDUP)
 
 
 def overhead(scenes: list[Scene], repeats: int) -> Iterator[dict[str, str]]:

@@ -1,6 +1,10 @@
-"""One pile shared out among OS threads: two, and as many as a simulation chooses, against one; same bits."""
+"""One pile shared out among OS threads: two, and as many as a simulation chooses, against one; same bits.
+
+Beside it stands what the machine has to give: two simulations that share nothing, one thread each, at once.
+"""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numpy as np
@@ -27,19 +31,28 @@ def threads(options: Options) -> Iterator[dict[str, str]]:
 def _compare(n: int, order: str, options: Options) -> Iterator[dict[str, str]]:
     settled = settled_pile(n, options.cache)
     simulations = [settled.simulation(count, order=order) for count in (1, 2, None)]
+    apart = [settled.simulation(1, order=order) for _ in range(2)]
     measures = [partial(_ms_a_step, simulation) for simulation in simulations]
-    one, two, chosen = in_turn(options.repeats, *measures)
-    _hold_together(simulations)
+    one, two, chosen, both = in_turn(options.repeats, *measures, partial(_ms_a_step_of_both, apart))
+    _hold_together([*simulations, *apart])
     name = f"one step of {ITERATIONS} iterations, {settled.kind}"
     target = ">= 1.6" if n == LARGE else ""
     yield row(Subject(name, n, order, "2"), two, "ms", "1 thread", one, SPEEDUP, target)
     choice = f"{default_threads(simulations[0].scene)} (default)"
     yield row(Subject(name, n, order, choice), chosen, "ms", "1 thread", one, SPEEDUP, ">= 0.95")
+    machine = f"the same by two separate simulations at once, {settled.kind}"
+    yield row(Subject(machine, n, order, "1 + 1"), both, "ms", "1 thread", one, SPEEDUP)
 
 
 def _ms_a_step(simulation: Simulation) -> float:
     steps = min(max(5, 100_000 // simulation.scene.n), 100)
     return seconds(partial(advance, simulation, steps)) / steps * 1e3
+
+
+def _ms_a_step_of_both(simulations: list[Simulation]) -> float:
+    """Return the time for each step done by either, while both advance."""
+    with ThreadPoolExecutor(2) as pool:
+        return sum(pool.map(_ms_a_step, simulations)) / 4.0
 
 
 def _hold_together(simulations: list[Simulation]) -> None:
