@@ -1,6 +1,7 @@
 """Many scenes together: each has the bits that it has alone, whatever is beside it."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -230,6 +231,18 @@ def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:
             in_c.update()
         assert np.array_equal(batch.position(k), in_c.position)
         assert np.array_equal(batch.velocity(k), in_c.velocity)
+
+
+def test_beside_simulations_in_another_thread(
+    scenes: list[Scene], expected: list[tuple[State, Tally, StepReport]]
+) -> None:
+    batch = Batch(scenes, threads=2)
+    with ThreadPoolExecutor(1) as other:
+        run = other.submit(batch.run, STEPS)
+        beside = [alone(scene) for scene in scenes[:6]]
+        run.result()
+    assert_as_alone(batch, list(range(len(scenes))), expected)
+    assert [contents(state) for state, _, _ in beside] == [contents(state) for state, _, _ in expected[:6]]
 
 
 def test_own_durations_and_other_spans() -> None:

@@ -1,5 +1,8 @@
 """The same bits for any number of workers, any way of launching, and any care taken with lists."""
 
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -87,3 +90,11 @@ def test_a_restored_state_continues_as_if_nothing_had_been(order: str, method: s
     reports = [second.step() for _ in range(STEPS // 2)]
     assert_same_bits(second.state(), expected)
     assert reports == [first.step() for _ in range(STEPS // 2)]
+
+
+def test_simulations_side_by_side(expected_in_sequence: State) -> None:
+    """Each in a Python thread of its own: what one captures must not take in what another launches."""
+    with ThreadPoolExecutor(2) as pool:
+        ends = [pool.submit(partial(final_state, "sequential", threads=1)) for _ in range(8)]
+        for end in ends:
+            assert_same_bits(end.result(), expected_in_sequence)

@@ -11,7 +11,7 @@ from warpgrains.kernels.momentum import Momentum
 from warpgrains.kernels.variant import Variant
 from warpgrains.lanes import Lanes
 from warpgrains.neighbors import NeighborSearch
-from warpgrains.replay import Replay, reader
+from warpgrains.replay import CAPTURING, Replay, reader
 from warpgrains.reports import Corrections, Lists
 from warpgrains.scene import Scene
 
@@ -81,6 +81,10 @@ class ContactList:
 
     def rebuild(self) -> None:
         """List every pair and wall within reach, with the corrections that they carry."""
+        with CAPTURING:
+            self._rebuild()
+
+    def _rebuild(self) -> None:
         self._replay.alone(self._set_old_aside)
         self._replay.alone(self._renew_reaches)
         while True:

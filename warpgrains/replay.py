@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from threading import RLock
 
 import numpy as np
 import warp as wp
@@ -11,6 +12,8 @@ from warpgrains.kernels.crew import Crew
 
 GPU_WORKERS = 1 << 16
 GPU_SLOTS = 64  # over which a GPU's workers spread their parts of a maximum
+# Warp captures what any thread allocates, copies or launches: while one captures, others may replay, no more.
+CAPTURING = RLock()
 ALL_GROUPS = np.iinfo(np.int32).max
 
 
@@ -83,7 +86,7 @@ class Replay:
 
     def _capture(self, launches: Callable[[], None], crew: Crew) -> wp.Graph:
         self._crew = crew
-        with wp.ScopedCapture(device=self.device) as capture:
+        with CAPTURING, wp.ScopedCapture(device=self.device) as capture:
             launches()
         return capture.graph
 

@@ -1,6 +1,7 @@
 """Many scenes of one kind in memory, as the kernels of a batch see them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import warp as wp
@@ -24,6 +25,7 @@ from warpgrains.kernels.tally import (
     WORST_RESIDUAL,
 )
 from warpgrains.kernels.variant import Variant
+from warpgrains.replay import CAPTURING
 from warpgrains.reports import Lists, State, StepReport, Tally
 from warpgrains.scene import Scene
 from warpgrains.scene_records import SceneRecords
@@ -125,10 +127,11 @@ class ScenePool:
         self._proofs[k] = []
         self._errors.pop(k, None)
 
-    def launch(self) -> wp.Launch:
-        """Return the launch of one thread: it advances scenes until there is no other free."""
-        inputs = (self._records.device, self._queue)
-        return wp.launch(self._kernels.advance, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+    def launch(self) -> Callable[[], None]:
+        """Return the work of one thread: it advances scenes until there is no other free."""
+        with CAPTURING, wp.ScopedCapture(device="cpu") as capture:
+            wp.launch(self._kernels.advance, dim=1, inputs=(self._records.device, self._queue), device="cpu")
+        return partial(wp.capture_launch, capture.graph)
 
     def halt(self) -> None:
         """Let the threads begin no other turn."""
@@ -181,7 +184,7 @@ class ScenePool:
             left = self.left.copy()
             self.left[:] = 0
             self.left[amid], self.outcome[amid] = 1, SOLVED
-            self.launch().launch()
+            self.launch()()
             left[amid] += self.left[amid] - 1
             self.left[:] = left
 

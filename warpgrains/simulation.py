@@ -10,6 +10,7 @@ from warpgrains.checkpoint import Checkpoint, read_checkpoint, require_checkpoin
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.forces import pair_contacts, wall_contacts
 from warpgrains.plan import Plan
+from warpgrains.replay import CAPTURING
 from warpgrains.reports import (
     FloatArray,
     PairContacts,
@@ -51,7 +52,8 @@ class Simulation:
         self.scene = scene.replace(**overrides) if overrides else scene
         if threads is not None:
             checks.whole_number("threads", threads)
-        self._solver = StepSolver(self.scene, find_device(device), threads)
+        with CAPTURING:
+            self._solver = StepSolver(self.scene, find_device(device), threads)
         self.restore(first_state(self.scene))
 
     def step(self) -> StepReport:
@@ -179,7 +181,8 @@ class Simulation:
         """
         require_state(state, self.scene.n)
         self._steps, self._stepped = state.steps, False
-        self._solver.load(state)
+        with CAPTURING:
+            self._solver.load(state)
 
     def save(self, path: str | Path) -> None:
         """Save the exact state and the scene to a checkpoint, an .npz file, at once and whole.

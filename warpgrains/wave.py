@@ -6,8 +6,6 @@ from functools import partial
 from time import perf_counter
 from typing import Protocol
 
-import warp as wp
-
 from warpgrains.errors import SimulationError
 from warpgrains.grains import variant_of
 from warpgrains.reports import State, StepReport, Tally
@@ -94,8 +92,8 @@ class SmallScenes:
 
         going_on = True
         while going_on:
-            launches = [[pool.launch() for pool in self._pools] for _ in range(self._threads)]
-            side_by_side([partial(_launch, each) for each in launches], glance, self._halt)
+            works = [[pool.launch() for pool in self._pools] for _ in range(self._threads)]
+            side_by_side([partial(_do, each) for each in works], glance, self._halt)
             going_on = sum(pool.attend() for pool in self._pools) > 0
 
     def _left(self) -> int:
@@ -121,9 +119,9 @@ class SmallScenes:
         return pool.error(place)
 
 
-def _launch(launches: list[wp.Launch]) -> None:
-    for launch in launches:
-        launch.launch()
+def _do(works: list[Callable[[], None]]) -> None:
+    for work in works:
+        work()
 
 
 class LargeScene:

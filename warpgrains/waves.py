@@ -9,6 +9,7 @@ import warp as wp
 from warpgrains.grains import variant_of
 from warpgrains.memory import free_memory, require_memory
 from warpgrains.record_layout import Counts, first_room, record_bytes
+from warpgrains.replay import CAPTURING
 from warpgrains.reports import State, StepReport, Tally
 from warpgrains.scene import Scene
 from warpgrains.solver import PAIRS_PER_GRAIN, paying_threads
@@ -85,7 +86,8 @@ class Waves:
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
         if self._wave is not None and self._number[k] == self._in_memory:
-            self._wave.load(k, state)
+            with CAPTURING:
+                self._wave.load(k, state)
         else:
             self._states[k] = state
 
@@ -106,16 +108,21 @@ class Waves:
             for k in self._waves[self._in_memory]:
                 self._states[k] = self._wave.state(k)
             self._wave = None
-        members = self._waves[number]
-        first = self._scenes[members[0]]
-        if self._is_small(first):
-            wave: Wave = SmallScenes({k: self._scenes[k] for k in members}, self._threads)
+        with CAPTURING:
+            wave = self._load(self._waves[number])
+        self._wave, self._in_memory = wave, number
+        return wave
+
+    def _load(self, members: list[int]) -> Wave:
+        """Put scenes into memory, in the states that they have come to."""
+        wave: Wave
+        if self._is_small(self._scenes[members[0]]):
+            wave = SmallScenes({k: self._scenes[k] for k in members}, self._threads)
         else:
-            wave = LargeScene(first, self._device.alias, self._threads)
+            wave = LargeScene(self._scenes[members[0]], self._device.alias, self._threads)
         for k in members:
             wave.load(k, self.state(k))
             self._states[k] = None
-        self._wave, self._in_memory = wave, number
         return wave
 
 
