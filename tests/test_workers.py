@@ -49,7 +49,10 @@ def assert_same_bits(state: State, expected: State) -> None:
 
 @pytest.mark.parametrize("threads", [2, 3])
 def test_threads(order: str, method: str, expected: State, threads: int) -> None:
-    assert_same_bits(final_state(order, method, threads=threads), expected)
+    state = final_state(order, method, threads=threads)
+    assert_same_bits(state, expected)
+    for name, listed in vars(expected.lists).items():
+        assert np.array_equal(getattr(state.lists, name), listed)
 
 
 def test_a_launch_for_every_group_as_on_a_gpu(

@@ -149,7 +149,9 @@ class ContactBuffers:
         _write(self.contacts.wall_dv_start, corrections.wall_correction[wall])
         self.contacts.count.assign([len(pair), 0, len(wall)])
         self.contacts.lane_turn.zero_()
-        self.contacts.lane_wall.zero_()
+        lane_wall = np.full(self.contacts.lane_wall.shape, len(wall))  # the first worker takes them all
+        lane_wall[:1] = 0
+        self.contacts.lane_wall.assign(lane_wall)
 
     def revert(self) -> None:
         """Take back what an unfinished step did to the corrections."""
