@@ -1,6 +1,7 @@
 """The same bits for any number of workers, any way of launching, and any care taken with lists."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -47,9 +48,30 @@ def assert_same_bits(state: State, expected: State) -> None:
     assert np.array_equal(state.corrections.wall_correction, expected.corrections.wall_correction)
 
 
+def assert_same_lists(state: State, expected: State) -> None:
+    for name, listed in vars(expected.lists).items():
+        assert np.array_equal(getattr(state.lists, name), listed)
+
+
 @pytest.mark.parametrize("threads", [2, 3])
 def test_threads(order: str, method: str, expected: State, threads: int) -> None:
-    assert_same_bits(final_state(order, method, threads=threads), expected)
+    state = final_state(order, method, threads=threads)
+    assert_same_bits(state, expected)
+    assert_same_lists(state, expected)
+
+
+def test_threads_continue_alike_from_a_state_without_lists(order: str) -> None:
+    settled = Simulation(Scene.load("annulus"), order=order)
+    settled.run(steps=300)
+    assert settled.state().corrections.wall_correction.any()
+    ends = []
+    for threads in (1, 2):
+        simulation = Simulation(settled.scene, threads=threads)
+        simulation.restore(replace(settled.state(), lists=None))
+        simulation.step()
+        ends.append(simulation.state())
+    assert_same_bits(*ends)
+    assert_same_lists(*ends)
 
 
 def test_a_launch_for_every_group_as_on_a_gpu(

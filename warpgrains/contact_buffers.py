@@ -142,7 +142,9 @@ class ContactBuffers:
         host.load(pair, wall, corrections)
         self._write(host)
         self.contacts.lane_turn.zero_()
-        self.contacts.lane_wall.zero_()
+        lane_wall = np.full(self.contacts.lane_wall.shape, len(wall))  # the first worker takes them all
+        lane_wall[:1] = 0
+        self.contacts.lane_wall.assign(lane_wall)
 
     def revert(self) -> None:
         """Take back what an unfinished step did to the corrections."""
