@@ -13,8 +13,10 @@ from .data import GROUPS, WALLS, Contacts
 
 
 @wp.func_native("""
+#if !defined(__CUDA_ARCH__)
     const long long pass = 1LL << 32;
     __atomic_store_n(&ended.data[8 * worker], (ended.data[8 * worker] / pass + 1) * pass, __ATOMIC_RELEASE);
+#endif
 """)
 def begin_own_turns(ended: wp.array(dtype=wp.int64), worker: int):
     """Count a pass over the pairs in the upper half of a worker's word, and no turns in the lower."""
@@ -22,6 +24,7 @@ def begin_own_turns(ended: wp.array(dtype=wp.int64), worker: int):
 
 
 @wp.func_native("""
+#if !defined(__CUDA_ARCH__)
     const long long pass = ended.data[8 * worker] / (1LL << 32) * (1LL << 32);
     for (int other = 0; other < workers; other++) {
         const long long needed = after.data[turn * workers + other];
@@ -38,6 +41,7 @@ def begin_own_turns(ended: wp.array(dtype=wp.int64), worker: int):
 #endif
             }
     }
+#endif
 """)
 def wait_for_others(
     ended: wp.array(dtype=wp.int64), after: wp.array(dtype=wp.int32), turn: int, worker: int, workers: int
@@ -46,7 +50,11 @@ def wait_for_others(
     ...
 
 
-@wp.func_native("__atomic_store_n(&ended.data[8 * worker], ended.data[8 * worker] + 1, __ATOMIC_RELEASE);")
+@wp.func_native("""
+#if !defined(__CUDA_ARCH__)
+    __atomic_store_n(&ended.data[8 * worker], ended.data[8 * worker] + 1, __ATOMIC_RELEASE);
+#endif
+""")
 def count_own_turn(ended: wp.array(dtype=wp.int64), worker: int):
     """Tell the others that one more turn is over."""
     ...

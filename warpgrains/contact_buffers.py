@@ -1,5 +1,6 @@
 """The buffers behind a list of contacts: counted first, grown, and read and written by the host."""
 
+import numpy as np
 import warp as wp
 
 from warpgrains.host_list import HostList
