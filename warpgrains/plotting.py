@@ -61,13 +61,18 @@ def plot(
     reader = RecordingReader(recording)
     numbers = _numbers(frames, len(reader.time))
     figure = _draw(reader, numbers, curves and len(reader.time) > 1)
+    save_figure(figure, output)
+    return numbers
+
+
+def save_figure(figure: Figure, output: Path) -> None:
+    """Put a picture under its name, whole."""
     draft = output.with_name(f".draft.{output.name}")
     try:
         figure.savefig(draft, dpi=_DOTS_PER_INCH)
         publish(draft, output)
     finally:
         draft.unlink(missing_ok=True)
-    return numbers
 
 
 def _require_place(output: Path) -> None:

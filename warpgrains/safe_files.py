@@ -30,3 +30,30 @@ def publish(draft: Path, target: Path) -> None:
     sync(draft)
     os.replace(draft, target)
     sync(target.parent)
+
+
+def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> None:
+    """Put content under a name and on the disk, whole; until then an earlier file of that name stays.
+
+    Parameters
+    ----------
+    path
+        The name.
+    content
+        All that the file is to hold.
+    writer
+        Who writes, where several processes may write the same file at once.
+
+    Raises
+    ------
+    OSError
+        It cannot be written, or is not read back as it was written.
+    """
+    draft = path.with_name(f".{path.name}{writer}.draft")
+    try:
+        draft.write_bytes(content)
+        if draft.read_bytes() != content:
+            raise OSError(f"'{path}' is not read back as it was written")
+        publish(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
