@@ -96,7 +96,7 @@ def _left(folder: SweepFolder, share: list[Run], resume: bool) -> list[Run]:
 
 def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> None:
     """Finish what is left, here or on a cluster."""
-    files = [folder.of(one) for one in left]
+    files = [SweepFolder(folder.path.absolute()).of(one) for one in left]
     with tqdm(
         total=total,
         initial=total - len(left),

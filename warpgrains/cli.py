@@ -163,8 +163,9 @@ def _add_batch(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     parser.add_argument("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
     group = parser.add_argument_group("many machines, which must all see DIR")
-    group.add_argument("--scheduler", metavar="ADDRESS", help="dask scheduler, such as tcp://host:8786")
-    group.add_argument(
+    cluster = group.add_mutually_exclusive_group()
+    cluster.add_argument("--scheduler", metavar="ADDRESS", help="dask scheduler, such as tcp://host:8786")
+    cluster.add_argument(
         "--slurm", type=int, metavar="JOBS", help="start so many dask workers by Slurm, see dask-jobqueue"
     )
     group.add_argument("--index", type=int, metavar="I", help="do one share of the runs only, from 0, ...")

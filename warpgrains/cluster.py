@@ -1,21 +1,22 @@
-"""Runs on an existing dask cluster: it schedules, watches and restarts; here runs are put in chunks.
+"""Runs on an existing dask cluster: dask schedules, watches and restarts; here runs are only put in chunks.
 
 All machines must see the folder of the sweep: workers write there what a local process would. A chunk whose
-worker died is done again by another one, from the checkpoints, without the runs that are finished.
+worker died is done by another one, from the checkpoints, without the runs that are finished.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.console import start_warp
+from warpgrains.errors import SceneError
 from warpgrains.run_folder import RunFolder
-from warpgrains.waves import Means, Tell
+from warpgrains.waves import Means, Tell, finish_runs
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -24,7 +25,7 @@ CHUNKS_A_THREAD = 16
 MOST_IN_A_CHUNK = 64
 CONNECT_WITHIN = 30.0  # s
 
-_one_chunk_a_process = Lock()
+_one_at_a_time = Lock()
 
 
 def finish_on_cluster(
@@ -32,12 +33,15 @@ def finish_on_cluster(
 ) -> None:
     """Carry runs out to their end on a cluster.
 
+    A chunk that dask gives up, since too many of its workers died, is done again run by run. A run that is
+    given up alone is left as it is, standard error says so, and the others go on.
+
     Parameters
     ----------
     folders
         The runs, none of them finished.
     means
-        With what; without `threads`, a chunk takes as many as its worker has.
+        With what; without `threads`, with as many as a worker has.
     tell
         Is called when a chunk is finished.
     scheduler
@@ -49,15 +53,71 @@ def finish_on_cluster(
     ------
     SceneError
         Dask is not installed, or there is no such cluster.
-    SimulationError
-        Chunks were given up, since their workers died again and again; or the workers write elsewhere.
     """
     with _client(scheduler, slurm_jobs) as client:
         from distributed import as_completed
 
-        chunks = _chunks(folders, sum(client.nthreads().values()) or slurm_jobs or 1)
-        futures = client.map(_finish_chunk, chunks, [means] * len(chunks), pure=False)
-        lost: list[str] = []
-        for future in as_completed(futures):
-            tell(len(chunks[futures.index(future)]))
-    ...
+        def submit(chunk: list[RunFolder]) -> Future:
+            future = client.submit(finish_chunk, chunk, means, pure=False)
+            chunks[future.key] = chunk
+            return future
+
+        chunks: dict[str, list[RunFolder]] = {}
+        threads = sum(client.nthreads().values()) or slurm_jobs or 1
+        under_way = as_completed([submit(chunk) for chunk in _chunks(folders, threads)])
+        for future in under_way:
+            chunk, error = chunks.pop(future.key), future.exception()
+            left = [folder for folder in chunk if not folder.is_finished]
+            tell(len(chunk) - len(left))
+            if len(left) > 1:
+                under_way.update(submit([folder]) for folder in left)
+            elif left:
+                reason = error or "its result is not seen here: all machines must see the folder of the sweep"
+                print(f"run {left[0].labels['run']} is not finished: {reason}", file=sys.stderr)
+
+
+def finish_chunk(folders: list[RunFolder], means: Means) -> None:
+    """Carry out, on a worker, those runs of a chunk that an earlier worker has not finished.
+
+    A worker with many threads is given many chunks at once: each in turn has all its threads.
+    """
+    from distributed import get_worker
+
+    with _one_at_a_time:
+        start_warp()
+        threads = means.threads or get_worker().state.nthreads
+        left = [folder for folder in folders if not folder.is_finished]
+        finish_runs(left, replace(means, threads=threads), lambda runs: None)
+
+
+def _chunks(folders: list[RunFolder], threads: int) -> Iterator[list[RunFolder]]:
+    """Split runs in parts, so many that no worker is idle for long at the end."""
+    size = min(MOST_IN_A_CHUNK, max(1, len(folders) // (CHUNKS_A_THREAD * threads)))
+    for first in range(0, len(folders), size):
+        yield folders[first : first + size]
+
+
+@contextmanager
+def _client(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
+    try:
+        from distributed import Client
+
+        if slurm_jobs is not None:
+            from dask_jobqueue import SLURMCluster
+    except ModuleNotFoundError as error:
+        raise SceneError(f"a cluster needs {error.name}: pip install 'warpgrains[cluster]'") from error
+    if slurm_jobs is None:
+        try:
+            client = Client(scheduler, timeout=CONNECT_WITHIN)
+        except (OSError, ValueError) as error:
+            raise SceneError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
+        with client:
+            yield client
+        return
+    try:
+        cluster = SLURMCluster()
+    except ValueError as error:
+        raise SceneError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {error}") from error
+    with cluster, Client(cluster) as client:
+        cluster.scale(jobs=slurm_jobs)
+        yield client

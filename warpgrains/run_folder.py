@@ -68,6 +68,11 @@ class RunFolder:
         """Whether there is anything of this run."""
         return self.scene_file.exists()
 
+    @property
+    def is_finished(self) -> bool:
+        """Whether the run has its result, good or bad."""
+        return self.result.exists()
+
     def require_own(self) -> None:
         """Raise SceneError if what is there is a run of something else."""
         if self.is_begun and self.scene_file.read_text(encoding="utf-8") != self.text:

@@ -72,12 +72,13 @@ class SweepPlot:
         if not rows:
             raise SceneError(f"'{results}' holds nothing to draw: no run has come to its end")
         figure = Figure(figsize=_SIZE, layout="constrained")
-        self._draw(figure.subplots(), rows)
+        self.draw_on(figure.subplots(), rows)
         picture = results.with_name(f"{self.y}-{self.x}.png")
         save_figure(figure, picture)
         return picture
 
-    def _draw(self, axes: Axes, rows: list[Row]) -> None:
+    def draw_on(self, axes: Axes, rows: list[Row]) -> None:
+        """Draw the rows of a table, none of them of a run that failed."""
         x, y = _numbers(axes.xaxis, rows, self.x), _numbers(axes.yaxis, rows, self.y)
         groups = np.array([row[self.color] if self.color else "" for row in rows])
         names = list(dict.fromkeys(groups.tolist()))
