@@ -61,7 +61,7 @@ def test_packing_of_a_lattice():
     places = np.column_stack([x.ravel(), y.ravel()])
     places = places[(np.hypot(*places.T) <= 1.0 - radius) & (np.hypot(*places.T) > 0.0)]
     found = of(scene(places, radius=radius))["packing_fraction"]
-    # Beneath the mean height is half a disc of radius 1 m, where a strip along the wall, narrower than a pitch,
+    # Beneath the mean height is half a disc of radius 1 m, where a strip at the wall, narrower than a pitch,
     # is empty: pi * pitch of pi / 2.
     strip = 2.0 * pitch
     assert (1.0 - strip) * pi / sqrt(12.0) < found < pi / sqrt(12.0)

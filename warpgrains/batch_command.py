@@ -19,8 +19,8 @@ from warpgrains.sweep_folder import SweepFolder
 from warpgrains.tables import Row
 
 if TYPE_CHECKING:
+    from warpgrains.run_groups import Means
     from warpgrains.sweep_plot import SweepPlot
-    from warpgrains.waves import Means
 
 DEFAULT_FPS = 60.0
 
@@ -96,7 +96,12 @@ def _left(folder: SweepFolder, share: list[Run], resume: bool) -> list[Run]:
 
 def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> None:
     """Finish what is left, here or on a cluster."""
+    start_warp()
+    from warpgrains.run_groups import finish_runs
+    from warpgrains.simulation import find_device
+
     files = [SweepFolder(folder.path.absolute()).of(one) for one in left]
+    means = _means(arguments)
     with tqdm(
         total=total,
         initial=total - len(left),
@@ -104,23 +109,30 @@ def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Name
         bar_format=_BAR,
         disable=not sys.stderr.isatty(),
     ) as bar:
-        if arguments.scheduler is not None or arguments.slurm is not None:
+        if arguments.scheduler is None and arguments.slurm is None:
+            find_device(means.device)
+            finish_runs(files, means, bar.update)
+        else:
             from warpgrains.cluster import finish_on_cluster
 
-            finish_on_cluster(files, _means(arguments), bar.update, arguments.scheduler, arguments.slurm)
-        else:
-            start_warp()
-            from warpgrains.waves import finish_runs
-
-            finish_runs(files, _means(arguments), bar.update)
+            finish_on_cluster(files, means, bar.update, arguments.scheduler, arguments.slurm)
 
 
 def _means(arguments: Namespace) -> Means:
-    from warpgrains.waves import Means
+    """Return with what the runs are carried out."""
+    from warpgrains.run_groups import Means
 
+    if arguments.threads is not None:
+        checks.whole_number("--threads", arguments.threads)
+    if arguments.slurm is not None:
+        checks.whole_number("--slurm", arguments.slurm)
     if arguments.fps is not None and not arguments.usd:
         raise SceneError("--fps needs --usd")
-    fps = checks.positive("--fps", arguments.fps or DEFAULT_FPS) if arguments.usd else None
+    fps = (
+        checks.positive("--fps", DEFAULT_FPS if arguments.fps is None else arguments.fps)
+        if arguments.usd
+        else None
+    )
     return Means(arguments.device, arguments.threads, fps)
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from warpgrains.console import start_warp
 from warpgrains.errors import SceneError
 from warpgrains.run_folder import RunFolder
-from warpgrains.waves import Means, Tell, finish_runs
+from warpgrains.run_groups import Means, Tell, finish_runs
 
 if TYPE_CHECKING:
     from distributed import Client, Future

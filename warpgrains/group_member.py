@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Member:
-    """A run in a wave.
+    """A run in a group.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Many runs in one process: in waves, each a batch of scenes that have as many steps left.
+"""Many runs in one process: in groups, each a batch of scenes that have as many steps left.
 
-A wave proceeds in slices of about a second. Every now and then its runs save where they are, so that a killed
-process loses little; at its end each run gets its result.
+A group proceeds in slices of about a second. Every now and then its runs save where they are, so that a
+killed process loses little; at its end each run gets its result.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -12,17 +12,17 @@ from time import perf_counter
 
 from warpgrains.batch import Batch
 from warpgrains.errors import SceneError, SimulationError
+from warpgrains.group_member import Member
 from warpgrains.results import failure
 from warpgrains.run_folder import RunFolder
-from warpgrains.wave_member import Member
 
 SLICE = 1.0  # s
 FIRST_SLICE, GROWTH = 4, 8  # steps of the first slice, and by how much the next one may be longer
 BETWEEN_CHECKPOINTS = 20.0  # s
-WIDTH, RECORDED_WIDTH = 64, 16  # runs in a wave; frames wait in memory
+WIDTH, RECORDED_WIDTH = 64, 16  # runs in a group; frames wait in memory
 WRITERS = 16
 MOST_WAITING = 256  # runs that wait for others with as many steps left
-MOST_GRAINS = 2_000_000  # in a wave
+MOST_GRAINS = 2_000_000  # in a group
 
 Tell = Callable[[float], None]
 """Hears of progress, in runs."""
@@ -66,11 +66,11 @@ def finish_runs(folders: Iterable[RunFolder], means: Means, tell: Tell) -> None:
     OSError
         A file cannot be written.
     """
-    for wave in _waves(folders, means, tell):
-        _finish(wave, means, tell)
+    for group in _groups(folders, means, tell):
+        _finish(group, means, tell)
 
 
-def _waves(folders: Iterable[RunFolder], means: Means, tell: Tell) -> Iterator[list[Member]]:
+def _groups(folders: Iterable[RunFolder], means: Means, tell: Tell) -> Iterator[list[Member]]:
     """Gather runs with as many steps left; a run whose scene is none has failed."""
     waiting: dict[int, list[Member]] = {}
     width = WIDTH if means.fps is None else RECORDED_WIDTH
@@ -90,68 +90,68 @@ def _waves(folders: Iterable[RunFolder], means: Means, tell: Tell) -> Iterator[l
     yield from waiting.values()
 
 
-def _finish(wave: list[Member], means: Means, tell: Tell) -> None:
-    """Carry a wave out to its end; the recordings are whole before there is a result."""
+def _finish(group: list[Member], means: Means, tell: Tell) -> None:
+    """Carry a group out to its end; the recordings are whole before there is a result."""
     with ExitStack() as outputs:
-        for member in wave:
+        for member in group:
             member.open(outputs)
             tell(1.0 - member.left / member.plan.steps)
-        if wave[0].left > 0:
-            _advance(wave, means, tell)
-    _write(Member.finish, wave)
+        if group[0].left > 0:
+            _advance(group, means, tell)
+    _write(Member.finish, group)
 
 
-def _advance(wave: list[Member], means: Means, tell: Tell) -> None:
-    """Advance a wave to its end; a run that does not fit in memory, even alone, has failed."""
+def _advance(group: list[Member], means: Means, tell: Tell) -> None:
+    """Advance a group to its end; a run that does not fit in memory, even alone, has failed."""
     try:
-        batch = Batch([member.scene for member in wave], means.device, means.threads)
+        batch = Batch([member.scene for member in group], means.device, means.threads)
     except SimulationError as error:
-        if len(wave) > 1:
-            for member in wave:
+        if len(group) > 1:
+            for member in group:
                 _advance([member], means, tell)
         else:
-            wave[0].error = str(error)
-            tell(wave[0].left / wave[0].plan.steps)
+            group[0].error = str(error)
+            tell(group[0].left / group[0].plan.steps)
         return
-    for k, member in enumerate(wave):
+    for k, member in enumerate(group):
         batch.restore(k, member.state)
-    _run(wave, batch, tell)
+    _run(group, batch, tell)
 
 
-def _run(wave: list[Member], batch: Batch, tell: Tell) -> None:
+def _run(group: list[Member], batch: Batch, tell: Tell) -> None:
     """Run a batch in slices, record its frames and save where its runs are."""
-    left, pace, kept_at = wave[0].left, FIRST_SLICE, perf_counter()
-    if any(member.is_recorded for member in wave):
-        _record(wave, batch)
-        _keep(wave, batch)
+    left, pace, kept_at = group[0].left, FIRST_SLICE, perf_counter()
+    if any(member.is_recorded for member in group):
+        _record(group, batch)
+        _keep(group, batch)
     while left > 0:
         start = perf_counter()
-        steps = min(pace, left, *(member.until_frame for member in wave))
-        for member, summary in zip(wave, batch.run(steps), strict=True):
+        steps = min(pace, left, *(member.until_frame for member in group))
+        for member, summary in zip(group, batch.run(steps), strict=True):
             member.count(summary)
             tell(steps / member.plan.steps)
         left -= steps
-        _record(wave, batch)
+        _record(group, batch)
         now = perf_counter()
         pace = max(1, min(GROWTH * pace, int(SLICE / (now - start) * steps)))
         if left == 0 or now - kept_at > BETWEEN_CHECKPOINTS:
-            _keep(wave, batch)
+            _keep(group, batch)
             kept_at = now
 
 
-def _record(wave: list[Member], batch: Batch) -> None:
-    for k, member in enumerate(wave):
+def _record(group: list[Member], batch: Batch) -> None:
+    for k, member in enumerate(group):
         if member.until_frame == 0:
             member.record(batch.position(k), batch.velocity(k))
 
 
-def _keep(wave: list[Member], batch: Batch) -> None:
-    for k, member in enumerate(wave):
+def _keep(group: list[Member], batch: Batch) -> None:
+    for k, member in enumerate(group):
         member.reach(batch.state(k))
-    _write(Member.keep, wave)
+    _write(Member.keep, group)
 
 
-def _write(write: Callable[[Member], None], wave: list[Member]) -> None:
+def _write(write: Callable[[Member], None], group: list[Member]) -> None:
     """Write files of all runs side by side: most of the time is spent waiting for the disk."""
     with ThreadPoolExecutor(WRITERS) as writers:
-        list(writers.map(write, wave))
+        list(writers.map(write, group))
