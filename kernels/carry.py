@@ -68,12 +68,14 @@ def stages(variant: Variant) -> SimpleNamespace:
             pair = Pair()
             pair.i = i
             pair.j = j
+            dv = f64(0.0)
             while k_old < old.start[i + 1] and old.neighbor[k_old] < j:
                 k_old = k_old + 1
             if k_old < old.start[i + 1] and old.neighbor[k_old] == j:
-                pair.dv = old_dv[k_old]
+                dv = old_dv[k_old]
             contacts.pairs[slot[k]] = pair
-            contacts.pair_dv_start[slot[k]] = pair.dv
+            contacts.pair_dv[slot[k]] = dv
+            contacts.pair_dv_start[slot[k]] = dv
             if wp.static(variant.distinct_masses):
                 mass_i = grains.mass[i]
                 mass_j = grains.mass[j]

@@ -7,11 +7,10 @@ f64 = wp.float64
 
 @wp.struct
 class Pair:
-    """A candidate pair i < j, 40 bytes: all that one correction reads beside the two velocities."""
+    """A candidate pair i < j, 32 bytes: what one correction reads and never writes."""
 
     n: wp.vec2d  # unit normal from i to j
     gap_rate: f64  # gap / dt [m/s]
-    dv: f64  # accumulated correction dv_c >= 0 [m/s]
     i: wp.int32
     j: wp.int32
 
@@ -46,6 +45,7 @@ class Contacts:
     """Candidate contacts in the order in which they are swept (slots), in groups that share no grain."""
 
     pairs: wp.array(dtype=Pair)
+    pair_dv: wp.array(dtype=f64)  # accumulated corrections dv_c >= 0 [m/s]
     weights: wp.array(dtype=wp.vec2d)  # mass shares of i and j; empty where all masses are equal
     pair_dv_start: wp.array(dtype=f64)  # dv_c at the start of the step, for a step that is solved again
     group_start: wp.array(dtype=wp.int32)  # first slot of every group, and the end of the last

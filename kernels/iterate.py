@@ -14,6 +14,7 @@ from .crew import Crew, meet, slot_of
 from .data import GROUPS, LOOK, Contacts, Grains, Progress, Watch
 from .iteration import Stop, decide_after_check, decide_after_iteration, decide_what_to_watch, gather_zeta
 from .momentum import Momentum
+from .stage import kernels_of
 from .variant import Variant
 from .watch import look_again
 
@@ -21,10 +22,10 @@ f64 = wp.float64
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the stages for one kind of scene."""
     plain, ahead = sweep.stages(variant), momentum.stages(variant)
-    measure = residual.kernels(variant).measure
+    measure = residual.stages(variant).measure
     plain_group, plain_walls = plain.sweep_group, plain.sweep_all_walls
     ahead_group, ahead_walls = ahead.sweep_group, ahead.sweep_all_walls
     judge_sweep, advance, settle = ahead.judge_sweep, ahead.advance, ahead.settle
@@ -72,9 +73,10 @@ def kernels(variant: Variant) -> SimpleNamespace:
             if watch.flag[LOOK] != 0:
                 look_again(grains.next_velocity, watch, crew, tid)
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def iterate(
         crew: Crew,
+        tid: int,
         grains: Grains,
         contacts: Contacts,
         watch: Watch,
@@ -83,7 +85,6 @@ def kernels(variant: Variant) -> SimpleNamespace:
         stop: Stop,
     ):
         """The contact iteration on a CPU."""
-        tid = wp.tid()
         slot = slot_of(crew, tid, progress.zeta.shape[0])
         while progress.iterating[0] != 0:
             zeta = f64(0.0)
@@ -105,9 +106,10 @@ def kernels(variant: Variant) -> SimpleNamespace:
             go_on(crew, tid, grains, watch, progress, momentum)
             meet(crew)
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def sweep_pairs(
         crew: Crew,
+        tid: int,
         grains: Grains,
         contacts: Contacts,
         watch: Watch,
@@ -117,34 +119,42 @@ def kernels(variant: Variant) -> SimpleNamespace:
     ):
         """Correct the pairs of one group: a GPU's launch."""
         if group < contacts.count[GROUPS]:
-            zeta = sweep_group(crew, wp.tid(), grains, contacts, watch, momentum, group)
-            wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), zeta)
+            zeta = sweep_group(crew, tid, grains, contacts, watch, momentum, group)
+            wp.atomic_max(progress.zeta, slot_of(crew, tid, progress.zeta.shape[0]), zeta)
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def sweep_walls(
-        crew: Crew, grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, momentum: Momentum
+        crew: Crew,
+        tid: int,
+        grains: Grains,
+        contacts: Contacts,
+        watch: Watch,
+        progress: Progress,
+        momentum: Momentum,
     ):
         """Correct every grain that may reach a wall: a GPU's launch."""
-        zeta = sweep_all_walls(crew, wp.tid(), grains, contacts, watch, momentum)
-        wp.atomic_max(progress.zeta, slot_of(crew, wp.tid(), progress.zeta.shape[0]), zeta)
+        zeta = sweep_all_walls(crew, tid, grains, contacts, watch, momentum)
+        wp.atomic_max(progress.zeta, slot_of(crew, tid, progress.zeta.shape[0]), zeta)
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def decide_here(
         grains: Grains, contacts: Contacts, watch: Watch, progress: Progress, momentum: Momentum, stop: Stop
     ):
         """What follows on a sweep: a GPU's launch."""
         decide(grains, contacts, watch, progress, momentum, stop)
 
-    @wp.kernel(module=variant.module)
+    @wp.func
     def check_here(progress: Progress, stop: Stop):
         """What follows on a check of the residual: a GPU's launch."""
         if progress.checking[0] != 0:
             decide_after_check(progress, stop)
 
-    @wp.kernel(module=variant.module)
-    def go_on_here(crew: Crew, grains: Grains, watch: Watch, progress: Progress, momentum: Momentum):
+    @wp.func
+    def go_on_here(
+        crew: Crew, tid: int, grains: Grains, watch: Watch, progress: Progress, momentum: Momentum
+    ):
         """What comes between two sweeps: a GPU's launch."""
-        go_on(crew, wp.tid(), grains, watch, progress, momentum)
+        go_on(crew, tid, grains, watch, progress, momentum)
 
     return SimpleNamespace(
         iterate=iterate,
@@ -153,4 +163,19 @@ def kernels(variant: Variant) -> SimpleNamespace:
         decide_here=decide_here,
         check_here=check_here,
         go_on_here=go_on_here,
+    )
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(
+        variant.module,
+        own.iterate,
+        own.sweep_pairs,
+        own.sweep_walls,
+        own.decide_here,
+        own.check_here,
+        own.go_on_here,
     )

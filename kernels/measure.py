@@ -44,7 +44,7 @@ def stages(variant: Variant) -> SimpleNamespace:
             worst = wp.max(
                 worst, -law.pair_gap(distance, radius_of(grains, pair.i), radius_of(grains, pair.j))
             )
-            carrying += 1 if pair.dv != f64(0.0) else 0
+            carrying += 1 if contacts.pair_dv[c] != f64(0.0) else 0
         count = contacts.count[WALLS]
         begin, end = share(crew, tid, 0, count)
         for c in range(begin, end):

@@ -19,11 +19,11 @@ from types import SimpleNamespace
 import warp as wp
 
 from . import law
+from .access import dv_of, first_of, gap_rate_of, normal_of, second_of, set_dv, set_velocity, velocity_of
 from .crew import Crew, share
 from .data import GROUPS, PAIRS, WALLS, WATCHING, Contacts, Grains, Progress, Watch
 from .features import functions
 from .stage import kernels_of
-from .sweep import set_velocity, velocity_of
 from .sweep import stages as sweep_stages
 from .variant import Variant
 from .watch import look_at, watch_grain
@@ -79,22 +79,25 @@ def stages(variant: Variant) -> SimpleNamespace:
     @wp.func
     def correct_pair(grains: Grains, contacts: Contacts, momentum: Momentum, c: int) -> wp.vec3d:
         """One pair's correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
-        pair = contacts.pairs[c]
+        i = first_of(contacts.pairs, c)
+        j = second_of(contacts.pairs, c)
+        n = normal_of(contacts.pairs, c)
+        gap_rate = gap_rate_of(contacts.pairs, c)
         weight = weights_of(contacts, c)
         last = momentum.pair_last[c]
-        x = wp.where(momentum.undo[0] != 0, last, pair.dv)
+        x = wp.where(momentum.undo[0] != 0, last, dv_of(contacts.pair_dv, c))
         y = go_on(x, last, momentum.scalar[BETA])
-        vi = velocity_of(grains.next_velocity, pair.i)
-        vj = velocity_of(grains.next_velocity, pair.j)
-        vn = wp.dot(vi - vj, pair.n)
-        dv = law.pair_correction(vn, y, pair.gap_rate)
-        set_velocity(grains.next_velocity, pair.i, vi - dv * pair.n * weight[0])
-        set_velocity(grains.next_velocity, pair.j, vj + dv * pair.n * weight[1])
+        vi = velocity_of(grains.next_velocity, i)
+        vj = velocity_of(grains.next_velocity, j)
+        vn = wp.dot(vi - vj, n)
+        dv = law.pair_correction(vn, y, gap_rate)
+        set_velocity(grains.next_velocity, i, vi - dv * n * weight[0])
+        set_velocity(grains.next_velocity, j, vj + dv * n * weight[1])
         momentum.pair_last[c] = x
-        contacts.pairs[c].dv = y + dv
-        mu = mass_of(grains, pair.i) * weight[0]
-        gain = dv * (vn - pair.gap_rate - half * dv)
-        cost = pair.gap_rate * (y - x)
+        set_dv(contacts.pair_dv, c, y + dv)
+        mu = mass_of(grains, i) * weight[0]
+        gain = dv * (vn - gap_rate - half * dv)
+        cost = gap_rate * (y - x)
         return wp.vec3d(wp.abs(dv), mu * (cost - ENOUGH * gain), -mu * dv * (y + dv - x))
 
     @wp.func

@@ -14,6 +14,7 @@ import warp as wp
 
 from .crew import Crew, meet, share, slot_of
 from .data import GROUPS, WALLS, Contacts, Grains, Progress
+from .stage import kernels_of
 from .sweep import stages as sweep_stages
 from .variant import Variant
 
@@ -27,8 +28,8 @@ def unbalance(vn: f64, dv: f64, gap_rate: f64) -> f64:
 
 
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene."""
+def stages(variant: Variant) -> SimpleNamespace:
+    """Compile-time selection of the functions for one kind of scene."""
     apply_pair = sweep_stages(variant).apply_pair
 
     @wp.func
@@ -43,7 +44,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         """Apply this worker's share of the corrections of a group's pairs."""
         begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
         for c in range(begin, end):
-            apply_pair(grains.rebuilt_velocity, contacts, c, contacts.pairs[c].dv * contacts.pairs[c].n)
+            apply_pair(grains.rebuilt_velocity, contacts, c, contacts.pair_dv[c] * contacts.pairs[c].n)
 
     @wp.func
     def rebuild_walls(crew: Crew, tid: int, grains: Grains, contacts: Contacts):
@@ -61,7 +62,7 @@ def kernels(variant: Variant) -> SimpleNamespace:
         for c in range(begin, end):
             pair = contacts.pairs[c]
             vn = wp.dot(grains.rebuilt_velocity[pair.i] - grains.rebuilt_velocity[pair.j], pair.n)
-            worst = wp.max(worst, unbalance(vn, pair.dv, pair.gap_rate))
+            worst = wp.max(worst, unbalance(vn, contacts.pair_dv[c], pair.gap_rate))
         return worst
 
     @wp.func
@@ -92,38 +93,40 @@ def kernels(variant: Variant) -> SimpleNamespace:
             worst = wp.max(worst, worst_of_group(crew, tid, grains, contacts, group))
         return worst
 
-    @wp.kernel(module=variant.module)
-    def measure_all(crew: Crew, grains: Grains, contacts: Contacts, progress: Progress):
+    @wp.func
+    def measure_all(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
         """Eta on a CPU, in one launch."""
-        slot = slot_of(crew, wp.tid(), progress.residual.shape[0])
-        progress.residual[slot] = measure(crew, wp.tid(), grains, contacts)
+        slot = slot_of(crew, tid, progress.residual.shape[0])
+        progress.residual[slot] = measure(crew, tid, grains, contacts)
 
-    @wp.kernel(module=variant.module)
-    def begin_rebuild(crew: Crew, grains: Grains, progress: Progress):
+    @wp.func
+    def begin_rebuild(crew: Crew, tid: int, grains: Grains, progress: Progress):
         """First launch of eta on a GPU."""
         if progress.checking[0] != 0:
-            free_share(crew, wp.tid(), grains)
+            free_share(crew, tid, grains)
 
-    @wp.kernel(module=variant.module)
-    def rebuild_pairs(crew: Crew, grains: Grains, contacts: Contacts, progress: Progress, group: int):
+    @wp.func
+    def rebuild_pairs(
+        crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress, group: int
+    ):
         """Launch of one group on a GPU."""
         if progress.checking[0] != 0 and group < contacts.count[GROUPS]:
-            rebuild_group(crew, wp.tid(), grains, contacts, group)
+            rebuild_group(crew, tid, grains, contacts, group)
 
-    @wp.kernel(module=variant.module)
-    def finish_rebuild(crew: Crew, grains: Grains, contacts: Contacts, progress: Progress):
+    @wp.func
+    def finish_rebuild(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
         """Launch of the walls on a GPU."""
         if progress.checking[0] != 0:
-            rebuild_walls(crew, wp.tid(), grains, contacts)
+            rebuild_walls(crew, tid, grains, contacts)
 
-    @wp.kernel(module=variant.module)
-    def find_worst(crew: Crew, grains: Grains, contacts: Contacts, progress: Progress):
+    @wp.func
+    def find_worst(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
         """Last launch of eta on a GPU."""
         if progress.checking[0] != 0:
-            worst = worst_of_walls(crew, wp.tid(), grains, contacts)
+            worst = worst_of_walls(crew, tid, grains, contacts)
             for group in range(contacts.count[GROUPS]):
-                worst = wp.max(worst, worst_of_group(crew, wp.tid(), grains, contacts, group))
-            wp.atomic_max(progress.residual, slot_of(crew, wp.tid(), progress.residual.shape[0]), worst)
+                worst = wp.max(worst, worst_of_group(crew, tid, grains, contacts, group))
+            wp.atomic_max(progress.residual, slot_of(crew, tid, progress.residual.shape[0]), worst)
 
     return SimpleNamespace(
         measure=measure,
@@ -132,4 +135,18 @@ def kernels(variant: Variant) -> SimpleNamespace:
         rebuild_pairs=rebuild_pairs,
         finish_rebuild=finish_rebuild,
         find_worst=find_worst,
+    )
+
+
+@cache
+def kernels(variant: Variant) -> SimpleNamespace:
+    """Kernels of the stages that are launched."""
+    own = stages(variant)
+    return kernels_of(
+        variant.module,
+        own.measure_all,
+        own.begin_rebuild,
+        own.rebuild_pairs,
+        own.finish_rebuild,
+        own.find_worst,
     )

@@ -1,4 +1,4 @@
-"""Stages: functions that a kernel of their own launches on many threads, or another kernel calls in a loop."""
+"""Stages: functions that kernels of their own launch on many threads, or another kernel calls in a loop."""
 
 import inspect
 from types import SimpleNamespace

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from . import law
+from .access import dv_of, first_of, gap_rate_of, normal_of, second_of, set_dv, set_velocity, velocity_of
 from .crew import Crew, meet, share
 from .data import (
     GROUPS,
@@ -21,20 +22,6 @@ from .variant import Variant
 from .watch import watch_grain
 
 f64 = wp.float64
-
-
-# Warp's own indexing allows negative indices and any stride; the innermost loop would pay a sixth of its time
-# for that.
-@wp.func_native("return velocity.data[i];")
-def velocity_of(velocity: wp.array(dtype=wp.vec2d), i: int) -> wp.vec2d:
-    """Read a velocity [m/s]."""
-    ...
-
-
-@wp.func_native("velocity.data[i] = value;")
-def set_velocity(velocity: wp.array(dtype=wp.vec2d), i: int, value: wp.vec2d):
-    """Write a velocity [m/s]."""
-    ...
 
 
 @cache
@@ -61,15 +48,18 @@ def stages(variant: Variant) -> SimpleNamespace:
     @wp.func
     def correct_pair(velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, c: int) -> f64:
         """One pair's correction, in place. Returns |dv|."""
-        pair = contacts.pairs[c]
+        i = first_of(contacts.pairs, c)
+        j = second_of(contacts.pairs, c)
+        n = normal_of(contacts.pairs, c)
         weight = weights_of(contacts, c)
-        vi = velocity_of(velocity, pair.i)
-        vj = velocity_of(velocity, pair.j)
-        vn = wp.dot(vi - vj, pair.n)
-        dv = law.pair_correction(vn, pair.dv, pair.gap_rate)
-        set_velocity(velocity, pair.i, vi - dv * pair.n * weight[0])
-        set_velocity(velocity, pair.j, vj + dv * pair.n * weight[1])
-        contacts.pairs[c].dv = pair.dv + dv
+        vi = velocity_of(velocity, i)
+        vj = velocity_of(velocity, j)
+        vn = wp.dot(vi - vj, n)
+        dv_before = dv_of(contacts.pair_dv, c)
+        dv = law.pair_correction(vn, dv_before, gap_rate_of(contacts.pairs, c))
+        set_velocity(velocity, i, vi - dv * n * weight[0])
+        set_velocity(velocity, j, vj + dv * n * weight[1])
+        set_dv(contacts.pair_dv, c, dv_before + dv)
         return wp.abs(dv)
 
     @wp.func
@@ -94,8 +84,8 @@ def stages(variant: Variant) -> SimpleNamespace:
         radius_j = radius_of(grains, pair.j)
         contacts.pairs[c].n = n
         contacts.pairs[c].gap_rate = law.pair_gap(distance, radius_i, radius_j) / dt
-        contacts.pair_dv_start[c] = pair.dv
-        apply_pair(grains.next_velocity, contacts, c, pair.dv * n)
+        contacts.pair_dv_start[c] = contacts.pair_dv[c]
+        apply_pair(grains.next_velocity, contacts, c, contacts.pair_dv[c] * n)
 
     @wp.func
     def sweep_group(
@@ -105,8 +95,10 @@ def stages(variant: Variant) -> SimpleNamespace:
         largest = f64(0.0)
         begin, end = share(crew, tid, contacts.group_start[group], contacts.group_start[group + 1])
         if watch.flag[WATCHING] == 0:
-            for c in range(begin, end):
+            c = begin
+            while c < end:
                 largest = wp.max(largest, correct_pair(grains.next_velocity, contacts, c))
+                c += 1
         else:
             for c in range(begin, end):
                 change = correct_pair(grains.next_velocity, contacts, c)

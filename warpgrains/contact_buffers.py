@@ -42,6 +42,7 @@ class ContactBuffers:
         self.rows, self.old_rows = self._empty_rows(), self._empty_rows()
         self.contacts = contacts = Contacts()
         contacts.pairs = self._zeros(0, Pair)
+        contacts.pair_dv = self._zeros(0, wp.float64)
         contacts.weights = self._zeros(0, wp.vec2d)
         contacts.pair_dv_start = self._zeros(0, wp.float64)
         contacts.group_start = self._zeros(2, wp.int32)
@@ -53,6 +54,7 @@ class ContactBuffers:
         self.old_pair_dv, self.wall_dv = self._zeros(0, wp.float64), self._zeros(grains, wp.float64)
         self._growing = [
             (contacts, "pairs"),
+            (contacts, "pair_dv"),
             (contacts, "pair_dv_start"),
             (contacts, "group_start"),
             (self.rows, "found"),
@@ -113,7 +115,7 @@ class ContactBuffers:
     def corrections(self) -> Corrections:
         """Return what the contacts carry after the last good step."""
         pairs, _, walls = self.counts
-        dv = self.contacts.pairs.numpy()["dv"][self.slot.numpy()[:pairs]]
+        dv = self.contacts.pair_dv.numpy()[self.slot.numpy()[:pairs]]
         carrying = dv != 0.0
         wall = self.contacts.walls.numpy()[:walls]
         wall_correction = np.zeros(self._grains)
@@ -142,14 +144,11 @@ class ContactBuffers:
 
     def revert(self) -> None:
         """Take back what an unfinished step did to the corrections."""
-        pairs, _, walls = self.counts
-        for contacts, start, count in (
-            (self.contacts.pairs, self.contacts.pair_dv_start, pairs),
-            (self.contacts.walls, self.contacts.wall_dv_start, walls),
-        ):
-            records = contacts.numpy()
-            records["dv"][:count] = start.numpy()[:count]
-            contacts.assign(records)
+        contacts, (pairs, _, walls) = self.contacts, self.counts
+        _write(contacts.pair_dv, contacts.pair_dv_start.numpy()[:pairs])
+        records = contacts.walls.numpy()
+        records["dv"][:walls] = contacts.wall_dv_start.numpy()[:walls]
+        contacts.walls.assign(records)
 
 
 def _write(array: wp.array, values: np.ndarray) -> None:

@@ -14,7 +14,7 @@ from warpgrains.reports import Corrections, Lists
 from warpgrains.scene import Scene
 
 SLACK = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
-WINDOW = 2048  # pairs that one worker interleaves by levels: many hide latency, few stay in cache
+WINDOW = 32768  # pairs that one worker interleaves by levels: many hide latency, few stay in cache
 
 
 class ContactList:

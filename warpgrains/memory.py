@@ -25,7 +25,7 @@ def require_memory(grains: int, pairs: int, device: wp.Device) -> None:
         They need more memory than the device has free.
     """
     needed = grains * BYTES_PER_GRAIN + pairs * BYTES_PER_PAIR
-    free = _free_memory(device)
+    free = free_memory(device)
     if needed > free:
         raise SimulationError(
             f"{grains} grains with {pairs} candidate pairs need about {needed / 1e9:.2f} GB,"
@@ -33,7 +33,7 @@ def require_memory(grains: int, pairs: int, device: wp.Device) -> None:
         )
 
 
-def _free_memory(device: wp.Device) -> float:
+def free_memory(device: wp.Device) -> float:
     """Return the free memory of a device [bytes], infinite where it is not told."""
     if device.is_cuda:
         return float(device.free_memory)

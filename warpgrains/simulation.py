@@ -51,7 +51,7 @@ class Simulation:
         self.scene = scene.replace(**overrides) if overrides else scene
         if threads is not None:
             checks.whole_number("threads", threads)
-        self._solver = StepSolver(self.scene, _find_device(device), threads)
+        self._solver = StepSolver(self.scene, find_device(device), threads)
         self.restore(first_state(self.scene))
 
     def step(self) -> StepReport:
@@ -199,7 +199,8 @@ class Simulation:
         return simulation
 
 
-def _find_device(name: str) -> wp.Device:
+def find_device(name: str) -> wp.Device:
+    """Return a Warp device by its name; raise SceneError if there is none."""
     try:
         return wp.get_device(name)
     except (ValueError, RuntimeError) as error:

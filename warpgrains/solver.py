@@ -1,7 +1,5 @@
 """StepSolver: one time step, solved exactly for a list of contacts that proves itself complete."""
 
-import os
-
 import numpy as np
 import warp as wp
 
@@ -21,6 +19,7 @@ from warpgrains.memory import require_memory
 from warpgrains.replay import Replay, reader
 from warpgrains.reports import State, StepReport
 from warpgrains.scene import Scene
+from warpgrains.threads import cores
 
 CALM = 0.3  # of the slack: what a grain may stray in a step without being watched
 PAIRS_PER_GRAIN = 4  # that a list may come to hold
@@ -34,8 +33,7 @@ def paying_threads(scene: Scene) -> int:
     A pile has about 3 contacts a grain; they fall in about 12 colors, or in 7 sqrt(n) levels (DESIGN.md).
     """
     groups = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return cores if 3.0 * scene.n / groups > PAIRS_PER_MEETING else 1
+    return cores() if 3.0 * scene.n / groups > PAIRS_PER_MEETING else 1
 
 
 class StepSolver:

@@ -28,7 +28,7 @@ def library() -> ctypes.CDLL:
     loaded.run.restype = None
     loaded.run.argtypes = [ctypes.POINTER(Grains), whole, number, number, number]
     loaded.sweeps.restype = number
-    loaded.sweeps.argtypes = [whole, whole, array, whole, array, array]
+    loaded.sweeps.argtypes = [whole, whole, array, array, whole, array, array]
     return loaded
 
 
@@ -46,7 +46,7 @@ class CReference(Reference):
 
 def sweep_in_c(arrays: Sweeps, count: int) -> float:
     """Sweep the solver's own arrays so often, in their order; return the last zeta [m/s]."""
-    pairs, walls, velocity = arrays.pairs, arrays.walls, arrays.velocity
-    return library().sweeps(
-        count, len(pairs), pairs.ctypes.data, len(walls), walls.ctypes.data, velocity.ctypes.data
+    pairs, dv, walls, velocity = (
+        array.ctypes.data for array in (arrays.pairs, arrays.pair_dv, arrays.walls, arrays.velocity)
     )
+    return library().sweeps(count, len(arrays.pairs), pairs, dv, len(arrays.walls), walls, velocity)

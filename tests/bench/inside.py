@@ -10,7 +10,7 @@ from warpgrains.kernels.data import DRIFT, ITERATIONS, MISSED, WATCHING, ZETA
 from warpgrains.solver import paying_threads
 
 VEC = ("<f8", (2,))
-PAIR = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("dv", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
+PAIR = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
 WALL = np.dtype(
     [("n", *VEC), ("gap_rate_out", "<f8"), ("gap_rate_in", "<f8"), ("dv", "<f8"), ("i", "<i4")], align=True
 )
@@ -41,8 +41,9 @@ class Sweeps:
 
     Attributes
     ----------
-    pairs, walls, velocity : ndarray
-        The arrays themselves, in sweeping order: records `Pair` and `Wall` of sweep.c, and velocities [m/s].
+    pairs, pair_dv, walls, velocity : ndarray
+        The arrays themselves, in sweeping order: records `Pair` and `Wall` of sweep.c, corrections of the
+        pairs and velocities of the grains [m/s].
     """
 
     def __init__(self, simulation: Simulation):
@@ -50,17 +51,18 @@ class Sweeps:
         contacts = self._solver.contacts
         pairs, _, walls = contacts.counts
         self.pairs = _records(contacts.device.pairs, PAIR)[:pairs]
+        self.pair_dv = contacts.device.pair_dv.numpy()[:pairs]
         self.walls = _records(contacts.device.walls, WALL)[:walls]
         self.velocity = self._solver.grains.next_velocity.numpy()
         self._start = self.contents()
 
     def contents(self) -> tuple[np.ndarray, ...]:
         """Return a copy of all that a sweep changes."""
-        return self.pairs["dv"].copy(), self.walls["dv"].copy(), self.velocity.copy()
+        return self.pair_dv.copy(), self.walls["dv"].copy(), self.velocity.copy()
 
     def reset(self) -> None:
         """Put everything back to where the sweeps start, all calm, so that nothing is watched."""
-        self.pairs["dv"], self.walls["dv"], self.velocity[:] = self._start
+        self.pair_dv[:], self.walls["dv"], self.velocity[:] = self._start
         progress, watch = self._solver._progress, self._solver._watch
         progress.iterating.numpy()[0] = 1
         progress.report.numpy()[ITERATIONS] = 0.0

@@ -8,7 +8,7 @@ typedef struct {
 
 typedef struct {
     Vec n;
-    double gapRate, dv;
+    double gapRate;
     int i, j;
 } Pair;
 
@@ -20,18 +20,18 @@ typedef struct {
 
 static double larger(double a, double b) { return a > b ? a : b; }
 
-static double sweepPairs(int count, Pair *restrict pairs, Vec *restrict v) {
+static double sweepPairs(int count, const Pair *restrict pairs, double *restrict pairDv, Vec *restrict v) {
     double zeta = 0.0;
     for (int c = 0; c < count; c++) {
-        Pair *p = &pairs[c];
+        const Pair *p = &pairs[c];
         Vec vi = v[p->i], vj = v[p->j];
         double vn = (vi.x - vj.x) * p->n.x + (vi.y - vj.y) * p->n.y;
-        double dv = larger(0.0, vn + p->dv - p->gapRate) - p->dv;
+        double dv = larger(0.0, vn + pairDv[c] - p->gapRate) - pairDv[c];
         v[p->i].x = vi.x - dv * p->n.x * 0.5;
         v[p->i].y = vi.y - dv * p->n.y * 0.5;
         v[p->j].x = vj.x + dv * p->n.x * 0.5;
         v[p->j].y = vj.y + dv * p->n.y * 0.5;
-        p->dv += dv;
+        pairDv[c] += dv;
         zeta = larger(zeta, fabs(dv));
     }
     return zeta;
@@ -53,10 +53,11 @@ static double sweepWalls(int count, Wall *restrict walls, Vec *restrict v) {
 }
 
 /* So many sweeps; returns the zeta of the last. */
-double sweeps(int count, int nPairs, Pair *pairs, int nWalls, Wall *walls, Vec *velocity) {
+double sweeps(int count, int nPairs, const Pair *pairs, double *pairDv, int nWalls, Wall *walls,
+              Vec *velocity) {
     double zeta = 0.0;
     for (int k = 0; k < count; k++) {
-        zeta = sweepPairs(nPairs, pairs, velocity);
+        zeta = sweepPairs(nPairs, pairs, pairDv, velocity);
         zeta = larger(zeta, sweepWalls(nWalls, walls, velocity));
     }
     return zeta;

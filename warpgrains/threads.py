@@ -1,0 +1,38 @@
+"""OS threads that work side by side, while the caller's thread watches over them."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+
+GLANCE = 0.1  # seconds between two looks at how far they are
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def side_by_side(
+    works: Sequence[Callable[[], None]], glance: Callable[[], None], halt: Callable[[], None]
+) -> None:
+    """Do works on a thread each.
+
+    Parameters
+    ----------
+    works : sequence of callable
+    glance : callable
+        Called now and then, and at the end.
+    halt : callable
+        Called once if this thread is interrupted: it asks the works to end soon. They are waited for.
+    """
+    with ThreadPoolExecutor(len(works)) as executor:
+        futures = [executor.submit(work) for work in works]
+        try:
+            while wait(futures, timeout=GLANCE).not_done:
+                glance()
+        except BaseException:
+            halt()
+            raise
+    for future in futures:
+        future.result()
+    glance()
