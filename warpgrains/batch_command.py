@@ -128,23 +128,18 @@ def _means(arguments: Namespace) -> Means:
         checks.whole_number("--slurm", arguments.slurm)
     if arguments.fps is not None and not arguments.usd:
         raise SceneError("--fps needs --usd")
-    fps = (
-        checks.positive("--fps", DEFAULT_FPS if arguments.fps is None else arguments.fps)
-        if arguments.usd
-        else None
-    )
-    return Means(arguments.device, arguments.threads, fps)
+    fps = DEFAULT_FPS if arguments.fps is None else checks.positive("--fps", arguments.fps)
+    return Means(arguments.device, arguments.threads, fps if arguments.usd else None)
 
 
 def _lines(folder: SweepFolder, share: list[Run], left: list[Run], done: list[Row], seconds: float) -> str:
-    failed = [row for row in done if row["error"]]
+    failed, missing = [row for row in done if row["error"]], len(share) - len(done)
+    first = f", first run {failed[0]['run']}: {failed[0]['error']}" if failed else ""
     unconverged = sum(int(row["unconverged"] or 0) > 0 for row in done)
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
-        "failed": f"{len(failed)}"
-        + (f", first run {failed[0]['run']}: {failed[0]['error']}" if failed else ""),
-        "not finished": f"{len(share) - len(done)}"
-        + (" (--resume goes on)" if len(done) < len(share) else ""),
+        "failed": f"{len(failed)}{first}",
+        "not finished": f"{missing}{' (--resume goes on)' if missing else ''}",
         "not converged": f"some step of {unconverged} runs",
         "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
         "results": f"{folder.results}",

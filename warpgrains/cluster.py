@@ -7,7 +7,7 @@ worker died is done by another one, from the checkpoints, without the runs that 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from threading import Lock
@@ -19,7 +19,7 @@ from warpgrains.run_folder import RunFolder
 from warpgrains.run_groups import Means, Tell, finish_runs
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 CHUNKS_A_THREAD = 16
 MOST_IN_A_CHUNK = 64
@@ -33,8 +33,8 @@ def finish_on_cluster(
 ) -> None:
     """Carry runs out to their end on a cluster.
 
-    A chunk that dask gives up, since too many of its workers died, is done again run by run. A run that is
-    given up alone is left as it is, standard error says so, and the others go on.
+    What dask gives up, since too many workers died of it, is done again in the end, a run at a time. A run
+    that is given up alone is left as it is, and standard error says so.
 
     Parameters
     ----------
@@ -55,25 +55,30 @@ def finish_on_cluster(
         Dask is not installed, or there is no such cluster.
     """
     with _client(scheduler, slurm_jobs) as client:
-        from distributed import as_completed
-
-        def submit(chunk: list[RunFolder]) -> Future:
-            future = client.submit(finish_chunk, chunk, means, pure=False)
-            chunks[future.key] = chunk
-            return future
-
-        chunks: dict[str, list[RunFolder]] = {}
         threads = sum(client.nthreads().values()) or slurm_jobs or 1
-        under_way = as_completed([submit(chunk) for chunk in _chunks(folders, threads)])
-        for future in under_way:
-            chunk, error = chunks.pop(future.key), future.exception()
-            left = [folder for folder in chunk if not folder.is_finished]
-            tell(len(chunk) - len(left))
-            if len(left) > 1:
-                under_way.update(submit([folder]) for folder in left)
-            elif left:
-                reason = error or "its result is not seen here: all machines must see the folder of the sweep"
-                print(f"run {left[0].labels['run']} is not finished: {reason}", file=sys.stderr)
+        for run in _left_by_chunks(client, _chunks(folders, threads), means, tell):
+            future = client.submit(finish_chunk, [run], means, pure=False)
+            reason = future.exception() or "its result is not seen here: all machines must see DIR"
+            if run.is_finished:
+                tell(1.0)
+            else:
+                print(f"run {run.labels['run']} is not finished: {reason}", file=sys.stderr)
+
+
+def _left_by_chunks(
+    client: Client, chunks: Iterable[list[RunFolder]], means: Means, tell: Tell
+) -> list[RunFolder]:
+    """Have chunks carried out; return the runs of those that are given up, as far as they are not finished."""
+    from distributed import as_completed
+
+    left: list[RunFolder] = []
+    given = {client.submit(finish_chunk, chunk, means, pure=False): chunk for chunk in chunks}
+    for future in as_completed(given):
+        chunk = given.pop(future)
+        lost = [run for run in chunk if not run.is_finished]
+        tell(len(chunk) - len(lost))
+        left += lost
+    return left
 
 
 def finish_chunk(folders: list[RunFolder], means: Means) -> None:
@@ -117,7 +122,8 @@ def _client(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
     try:
         cluster = SLURMCluster()
     except ValueError as error:
-        raise SceneError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {error}") from error
+        reason = str(error).partition("\n")[0]
+        raise SceneError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {reason}") from error
     with cluster, Client(cluster) as client:
         cluster.scale(jobs=slurm_jobs)
         yield client

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from time import perf_counter
 
-import numpy as np
 import warp as wp
 
 from warpgrains.errors import SimulationError
