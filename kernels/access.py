@@ -6,7 +6,7 @@ The arrays are contiguous and the indices are the solver's own.
 
 import warp as wp
 
-from .data import Pair
+from .data import Pair, Wall
 
 f64 = wp.float64
 
@@ -56,4 +56,40 @@ def dv_of(dv: wp.array(dtype=f64), c: int) -> f64:
 @wp.func_native("dv.data[c] = value;")
 def set_dv(dv: wp.array(dtype=f64), c: int, value: f64):
     """Write a correction [m/s]."""
+    ...
+
+
+@wp.func_native("return walls.data[c].i;")
+def grain_of(walls: wp.array(dtype=Wall), c: int) -> int:
+    """Read which grain may reach a wall."""
+    ...
+
+
+@wp.func_native("return walls.data[c].n;")
+def wall_normal_of(walls: wp.array(dtype=Wall), c: int) -> wp.vec2d:
+    """Read a unit normal."""
+    ...
+
+
+@wp.func_native("return walls.data[c].gap_rate_out;")
+def outer_gap_rate_of(walls: wp.array(dtype=Wall), c: int) -> f64:
+    """Read gap / dt at the outer wall [m/s]."""
+    ...
+
+
+@wp.func_native("return walls.data[c].gap_rate_in;")
+def inner_gap_rate_of(walls: wp.array(dtype=Wall), c: int) -> f64:
+    """Read gap / dt at the inner wall [m/s]."""
+    ...
+
+
+@wp.func_native("return walls.data[c].dv;")
+def wall_dv_of(walls: wp.array(dtype=Wall), c: int) -> f64:
+    """Read a correction at the walls [m/s]."""
+    ...
+
+
+@wp.func_native("walls.data[c].dv = value;")
+def set_wall_dv(walls: wp.array(dtype=Wall), c: int, value: f64):
+    """Write a correction at the walls [m/s]."""
     ...

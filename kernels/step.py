@@ -19,7 +19,7 @@ SOLVED, WITHOUT_ROOM, FAILED = (wp.constant(k) for k in range(3))
 def revert(s: SceneRecord):
     """Take back what an unfinished step did to the corrections."""
     for c in range(s.contacts.count[PAIRS]):
-        s.contacts.pairs[c].dv = s.contacts.pair_dv_start[c]
+        s.contacts.pair_dv[c] = s.contacts.pair_dv_start[c]
     for c in range(s.contacts.count[WALLS]):
         s.contacts.walls[c].dv = s.contacts.wall_dv_start[c]
 

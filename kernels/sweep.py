@@ -6,7 +6,22 @@ from types import SimpleNamespace
 import warp as wp
 
 from . import law
-from .access import dv_of, first_of, gap_rate_of, normal_of, second_of, set_dv, set_velocity, velocity_of
+from .access import (
+    dv_of,
+    first_of,
+    gap_rate_of,
+    grain_of,
+    inner_gap_rate_of,
+    normal_of,
+    outer_gap_rate_of,
+    second_of,
+    set_dv,
+    set_velocity,
+    set_wall_dv,
+    velocity_of,
+    wall_dv_of,
+    wall_normal_of,
+)
 from .crew import Crew, meet, share
 from .data import (
     GROUPS,
@@ -65,14 +80,17 @@ def stages(variant: Variant) -> SimpleNamespace:
     @wp.func
     def correct_wall(velocity: wp.array(dtype=wp.vec2d), contacts: Contacts, c: int) -> f64:
         """One grain's wall correction, in place. Returns |dv|."""
-        wall = contacts.walls[c]
-        vn = wp.dot(velocity[wall.i], wall.n)
-        dv = law.outer_correction(vn, wall.dv, wall.gap_rate_out)
+        i = grain_of(contacts.walls, c)
+        n = wall_normal_of(contacts.walls, c)
+        v = velocity_of(velocity, i)
+        vn = wp.dot(v, n)
+        dv_before = wall_dv_of(contacts.walls, c)
+        dv = law.outer_correction(vn, dv_before, outer_gap_rate_of(contacts.walls, c))
         if wp.static(variant.inner_wall):
-            dv = dv - law.inner_correction(vn, wall.dv, wall.gap_rate_in)
-        dv = dv - wall.dv
-        velocity[wall.i] = velocity[wall.i] - dv * wall.n
-        contacts.walls[c].dv = wall.dv + dv
+            dv = dv - law.inner_correction(vn, dv_before, inner_gap_rate_of(contacts.walls, c))
+        dv = dv - dv_before
+        set_velocity(velocity, i, v - dv * n)
+        set_wall_dv(contacts.walls, c, dv_before + dv)
         return wp.abs(dv)
 
     @wp.func
@@ -115,11 +133,14 @@ def stages(variant: Variant) -> SimpleNamespace:
         """Correct this worker's share of the grains that may reach a wall. Returns the largest |dv|."""
         largest = f64(0.0)
         begin, end = share(crew, tid, 0, contacts.count[WALLS])
-        for c in range(begin, end):
+        c = begin
+        while c < end:
             largest = wp.max(largest, correct_wall(grains.next_velocity, contacts, c))
-            if watch.flag[WATCHING] != 0:
-                i = contacts.walls[c].i
-                watch_grain(grains.next_velocity[i], watch, i)
+            c += 1
+        if watch.flag[WATCHING] != 0:
+            for k in range(begin, end):
+                i = grain_of(contacts.walls, k)
+                watch_grain(velocity_of(grains.next_velocity, i), watch, i)
         return largest
 
     @wp.func

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from warpgrains import Scene, Simulation, State, contacts, solver
+from warpgrains import Scene, Simulation, State, scales, solver
 from warpgrains.replay import Replay
 from warpgrains.scene import METHODS, ORDERS
 
@@ -62,7 +62,7 @@ def expected_in_sequence() -> State:
 
 
 def test_no_list_is_used_for_two_steps(expected_in_sequence: State, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(contacts, "SLACK", 1e-12)
+    monkeypatch.setattr(scales, "SLACK", 1e-12)
     simulation = Simulation(scene("sequential"), threads=1)
     rebuilds = [simulation.step().rebuilds for _ in range(STEPS)]
     assert min(rebuilds) >= 1

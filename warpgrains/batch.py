@@ -2,19 +2,23 @@
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from time import perf_counter
 
 from tqdm import tqdm
 
+from warpgrains import checks
 from warpgrains.errors import SceneError, SimulationError
-from warpgrains.reports import FloatArray, State, StepReport, Summary, Tally
+from warpgrains.reports import FloatArray, State, StepReport, Summary
 from warpgrains.scene import Scene
-from warpgrains.simulation import Simulation
+from warpgrains.simulation import find_device
+from warpgrains.states import require_state
+from warpgrains.threads import cores
+from warpgrains.wave import Advanced
+from warpgrains.waves import Done, Waves
 
 
 @dataclass(frozen=True)
 class SceneSummary(Summary):
-    """What a run of a batch did with one of its scenes.
+    """What a run of a batch did with one of its scenes; `seconds` is what it took of one core's time.
 
     Attributes
     ----------
@@ -29,7 +33,7 @@ class Batch:
     """Many scenes on one device, of any sizes and parameters.
 
     Each scene gets the same bits as alone in a `Simulation`, whatever else is in the batch, in whatever
-    order, on however many threads.
+    order, on however many threads. If there are more scenes than memory holds, they take turns in it.
 
     Parameters
     ----------
@@ -45,13 +49,19 @@ class Batch:
         There is no scene, the device is unknown, or the number of threads is not positive.
     SimulationError
         A scene does not fit in memory.
+
+    Attributes
+    ----------
+    scenes : tuple of Scene
     """
 
     def __init__(self, scenes: Iterable[Scene], device: str = "cpu", threads: int | None = None):
-        self.scenes = list(scenes)
+        self.scenes = tuple(scenes)
         if not self.scenes:
             raise SceneError("a batch needs at least one scene")
-        self._simulations = [Simulation(scene, device, threads) for scene in self.scenes]
+        if threads is not None:
+            checks.whole_number("threads", threads)
+        self._waves = Waves(self.scenes, find_device(device), cores() if threads is None else threads)
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
 
     def __len__(self) -> int:
@@ -67,15 +77,11 @@ class Batch:
             A number of some scene is no longer finite: that scene's state is that before the step, and the
             others have advanced.
         """
-        failures = []
-        for k, simulation in enumerate(self._simulations):
-            try:
-                self._reports[k] = simulation.step()
-            except SimulationError as error:
-                failures.append(f"scene {k}: {error}")
+        outcomes = self._advance([1] * len(self), lambda _: None)
+        failures = [f"scene {done.k}: {done.error}" for done in outcomes if done.error is not None]
         if failures:
             raise SimulationError("; ".join(failures))
-        return [report for report in self._reports if report is not None]
+        return [done.report for done in outcomes if done.report is not None]
 
     def run(
         self, steps: int | None = None, duration: float | None = None, progress: bool = False
@@ -98,20 +104,17 @@ class Batch:
         list of SceneSummary
             One a scene; `error` tells why it failed, if it did.
         """
-        summaries = []
         wanted = [_steps_of(scene, steps, duration) for scene in self.scenes]
         with tqdm(total=sum(wanted), disable=not progress) as bar:
-            for simulation, count in zip(self._simulations, wanted, strict=True):
-                start, tally, error = perf_counter(), Tally(), None
-                try:
-                    while tally.steps < count:
-                        tally.add(simulation.step())
-                        bar.update()
-                except SimulationError as failure:
-                    error = str(failure)
-                tally.seconds = perf_counter() - start
-                summaries.append(SceneSummary(**asdict(tally.summary(None)), error=error))
-        return summaries
+            outcomes = self._advance(wanted, bar.update)
+        return [SceneSummary(**asdict(done.tally.summary(None)), error=done.error) for done in outcomes]
+
+    def _advance(self, steps: list[int], advanced: Advanced) -> list[Done]:
+        """Do so many steps of each scene, and keep the last reports."""
+        outcomes = sorted(self._waves.work(steps, advanced))
+        for done in outcomes:
+            self._reports[done.k] = done.report or self._reports[done.k]
+        return outcomes
 
     @property
     def reports(self) -> list[StepReport | None]:
@@ -120,28 +123,29 @@ class Batch:
 
     def position(self, k: int) -> FloatArray:
         """Return the centres of the grains of scene k [m], shape (n, 2); a copy."""
-        return self._simulations[k].position
+        return self.state(k).position
 
     def velocity(self, k: int) -> FloatArray:
         """Return the velocities of the grains of scene k [m/s], shape (n, 2); a copy."""
-        return self._simulations[k].velocity
+        return self.state(k).velocity
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k, from which `restore` continues with the same bits."""
-        return self._simulations[k].state()
+        return self._waves.state(k)
 
     def restore(self, k: int, state: State) -> None:
-        """Continue scene k from a state of it.
+        """Continue scene k from a state.
 
         Raises
         ------
         SceneError
             It is a state of other grains.
         """
-        self._simulations[k].restore(state)
+        require_state(state, self.scenes[k].n)
+        self._waves.restore(k, state)
 
 
 def _steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
     if steps is not None:
-        return steps
+        return checks.whole_number("steps", steps, least=0)
     return scene.steps if duration is None else scene.steps_in(duration)

@@ -1,8 +1,8 @@
 """The buffers behind a list of contacts: counted first, grown, and read and written by the host."""
 
-import numpy as np
 import warp as wp
 
+from warpgrains.host_list import HostList
 from warpgrains.kernels.data import Contacts, Pair, Wall
 from warpgrains.kernels.detect import Rows
 from warpgrains.kernels.momentum import Momentum
@@ -103,56 +103,40 @@ class ContactBuffers:
         self._replay.forget()
         return True
 
-    def listed_pairs(self) -> IntArray:
-        """Return the listed pairs in lexicographic order, shape (m, 2)."""
-        first = np.repeat(np.arange(self._grains, dtype=np.int32), np.diff(self.rows.start.numpy()))
-        return np.stack([first, self.rows.neighbor.numpy()[: len(first)]], axis=1)
+    def host(self) -> HostList:
+        """Return the list as the host sees it: on a CPU the arrays themselves, elsewhere copies."""
+        return HostList(**{name: array.numpy() for name, array in self._listed().items()})
 
-    def listed_walls(self) -> IntArray:
-        """Return the grains that are listed at the walls, in ascending order."""
-        return np.sort(self.contacts.walls.numpy()["i"][: self.counts[2]])
+    def _listed(self) -> dict[str, wp.array]:
+        contacts = self.contacts
+        return {
+            "start": self.rows.start,
+            "neighbor": self.rows.neighbor,
+            "old_start": self.old_rows.start,
+            "old_neighbor": self.old_rows.neighbor,
+            "slot": self.slot,
+            "pair_dv": contacts.pair_dv,
+            "pair_dv_start": contacts.pair_dv_start,
+            "walls": contacts.walls,
+            "wall_dv_start": contacts.wall_dv_start,
+            "count": contacts.count,
+            "old_pair_dv": self.old_pair_dv,
+        }
 
-    def corrections(self) -> Corrections:
-        """Return what the contacts carry after the last good step."""
-        pairs, _, walls = self.counts
-        dv = self.contacts.pair_dv.numpy()[self.slot.numpy()[:pairs]]
-        carrying = dv != 0.0
-        wall = self.contacts.walls.numpy()[:walls]
-        wall_correction = np.zeros(self._grains)
-        wall_correction[wall["i"]] = wall["dv"]
-        return Corrections(self.listed_pairs()[carrying], dv[carrying], wall_correction)
+    def _write(self, host: HostList) -> None:
+        """Take over what the host has written."""
+        for name, array in self._listed().items():
+            array.assign(getattr(host, name))
 
     def load(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
         """List pairs, in lexicographic order, and walls, as of before they were put in sweeping order."""
         self.reserve(len(pair))
-        dv = np.zeros(len(pair))
-        key = np.array([self._grains, 1])
-        dv[np.searchsorted(pair @ key, corrections.pair @ key)] = corrections.pair_correction
-        starts = np.searchsorted(pair[:, 0], np.arange(self._grains + 1))
-        for rows in (self.rows, self.old_rows):
-            rows.start.assign(starts.astype(np.int32))
-            _write(rows.neighbor, pair[:, 1])
-        _write(self.slot, np.arange(len(pair)))
-        _write(self.contacts.pair_dv_start, dv)
-        _write(self.old_pair_dv, dv)
-        records = np.zeros(self._grains, dtype=self.contacts.walls.numpy().dtype)
-        records["i"][: len(wall)] = wall
-        records["dv"][: len(wall)] = corrections.wall_correction[wall]
-        self.contacts.walls.assign(records)
-        _write(self.contacts.wall_dv_start, corrections.wall_correction[wall])
-        self.contacts.count.assign([len(pair), 0, len(wall)])
+        host = self.host()
+        host.load(pair, wall, corrections)
+        self._write(host)
 
     def revert(self) -> None:
         """Take back what an unfinished step did to the corrections."""
-        contacts, (pairs, _, walls) = self.contacts, self.counts
-        _write(contacts.pair_dv, contacts.pair_dv_start.numpy()[:pairs])
-        records = contacts.walls.numpy()
-        records["dv"][:walls] = contacts.wall_dv_start.numpy()[:walls]
-        contacts.walls.assign(records)
-
-
-def _write(array: wp.array, values: np.ndarray) -> None:
-    """Write values to the beginning of a device array."""
-    host = array.numpy()
-    host[: len(values)] = values
-    array.assign(host)
+        host = self.host()
+        host.revert()
+        self._write(host)

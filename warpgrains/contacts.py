@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from warpgrains import scales
 from warpgrains.contact_buffers import ContactBuffers
 from warpgrains.kernels import carry, data, detect, order, reach
 from warpgrains.kernels.data import WALLS, Contacts, Grains, Progress, Watch
@@ -13,7 +14,6 @@ from warpgrains.replay import Replay, reader
 from warpgrains.reports import Corrections, Lists
 from warpgrains.scene import Scene
 
-SLACK = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
 WINDOW = 32768  # pairs that one worker interleaves by levels: many hide latency, few stay in cache
 
 
@@ -46,12 +46,12 @@ class ContactList:
         variant: Variant,
         replay: Replay,
     ):
-        self._scene, self._grains, self._smallest = scene, grains, scene.radius.min().item()
+        self._scene, self._grains = scene, grains
         self._watch, self._progress, self._replay = watch, progress, replay
         self._detect, self._order = detect.kernels(variant), order.kernels(variant)
         self._carry, self._reach = carry.kernels(variant), reach.kernels(variant)
         self._buffers = ContactBuffers(scene.n, variant, momentum, replay)
-        cell_size = 2.0 * (float(np.median(scene.radius)) + SLACK * self._smallest)
+        cell_size = scales.cell_size(scene)
         self._search = NeighborSearch(grains, watch, self._buffers.rows, variant, replay, cell_size)
         self._in_line = replay.in_line and not variant.accelerated
         self._influence = wp.zeros(scene.n, dtype=wp.float64, device=replay.device)
@@ -101,13 +101,12 @@ class ContactList:
     def _renew_reaches(self) -> None:
         """Choose what the new list must reach."""
         each, scene, watch, kernels = self._replay.each, self._scene, self._watch, self._reach
-        each(kernels.adapt_slack, 1, watch, self._progress, self._smallest, scene.dt)
+        each(kernels.adapt_slack, 1, watch, self._progress, scales.smallest_radius(scene), scene.dt)
         each(kernels.renew, scene.n, self._grains, watch, self._progress, scene.dt)
         each(kernels.clear, 1, watch)
         each(kernels.find_mean, scene.n, watch)
         each(kernels.find_spread, scene.n, watch)
-        room, acceleration = 0.5 * float(np.median(scene.radius)), float(np.hypot(*scene.gravity))
-        each(kernels.find_horizon, 1, watch, room, acceleration, scene.dt)
+        each(kernels.find_horizon, 1, watch, scales.room(scene), scales.acceleration(scene), scene.dt)
 
     def _sort(self) -> None:
         """Sort the pairs; where one that carries a correction is not among them, widen its reach."""
@@ -151,7 +150,7 @@ class ContactList:
 
     def corrections(self) -> Corrections:
         """Return what the contacts carry after the last good step."""
-        return self._buffers.corrections()
+        return self._buffers.host().corrections()
 
     def revert(self) -> None:
         """Take back what an unfinished step did to the corrections."""
@@ -160,7 +159,8 @@ class ContactList:
     def lists(self) -> Lists:
         """Return what is listed, and what the watch has seen of it."""
         watch = {name: getattr(self._watch, name).numpy().copy() for name in Lists.WATCHED}
-        return Lists(self._buffers.listed_pairs(), self._buffers.listed_walls(), **watch)
+        host = self._buffers.host()
+        return Lists(host.listed_pairs(), host.listed_walls(), **watch)
 
     def load(self, corrections: Corrections, lists: Lists | None) -> None:
         """List what was listed; or, if that is not known, let the watch ask for a new list."""
@@ -170,7 +170,7 @@ class ContactList:
             self._watch.reach.fill_(-1.0)
             self._watch.recent.zero_()
             scalar = np.zeros(self._watch.scalar.shape)
-            scalar[data.SLACK] = SLACK * self._smallest
+            scalar[data.SLACK] = scales.first_slack(self._scene)
             self._watch.scalar.assign(scalar)
             return
         self._buffers.load(lists.pair, lists.wall, corrections)

@@ -18,7 +18,7 @@ class HostList:
         The listed pairs by first grain, and those of the list before (`kernels.detect.Rows`).
     slot : ndarray
         Place of every pair in sweeping order.
-    pairs, pair_dv_start, walls, wall_dv_start, count : ndarray
+    pair_dv, pair_dv_start, walls, wall_dv_start, count : ndarray
         As in `kernels.data.Contacts`, in sweeping order.
     old_pair_dv : ndarray
         Corrections of the pairs of the list before [m/s].
@@ -29,7 +29,7 @@ class HostList:
     old_start: IntArray
     old_neighbor: IntArray
     slot: IntArray
-    pairs: np.ndarray[Any, Any]
+    pair_dv: FloatArray
     pair_dv_start: FloatArray
     walls: np.ndarray[Any, Any]
     wall_dv_start: FloatArray
@@ -53,7 +53,7 @@ class HostList:
     def corrections(self) -> Corrections:
         """Return what the contacts carry after the last good step."""
         pairs, _, walls = self.count
-        dv = self.pairs["dv"][self.slot[:pairs]]
+        dv = self.pair_dv[self.slot[:pairs]]
         carrying = dv != 0.0
         wall_correction = np.zeros(self.grains)
         wall_correction[self.walls["i"][:walls]] = self.walls["dv"][:walls]
@@ -67,8 +67,8 @@ class HostList:
         self.start[:] = self.old_start[:] = np.searchsorted(pair[:, 0], np.arange(self.grains + 1))
         self.neighbor[: len(pair)] = self.old_neighbor[: len(pair)] = pair[:, 1]
         self.slot[: len(pair)] = np.arange(len(pair))
-        self.pairs["dv"][: len(pair)] = dv
-        self.pair_dv_start[: len(pair)] = self.old_pair_dv[: len(pair)] = dv
+        self.pair_dv[: len(pair)] = self.pair_dv_start[: len(pair)] = dv
+        self.old_pair_dv[: len(pair)] = dv
         self.walls["i"][: len(wall)] = wall
         self.walls["dv"][: len(wall)] = corrections.wall_correction[wall]
         self.wall_dv_start[: len(wall)] = corrections.wall_correction[wall]
@@ -77,5 +77,5 @@ class HostList:
     def revert(self) -> None:
         """Take back what an unfinished step did to the corrections."""
         pairs, _, walls = self.count
-        self.pairs["dv"][:pairs] = self.pair_dv_start[:pairs]
+        self.pair_dv[:pairs] = self.pair_dv_start[:pairs]
         self.walls["dv"][:walls] = self.wall_dv_start[:walls]

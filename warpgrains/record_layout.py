@@ -84,6 +84,7 @@ def _lengths_by_name(n: Counts, pairs: Counts, variant: Variant) -> dict[str, An
         },
         "contacts": {
             "pairs": pairs,
+            "pair_dv": pairs,
             "weights": pairs * int(variant.distinct_masses),
             "pair_dv_start": pairs,
             "group_start": pairs + 2,
@@ -132,11 +133,6 @@ def first_room(n: Counts) -> Counts:
     return np.maximum(1, np.minimum(n * (n - 1) // 2, 5 * n))
 
 
-def grown_room(pairs: Counts) -> Counts:
-    """Return for how many pairs room is made when there are so many."""
-    return pairs + pairs // 4
-
-
 @dataclass(frozen=True)
 class Layout:
     """Where arrays of scenes lie in the scenes' blocks of memory.
@@ -161,3 +157,8 @@ class Layout:
         end = np.cumsum(-(-length * item // ALIGNMENT) * ALIGNMENT, axis=0)
         offset = np.concatenate([np.zeros_like(end[:1]), end[:-1]])
         return cls(length, offset, end[-1])
+
+
+def record_bytes(n: Counts, variant: Variant) -> Counts:
+    """Return what scenes of n grains take in memory at first [bytes]."""
+    return Layout.of(n, first_room(n), variant).size + SceneRecord.numpy_dtype()["itemsize"]

@@ -13,7 +13,7 @@ from warpgrains.kernels.record import REBUILDS, REDOS, SceneRecord
 from warpgrains.kernels.step import FAILED, SOLVED, WITHOUT_ROOM
 from warpgrains.kernels.variant import Variant
 from warpgrains.memory import require_memory
-from warpgrains.record_layout import Counts, Layout, fields, first_room, grid_width, grown_room
+from warpgrains.record_layout import Counts, Layout, fields, first_room, grid_width
 from warpgrains.reports import Lists, State, StepReport, Tally
 from warpgrains.scene import Scene
 
@@ -23,7 +23,7 @@ PLACES = {
     "old_start": "workspace.old_rows.start",
     "old_neighbor": "workspace.old_rows.neighbor",
     "slot": "workspace.slot",
-    "pairs": "contacts.pairs",
+    "pair_dv": "contacts.pair_dv",
     "pair_dv_start": "contacts.pair_dv_start",
     "walls": "contacts.walls",
     "wall_dv_start": "contacts.wall_dv_start",
@@ -68,6 +68,8 @@ class ScenePool:
         self._queue.halt = wp.zeros(1, dtype=wp.int32, device="cpu")
         self.left, self.outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self._seconds, self._halt = self._queue.seconds.numpy(), self._queue.halt.numpy()
+        self._crew = kernels.Crew()
+        self._crew.workers = 1
         self._steps = np.zeros(count, np.int64)
         self._asked = np.zeros(count, np.int64)
 
@@ -151,41 +153,48 @@ class ScenePool:
         steps = self._steps[k].item()
         return State(steps, position.copy(), velocity.copy(), contacts.corrections(), lists)
 
-    def ask(self, steps: Sequence[int]) -> None:
-        """Ask for so many steps of every scene, and start counting anew."""
-        self.left[:] = self._asked[:] = steps
-        self.outcome[:] = SOLVED
-        self._seconds[:] = 0.0
-        for k in range(len(self.scenes)):
-            self.array(k, "tally")[:] = 0.0
+    def ask(self, k: int, steps: int) -> None:
+        """Ask for so many steps of scene k, and start counting anew."""
+        self.left[k] = self._asked[k] = steps
+        self.outcome[k] = SOLVED
+        self._seconds[k] = 0.0
+        self.array(k, "tally")[:] = 0.0
 
     def launch(self) -> wp.Launch:
         """Return the launch of one thread: it advances scenes until there is no other free."""
-        crew = kernels.Crew()
-        crew.workers = 1
-        crew.arrivals = wp.zeros(1, dtype=wp.int64, device="cpu")
-        inputs = (crew, self._records, self._queue)
+        inputs = (self._crew, self._records, self._queue)
         return wp.launch(self._kernels.advance, dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
     def halt(self) -> None:
         """Let the threads begin no other turn."""
         self._halt[0] = 1
 
-    def grow(self) -> bool:
-        """Make room where a list needs it; return whether it did."""
-        without = np.flatnonzero(self.outcome == WITHOUT_ROOM)
+    def grow(self) -> list[int]:
+        """Make room where a list needs it; return for which scenes."""
+        without = np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist()
         for k in without:
             self._make_room(k, int(self.array(k, "rows.total")[0]))
-        self.outcome[without] = SOLVED
-        return len(without) > 0
+            self.outcome[k] = SOLVED
+        return without
+
+    def finish_steps(self) -> None:
+        """Solve to their ends the steps amid which lists are to grow, so that every scene is between two."""
+        self._halt[0] = 0
+        while amid := self.grow():
+            left = self.left.copy()
+            self.left[:] = 0
+            self.left[amid] = 1
+            self.launch().launch()
+            left[amid] += self.left[amid] - 1
+            self.left[:] = left
 
     def _make_room(self, k: int, pairs: int) -> None:
         """Move scene k to where a list of so many pairs has room."""
         if pairs <= self._room[k]:
             return
-        require_memory(0, grown_room(pairs), wp.get_device("cpu"))
+        require_memory(0, pairs + pairs // 4, wp.get_device("cpu"))
         kept = {field.name: self.array(k, field.name) for field in fields()}
-        self._room[k] = grown_room(pairs)
+        self._room[k] = pairs + pairs // 4
         layout = Layout.of(self._n[[k]], self._room[[k]], self._variant)
         self._layout.length[:, k], self._layout.offset[:, k] = layout.length[:, 0], layout.offset[:, 0]
         self._place(np.array([k]), layout)

@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from warpgrains import scales
 from warpgrains.contacts import ContactList
 from warpgrains.errors import SimulationError
 from warpgrains.grains import (
@@ -158,8 +159,7 @@ class StepSolver:
 
     def _verify(self, reserve: float, foreseen: float) -> None:
         """Check that no contact is missing, with a reserve of slacks, and that every number is finite."""
-        rounding = 16.0 * np.finfo(float).eps * self._scene.radius_out
-        limits = (self._scene.dt, rounding, reserve, foreseen)
+        limits = (self._scene.dt, scales.rounding(self._scene), reserve, foreseen)
         self._replay.share(self._watching.verify, self.grains, self._watch, *limits)
 
     def _finish(self) -> None:

@@ -1,10 +1,10 @@
 """Scenes of a batch that are in memory at the same time: many small ones, or a large one alone."""
 
-from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from functools import partial
 from time import perf_counter
+from typing import Protocol
 
 import warp as wp
 
@@ -20,42 +20,35 @@ Advanced = Callable[[int], object]
 """Told now and then how many steps more have been done."""
 
 
-class Wave(ABC):
+class Wave(Protocol):
     """Scenes in memory, called by their numbers in the batch."""
 
-    @abstractmethod
     def load(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
 
-    @abstractmethod
     def state(self, k: int) -> State:
         """Return the exact state of scene k."""
 
-    @abstractmethod
     def work(self, steps: Mapping[int, int], advanced: Advanced) -> None:
         """Do so many steps of each scene; one that fails stops, and the others go on."""
 
-    @abstractmethod
     def tally(self, k: int) -> Tally:
         """Return what scene k has done of the last work."""
 
-    @abstractmethod
     def report(self, k: int) -> StepReport:
         """Return what the last step of scene k did."""
 
-    @abstractmethod
     def error(self, k: int) -> str | None:
         """Return why scene k stopped before its work was done, if it did."""
 
 
-class SmallScenes(Wave):
-    """Scenes that one thread advances whole, each with all that its kind has of kernels.
+class SmallScenes:
+    """A wave of scenes that are shared out among threads, each advanced by one thread alone.
 
     Parameters
     ----------
     scenes : mapping of int to Scene
     threads : int
-        That share them out.
     """
 
     def __init__(self, scenes: Mapping[int, Scene], threads: int):
@@ -63,55 +56,71 @@ class SmallScenes(Wave):
         for k, scene in scenes.items():
             kinds[variant_of(scene)].append(k)
         self._threads = threads
-        self._pools = [ScenePool([scenes[k] for k in members], kind) for kind, members in kinds.items()]
-        self._members = list(kinds.values())
-        self._place = {
-            k: (pool, place)
-            for pool, members in zip(self._pools, self._members, strict=True)
-            for place, k in enumerate(members)
-        }
+        self._pools: list[ScenePool] = []
+        self._place: dict[int, tuple[ScenePool, int]] = {}
+        for kind, numbers in kinds.items():
+            pool = ScenePool([scenes[k] for k in numbers], kind)
+            self._pools.append(pool)
+            self._place |= {k: (pool, place) for place, k in enumerate(numbers)}
 
     def load(self, k: int, state: State) -> None:
+        """Continue scene k from a state."""
         pool, place = self._place[k]
         pool.load(place, state)
 
     def state(self, k: int) -> State:
+        """Return the exact state of scene k."""
         pool, place = self._place[k]
         return pool.state(place)
 
     def work(self, steps: Mapping[int, int], advanced: Advanced) -> None:
-        for pool, members in zip(self._pools, self._members, strict=True):
-            pool.ask([steps[k] for k in members])
-        left = sum(steps.values())
+        """Do so many steps of each scene."""
+        for k, (pool, place) in self._place.items():
+            pool.ask(place, steps[k])
+        try:
+            self._work_off(advanced)
+        finally:
+            for pool in self._pools:
+                pool.finish_steps()
+                pool.settle()
+
+    def _work_off(self, advanced: Advanced) -> None:
+        """Let threads advance scenes until none has steps left; where lists have to grow, grow them."""
+        left = self._left()
 
         def glance() -> None:
             nonlocal left
-            left, before = sum(int(pool.left.sum()) for pool in self._pools), left
+            before, left = left, self._left()
             advanced(before - left)
 
-        try:
-            while True:
-                launches = [[pool.launch() for pool in self._pools] for _ in range(self._threads)]
-                side_by_side([partial(_launch, each) for each in launches], glance, self._halt)
-                if not any([pool.grow() for pool in self._pools]):
-                    break
-        finally:
-            for pool in self._pools:
-                pool.settle()
+        growing = True
+        while growing:
+            launches = [[pool.launch() for pool in self._pools] for _ in range(self._threads)]
+            side_by_side([partial(_launch, each) for each in launches], glance, self._halt)
+            growing = self._grow()
+
+    def _left(self) -> int:
+        return sum(int(pool.left.sum()) for pool in self._pools)
+
+    def _grow(self) -> bool:
+        return sum(len(pool.grow()) for pool in self._pools) > 0
 
     def _halt(self) -> None:
         for pool in self._pools:
             pool.halt()
 
     def tally(self, k: int) -> Tally:
+        """Return what scene k has done of the last work."""
         pool, place = self._place[k]
         return pool.tally(place)
 
     def report(self, k: int) -> StepReport:
+        """Return what the last step of scene k did."""
         pool, place = self._place[k]
         return pool.report(place)
 
     def error(self, k: int) -> str | None:
+        """Return why scene k stopped before its work was done, if it did."""
         pool, place = self._place[k]
         return pool.error(place)
 
@@ -121,8 +130,8 @@ def _launch(launches: list[wp.Launch]) -> None:
         launch.launch()
 
 
-class LargeScene(Wave):
-    """A scene that threads share, or that is on a GPU.
+class LargeScene:
+    """A wave of one scene, which threads share, or which is on a GPU.
 
     Parameters
     ----------
@@ -133,16 +142,20 @@ class LargeScene(Wave):
 
     def __init__(self, scene: Scene, device: str, threads: int):
         self._simulation = Simulation(scene, device, threads)
-        self._tally, self._error = Tally(), None
-        self._report: StepReport | None = None
+        self._tally = Tally()
+        self._error: str | None = None
+        self._report: StepReport
 
     def load(self, k: int, state: State) -> None:
+        """Continue from a state."""
         self._simulation.restore(state)
 
     def state(self, k: int) -> State:
+        """Return the exact state."""
         return self._simulation.state()
 
     def work(self, steps: Mapping[int, int], advanced: Advanced) -> None:
+        """Do so many steps."""
         (count,) = steps.values()
         start, self._tally, self._error = perf_counter(), Tally(), None
         try:
@@ -155,10 +168,13 @@ class LargeScene(Wave):
         self._tally.seconds = perf_counter() - start
 
     def tally(self, k: int) -> Tally:
+        """Return what was done of the last work."""
         return self._tally
 
     def report(self, k: int) -> StepReport:
+        """Return what the last step did."""
         return self._report
 
     def error(self, k: int) -> str | None:
+        """Return why the work was not done, if it was not."""
         return self._error
