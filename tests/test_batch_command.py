@@ -101,7 +101,7 @@ class TestResults:
     def test_grains_from_a_file(self, tmp_path):
         """Each run reads a copy that the folder of the sweep holds, wherever that is moved."""
         (tmp_path / "scene.toml").write_text(
-            "domain = {radius_out = 1.0}\ntime = {duration = 0.1}\n"
+            "domain = {radius_in = 0.1, radius_out = 1.0}\ntime = {duration = 0.1}\nphysics = {drag = 0.1}\n"
             '[grains]\nfile = "a.npz"\nradius = 0.1\nmass = 0.1\n'
         )
         places = {"a": [[0.5, 0.0]], "b": [[0.0, 0.5], [0.5, 0.0]]}

@@ -89,8 +89,10 @@ class SweepPlot:
             means = [y[own & (x == place)].mean() for place in places]
             axes.plot(places, means, "-", color=shade, linewidth=1.2, label=name)
         axes.set(xlabel=_label(self.x), ylabel=_label(self.y))
-        axes.set_xscale("log" if _is_geometric(x) else "linear")
-        axes.set_yscale("log" if _is_geometric(y) else "linear")
+        if _is_geometric(x):
+            axes.set_xscale("log")
+        if _is_geometric(y):
+            axes.set_yscale("log")
         axes.grid(alpha=0.25)
         if self.color is not None:
             axes.legend(title=self.color, fontsize="small", title_fontsize="small", frameon=False)
