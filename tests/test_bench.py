@@ -28,3 +28,11 @@ def test_benchmark_of_a_step(tmp_path: Path) -> None:
     table = command("table", file).splitlines()
     assert len(table) == 2 + len(rows)
     assert len({text.count("|") for text in table}) == 1
+
+
+def test_benchmark_of_a_cluster(tmp_path: Path) -> None:
+    file = tmp_path / "cluster.csv"
+    command("cluster", "--runs", 3, "--duration", 0.02, "--repeats", 1, "-o", file)
+    head, only = file.read_text().splitlines()
+    assert head == COLUMNS
+    assert only.endswith("<= 1.15,1")

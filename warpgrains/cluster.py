@@ -68,7 +68,7 @@ def finish_on_cluster(
 def _left_by_chunks(
     client: Client, chunks: Iterable[list[RunFolder]], means: Means, tell: Tell
 ) -> list[RunFolder]:
-    """Have chunks carried out; return the runs of those that are given up, as far as they are not finished."""
+    """Have chunks carried out; return the runs that are not finished, since their chunk was given up."""
     from distributed import as_completed
 
     left: list[RunFolder] = []

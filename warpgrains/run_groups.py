@@ -4,8 +4,9 @@ A group proceeds in slices of about a second. Every now and then its runs save w
 killed process loses little; at its end each run gets its result.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from time import perf_counter
@@ -19,7 +20,7 @@ from warpgrains.run_folder import RunFolder
 SLICE = 1.0  # s
 FIRST_SLICE, GROWTH = 4, 8  # steps of the first slice, and by how much the next one may be longer
 BETWEEN_CHECKPOINTS = 20.0  # s
-WIDTH, RECORDED_WIDTH = 64, 16  # runs in a group; frames wait in memory
+FIRST_WIDTH, WIDTH, RECORDED_WIDTH = 8, 64, 16  # runs in a group; frames wait in memory
 WRITERS = 16
 MOST_WAITING = 256  # runs that wait for others with as many steps left
 MOST_GRAINS = 2_000_000  # in a group
@@ -73,21 +74,36 @@ def finish_runs(folders: Iterable[RunFolder], means: Means, tell: Tell) -> None:
 def _groups(folders: Iterable[RunFolder], means: Means, tell: Tell) -> Iterator[list[Member]]:
     """Gather runs with as many steps left; a run whose scene is none has failed."""
     waiting: dict[int, list[Member]] = {}
-    width = WIDTH if means.fps is None else RECORDED_WIDTH
-    for folder in folders:
+    width, widest = FIRST_WIDTH, WIDTH if means.fps is None else RECORDED_WIDTH
+    for folder, future in _ahead(folders, means.fps):
         try:
-            member = Member(folder, means.fps)
+            member = future.result()
         except SceneError as error:
             folder.finish(failure(folder.labels, str(error)))
             tell(1.0)
             continue
         group = waiting.setdefault(member.left, [])
         group.append(member)
-        if len(group) == width or sum(member.scene.n for member in group) >= MOST_GRAINS:
+        if len(group) >= width or sum(member.scene.n for member in group) >= MOST_GRAINS:
             yield waiting.pop(member.left)
+            width = min(2 * width, widest)
         elif sum(map(len, waiting.values())) == MOST_WAITING:
             yield waiting.pop(max(waiting, key=lambda left: len(waiting[left])))
     yield from waiting.values()
+
+
+def _ahead(folders: Iterable[RunFolder], fps: float | None) -> Iterator[tuple[RunFolder, Future[Member]]]:
+    """Begin runs on another thread, while groups before them are carried out: some layouts take long."""
+    begun: deque[tuple[RunFolder, Future[Member]]] = deque()
+    executor = ThreadPoolExecutor(1)
+    try:
+        for folder in folders:
+            begun.append((folder, executor.submit(Member, folder, fps)))
+            if len(begun) == WIDTH:
+                yield begun.popleft()
+        yield from begun
+    finally:
+        executor.shutdown(cancel_futures=True)
 
 
 def _finish(group: list[Member], means: Means, tell: Tell) -> None:
