@@ -13,13 +13,13 @@ from tqdm import tqdm
 from warpgrains import checks
 from warpgrains.console import start_warp, stdout_kept_clean
 from warpgrains.errors import SceneError
+from warpgrains.means import Means
 from warpgrains.safe_files import require_writable_folder
 from warpgrains.sweep_file import Run, Sweep
 from warpgrains.sweep_folder import SweepFolder
 from warpgrains.tables import Row
 
 if TYPE_CHECKING:
-    from warpgrains.run_groups import Means
     from warpgrains.sweep_plot import SweepPlot
 
 DEFAULT_FPS = 60.0
@@ -96,10 +96,6 @@ def _left(folder: SweepFolder, share: list[Run], resume: bool) -> list[Run]:
 
 def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> None:
     """Finish what is left, here or on a cluster."""
-    start_warp()
-    from warpgrains.run_groups import finish_runs
-    from warpgrains.simulation import find_device
-
     files = [SweepFolder(folder.path.absolute()).of(one) for one in left]
     means = _means(arguments)
     with tqdm(
@@ -110,6 +106,10 @@ def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Name
         disable=not sys.stderr.isatty(),
     ) as bar:
         if arguments.scheduler is None and arguments.slurm is None:
+            start_warp()
+            from warpgrains.run_groups import finish_runs
+            from warpgrains.simulation import find_device
+
             find_device(means.device)
             finish_runs(files, means, bar.update)
         else:
@@ -120,8 +120,6 @@ def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Name
 
 def _means(arguments: Namespace) -> Means:
     """Return with what the runs are carried out."""
-    from warpgrains.run_groups import Means
-
     if arguments.threads is not None:
         checks.whole_number("--threads", arguments.threads)
     if arguments.slurm is not None:

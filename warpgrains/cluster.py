@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from warpgrains.console import start_warp
 from warpgrains.errors import SceneError
+from warpgrains.means import Means, Tell
 from warpgrains.run_folder import RunFolder
-from warpgrains.run_groups import Means, Tell, finish_runs
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -90,6 +90,8 @@ def finish_chunk(folders: list[RunFolder], means: Means) -> None:
 
     with _one_at_a_time:
         start_warp()
+        from warpgrains.run_groups import finish_runs
+
         threads = means.threads or get_worker().state.nthreads
         left = [folder for folder in folders if not folder.is_finished]
         finish_runs(left, replace(means, threads=threads), lambda runs: None)

@@ -8,12 +8,12 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
 from time import perf_counter
 
 from warpgrains.batch import Batch
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.group_member import Member
+from warpgrains.means import Means, Tell
 from warpgrains.results import failure
 from warpgrains.run_folder import RunFolder
 
@@ -24,28 +24,6 @@ FIRST_WIDTH, WIDTH, RECORDED_WIDTH = 8, 64, 16  # runs in a group; frames wait i
 WRITERS = 16
 MOST_WAITING = 256  # runs that wait for others with as many steps left
 MOST_GRAINS = 2_000_000  # in a group
-
-Tell = Callable[[float], None]
-"""Hears of progress, in runs."""
-
-
-@dataclass(frozen=True)
-class Means:
-    """With what runs are carried out.
-
-    Attributes
-    ----------
-    device : str
-        A Warp device, "cpu" or "cuda:0".
-    threads : int or None
-        OS threads on a CPU; None for as many as there are cores.
-    fps : float or None
-        Frames recorded a second of simulated time [1/s], if runs are to be recorded.
-    """
-
-    device: str = "cpu"
-    threads: int | None = None
-    fps: float | None = None
 
 
 def finish_runs(folders: Iterable[RunFolder], means: Means, tell: Tell) -> None:
