@@ -105,12 +105,16 @@ def kernels(variant: Variant) -> SimpleNamespace:
         """Advance a scene until it is done, cannot go on, or its turn is over."""
         start = seconds()
         spent = f64(0.0)
-        while has_work(queue, k) and spent < TURN:
-            queue.outcome[k] = solve(crew, s)
-            if queue.outcome[k] == SOLVED:
+        left = queue.left[k]
+        outcome = int(SOLVED)
+        while left > 0 and outcome == SOLVED and spent < TURN:
+            outcome = solve(crew, s)
+            if outcome == SOLVED:
                 add_step(s)
-                queue.left[k] = queue.left[k] - 1
+                left = left - 1
             spent = seconds() - start
+        queue.left[k] = left
+        queue.outcome[k] = outcome
         queue.seconds[k] = queue.seconds[k] + spent
 
     @wp.kernel(module=module)

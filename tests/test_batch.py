@@ -17,10 +17,9 @@ from warpgrains import (
     SimulationError,
     State,
     StepReport,
-    scene_pool,
+    scene_records,
     waves,
 )
-from warpgrains.kernels import rebuild
 from warpgrains.reports import Tally
 from warpgrains.scene import METHODS, ORDERS
 
@@ -122,7 +121,7 @@ def test_lists_grow_amid_a_step(
     expected: list[tuple[State, Tally, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(scene_pool, "first_room", np.ones_like)
+    monkeypatch.setattr(scene_records, "first_room", np.ones_like)
     batch = Batch(scenes, threads=2)
     batch.run(steps=STEPS)
     assert_as_alone(batch, list(range(len(scenes))), expected)
@@ -183,14 +182,6 @@ def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:
         assert np.array_equal(batch.velocity(k), in_c.velocity)
 
 
-def test_cells_find_what_all_pairs_give(
-    scenes: list[Scene], expected: list[tuple[State, Tally, StepReport]]
-) -> None:
-    few = int(rebuild.FEW)
-    assert any(scene.n <= few for scene in scenes)
-    assert any(scene.n > few for scene in scenes)
-
-
 def test_own_durations_and_other_spans() -> None:
     scene = Scene.load("annulus")
     batch = Batch([scene.replace(duration=0.1), scene.replace(duration=0.4, dt=0.02)], threads=1)
@@ -204,7 +195,7 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     expected: list[tuple[State, Tally, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(scene_pool, "first_room", np.ones_like)
+    monkeypatch.setattr(scene_records, "first_room", np.ones_like)
     batch = Batch(scenes, threads=2)
 
     def interrupt(_: int) -> None:

@@ -1,4 +1,4 @@
-"""The benchmark of a step runs, and writes what its table reads. No time is asserted."""
+"""The benchmarks run, and write what their table reads. No time is asserted."""
 
 import subprocess
 import sys
@@ -36,3 +36,12 @@ def test_benchmark_of_a_cluster(tmp_path: Path) -> None:
     head, only = file.read_text().splitlines()
     assert head == COLUMNS
     assert only.endswith("<= 1.15,1")
+
+
+def test_benchmark_of_a_batch(tmp_path: Path) -> None:
+    file = tmp_path / "batch.csv"
+    command("batch", "--scenes", 2, "--repeats", 1, "-o", file)
+    head, *rows = file.read_text().splitlines()
+    assert head == COLUMNS
+    assert len(rows) == 4
+    assert len(command("table", file).splitlines()) == 2 + len(rows)

@@ -5,17 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from warpgrains import contacts, scales, solver
+from warpgrains import scales
 from warpgrains.host_list import HostList
 from warpgrains.kernels import batch as kernels
 from warpgrains.kernels.data import BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, RESIDUAL, SLACK, ZETA
-from warpgrains.kernels.record import REBUILDS, REDOS, SceneRecord
+from warpgrains.kernels.record import REBUILDS, REDOS
 from warpgrains.kernels.step import FAILED, SOLVED, WITHOUT_ROOM
 from warpgrains.kernels.variant import Variant
-from warpgrains.memory import require_memory
-from warpgrains.record_layout import Counts, Layout, fields, first_room, grid_width
 from warpgrains.reports import Lists, State, StepReport, Tally
 from warpgrains.scene import Scene
+from warpgrains.scene_records import SceneRecords
 
 PLACES = {
     "start": "rows.start",
@@ -48,18 +47,10 @@ class ScenePool:
     """
 
     def __init__(self, scenes: Sequence[Scene], variant: Variant):
-        self.scenes, self._variant = scenes, variant
+        self.scenes, self._records = scenes, SceneRecords(scenes, variant)
+        self._array = self._records.array
         self._kernels = kernels.kernels(variant)
-        self._number = {field.name: number for number, field in enumerate(fields())}
-        self._n = np.array([scene.n for scene in scenes])
-        self._room = first_room(self._n)
         count = len(scenes)
-        self._records = wp.zeros(count, dtype=SceneRecord, device="cpu")
-        self._host = self._records.numpy()
-        self._blocks = [np.zeros(0, np.uint8)] * count
-        self._layout = Layout.of(self._n, self._room, variant)
-        self._place(np.arange(count), self._layout)
-        self._write_parameters()
         self._queue = kernels.Queue()
         self._queue.cursor = wp.zeros(1, dtype=wp.int64, device="cpu")
         for name in ("taken", "left", "outcome"):
@@ -73,48 +64,8 @@ class ScenePool:
         self._steps = np.zeros(count, np.int64)
         self._asked = np.zeros(count, np.int64)
 
-    def _place(self, which: Counts, layout: Layout) -> None:
-        """Give scenes new blocks of memory, and write in their records where the arrays are."""
-        blocks = [np.zeros(size, np.uint8) for size in layout.size]
-        base = np.array([block.__array_interface__["data"][0] for block in blocks], np.uint64)
-        for number, field in enumerate(fields()):
-            arrays = field.of(self._host)
-            arrays["data"][which] = base + layout.offset[number].astype(np.uint64)
-            arrays["shape"][which, 0] = layout.length[number]
-            arrays["strides"][which, 0] = field.bytes
-            arrays["ndim"][which] = 1
-        for k, block in zip(which, blocks, strict=True):
-            self._blocks[k] = block
-
-    def _write_parameters(self) -> None:
-        """Write what a scene's record holds beside arrays."""
-        host, scenes = self._host, self.scenes
-        for name in ("gravity", "drag", "dt", "radius_in", "radius_out"):
-            host[name] = [getattr(scene, name) for scene in scenes]
-        host["smallest"] = [scales.smallest_radius(scene) for scene in scenes]
-        for name in ("room", "acceleration", "rounding"):
-            host[name] = [getattr(scales, name)(scene) for scene in scenes]
-        host["reserve"] = solver.RESERVE
-        host["by_color"] = [scene.order == "color" for scene in scenes]
-        ahead = self._variant.accelerated
-        host["window"] = np.iinfo(np.int32).max if ahead else contacts.WINDOW
-        host["merge"] = not ahead
-        host["stop"]["on_residual"] = [scene.stops_on_residual for scene in scenes]
-        for name in ("tolerance", "max_iterations"):
-            host["stop"][name] = [getattr(scene, name) for scene in scenes]
-        host["stop"]["calm"] = solver.CALM / host["dt"]
-        host["grid"]["size"] = [scales.cell_size(scene) for scene in scenes]
-        host["grid"]["width"] = grid_width(self._n)
-
-    def array(self, k: int, name: str) -> np.ndarray:
-        """Return an array of scene k, a view that is valid until its list grows."""
-        number = self._number[name]
-        field = fields()[number]
-        length, offset = self._layout.length[number, k], self._layout.offset[number, k].item()
-        return np.ndarray((length, *field.shape), field.dtype, self._blocks[k], offset)
-
     def _list(self, k: int) -> HostList:
-        return HostList(**{name: self.array(k, place) for name, place in PLACES.items()})
+        return HostList(**{name: self._array(k, place) for name, place in PLACES.items()})
 
     def load(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
@@ -123,33 +74,33 @@ class ScenePool:
             pair, wall = corrections.pair, np.flatnonzero(corrections.wall_correction).astype(np.int32)
         else:
             pair, wall = lists.pair, lists.wall
-        self._make_room(k, len(pair))
+        self._records.make_room(k, len(pair))
         scene = self.scenes[k]
         for name in ("grains.radius", "grains.mass"):
-            array = self.array(k, name)
+            array = self._array(k, name)
             array[:] = getattr(scene, name.split(".")[1])[: len(array)]
-        self.array(k, "grains.position")[:] = self.array(k, "grains.last_position")[:] = state.position
-        self.array(k, "grains.velocity")[:] = state.velocity
+        self._array(k, "grains.position")[:] = self._array(k, "grains.last_position")[:] = state.position
+        self._array(k, "grains.velocity")[:] = state.velocity
         self._list(k).load(pair, wall, corrections)
-        self.array(k, "flag")[:] = 0
+        self._array(k, "flag")[:] = 0
         self._steps[k] = state.steps
         if lists is None:
-            self.array(k, "watch.reach")[:] = -1.0
-            self.array(k, "watch.recent")[:] = 0.0
-            scalar = self.array(k, "watch.scalar")
+            self._array(k, "watch.reach")[:] = -1.0
+            self._array(k, "watch.recent")[:] = 0.0
+            scalar = self._array(k, "watch.scalar")
             scalar[:] = 0.0
             scalar[SLACK] = scales.first_slack(scene)
             return
-        wp.launch(self._kernels.order_list, dim=1, inputs=(self._records, k), device="cpu")
+        wp.launch(self._kernels.order_list, dim=1, inputs=(self._records.device, k), device="cpu")
         for name in Lists.WATCHED:
-            self.array(k, f"watch.{name}")[:] = getattr(lists, name)
+            self._array(k, f"watch.{name}")[:] = getattr(lists, name)
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k."""
         contacts = self._list(k)
-        watch = {name: self.array(k, f"watch.{name}").copy() for name in Lists.WATCHED}
+        watch = {name: self._array(k, f"watch.{name}").copy() for name in Lists.WATCHED}
         lists = Lists(contacts.listed_pairs(), contacts.listed_walls(), **watch)
-        position, velocity = self.array(k, "grains.position"), self.array(k, "grains.velocity")
+        position, velocity = self._array(k, "grains.position"), self._array(k, "grains.velocity")
         steps = self._steps[k].item()
         return State(steps, position.copy(), velocity.copy(), contacts.corrections(), lists)
 
@@ -158,11 +109,11 @@ class ScenePool:
         self.left[k] = self._asked[k] = steps
         self.outcome[k] = SOLVED
         self._seconds[k] = 0.0
-        self.array(k, "tally")[:] = 0.0
+        self._array(k, "tally")[:] = 0.0
 
     def launch(self) -> wp.Launch:
         """Return the launch of one thread: it advances scenes until there is no other free."""
-        inputs = (self._crew, self._records, self._queue)
+        inputs = (self._crew, self._records.device, self._queue)
         return wp.launch(self._kernels.advance, dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
     def halt(self) -> None:
@@ -173,13 +124,21 @@ class ScenePool:
         """Make room where a list needs it; return for which scenes."""
         without = np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist()
         for k in without:
-            self._make_room(k, int(self.array(k, "rows.total")[0]))
+            self._records.make_room(k, int(self._array(k, "rows.total")[0]))
             self.outcome[k] = SOLVED
         return without
 
-    def finish_steps(self) -> None:
-        """Solve to their ends the steps amid which lists are to grow, so that every scene is between two."""
+    def settle(self) -> None:
+        """Bring every scene between two steps, and count the steps done."""
         self._halt[0] = 0
+        try:
+            self._finish_steps()
+        finally:
+            self._steps += self._asked - self.left
+            self._asked[:] = self.left
+
+    def _finish_steps(self) -> None:
+        """Solve to their ends the steps amid which lists are to grow."""
         while amid := self.grow():
             left = self.left.copy()
             self.left[:] = 0
@@ -188,29 +147,11 @@ class ScenePool:
             left[amid] += self.left[amid] - 1
             self.left[:] = left
 
-    def _make_room(self, k: int, pairs: int) -> None:
-        """Move scene k to where a list of so many pairs has room."""
-        if pairs <= self._room[k]:
-            return
-        require_memory(0, pairs + pairs // 4, wp.get_device("cpu"))
-        kept = {field.name: self.array(k, field.name) for field in fields()}
-        self._room[k] = pairs + pairs // 4
-        layout = Layout.of(self._n[[k]], self._room[[k]], self._variant)
-        self._layout.length[:, k], self._layout.offset[:, k] = layout.length[:, 0], layout.offset[:, 0]
-        self._place(np.array([k]), layout)
-        for name, array in kept.items():
-            self.array(k, name)[: len(array)] = array
-
-    def settle(self) -> None:
-        """Count the steps done."""
-        self._steps += self._asked - self.left
-        self._asked[:] = self.left
-
     def report(self, k: int) -> StepReport:
         """Return what the last step of scene k did."""
-        report, scene = self.array(k, "progress.report"), self.scenes[k]
-        flag = self.array(k, "flag")
-        pairs, _, walls = self.array(k, "contacts.count").tolist()
+        report, scene = self._array(k, "progress.report"), self.scenes[k]
+        flag = self._array(k, "flag")
+        pairs, _, walls = self._array(k, "contacts.count").tolist()
         zeta, error = report[ZETA].item(), report[RESIDUAL].item()
         return StepReport(
             iterations=int(report[ITERATIONS]),
@@ -226,7 +167,7 @@ class ScenePool:
 
     def tally(self, k: int) -> Tally:
         """Return what scene k has done since it was asked."""
-        steps, iterations, most, unconverged, overlap, rebuilds, redos = self.array(k, "tally").tolist()
+        steps, iterations, most, unconverged, overlap, rebuilds, redos = self._array(k, "tally").tolist()
         return Tally(
             steps=int(steps),
             iterations=int(iterations),
@@ -242,6 +183,6 @@ class ScenePool:
         """Return why scene k stopped before its end, if it did."""
         if self.outcome[k] != FAILED:
             return None
-        grain, step = int(self.array(k, "watch.flag")[BAD_GRAIN]), self._steps[k].item()
-        velocity, time = self.array(k, "grains.next_velocity")[grain].tolist(), step * self.scenes[k].dt
+        grain, step = int(self._array(k, "watch.flag")[BAD_GRAIN]), self._steps[k].item()
+        velocity, time = self._array(k, "grains.next_velocity")[grain].tolist(), step * self.scenes[k].dt
         return f"step {step + 1}, from t = {time} s: grain {grain} reached a velocity of {velocity} m/s"

@@ -81,7 +81,6 @@ class SmallScenes:
             self._work_off(advanced)
         finally:
             for pool in self._pools:
-                pool.finish_steps()
                 pool.settle()
 
     def _work_off(self, advanced: Advanced) -> None:
