@@ -9,11 +9,12 @@ SMALL = """
 scene = "annulus"
 [set]
 time.duration = 0.4
+solver.max_iterations = 30
 [axes]
 physics.drag = [0.1, 100.0, 0.5]
 grains.count = [5, 15]
 """
-"""Six runs of 40 steps; the third and the fourth have too much drag to be a scene."""
+"""Six runs of 40 steps, some not converged; the third and the fourth have too much drag to be a scene."""
 
 
 def write(folder: Path, text: str = SMALL) -> Path:

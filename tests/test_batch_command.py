@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import lightusd
@@ -73,6 +74,12 @@ class TestResults:
         height = (simulation.position[:, 1] + simulation.scene.radius).max() + simulation.scene.radius_out
         assert float(row["pile_height"]) == height
 
+    def test_steps_that_did_not_converge_are_counted(self, done):
+        """Fifteen grains need more than 30 iterations in some steps, five never do."""
+        rows = table(done / "results.csv")
+        assert [row["iterations_max"] for row in rows] == ["2", "30", "", "", "2", "30"]
+        assert [int(row["unconverged"] or 0) > 0 for row in rows] == [False, True, False, False, False, True]
+
     def test_what_fails_says_why(self, done):
         for row in table(done / "results.csv")[2:4]:
             assert "in one step, drag 100.0 kg/s would turn round grain 0" in row["error"]
@@ -133,36 +140,55 @@ class Interrupted(KeyboardInterrupt):
     """What stands for a killed process."""
 
 
+class Slices:
+    """Interrupts the slice after `left` more, as a killed process would be; keeps the steps of those done."""
+
+    def __init__(self):
+        self.left, self.steps = 0, []
+
+    def run(self, batch, steps, run=Batch.run):
+        if self.left == 0:
+            raise Interrupted
+        self.left -= 1
+        self.steps.append(steps)
+        return run(batch, steps)
+
+
 @pytest.fixture
-def interrupt_after(monkeypatch):
-    """Make the slice after so many fail as a killed process would, once; every slice is kept."""
+def slices(monkeypatch):
+    """Slices of equal length, after each of which the runs are kept."""
+    slices = Slices()
+    monkeypatch.setattr(run_groups, "BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(run_groups, "GROWTH", 1)
+    monkeypatch.setattr(Batch, "run", lambda batch, steps: slices.run(batch, steps))
+    return slices
 
-    def interrupt(slices):
-        run, count = Batch.run, iter(range(slices))
 
-        def run_or_stop(batch, steps):
-            if next(count, None) is None:
-                monkeypatch.setattr(Batch, "run", run)
-                raise Interrupted
-            return run(batch, steps)
+def test_what_failed_once_stays_failed(tmp_path, slices):
+    """Even if it could go on later, such as when there is memory again: it has missed steps."""
+    run, slices.left = slices.run, 1_000
 
-        monkeypatch.setattr(run_groups, "BETWEEN_CHECKPOINTS", 0.0)
-        monkeypatch.setattr(run_groups, "GROWTH", 1)
-        monkeypatch.setattr(Batch, "run", run_or_stop)
+    def fail_once(batch, steps):
+        first, *others = run(batch, steps)
+        return [replace(first, error="no room") if len(slices.steps) == 2 else first, *others]
 
-    return interrupt
+    slices.run = fail_once
+    assert batch(write(tmp_path), "-o", tmp_path / "out") == 1
+    errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
+    assert errors[0] == "no room"
+    assert errors[1] == ""
 
 
 class TestResume:
     @pytest.mark.parametrize("options", [[], ["--usd"]])
-    def test_same_results_after_interruptions(self, tmp_path, done, interrupt_after, options):
+    def test_same_results_after_interruptions(self, tmp_path, done, slices, options):
         sweep, out = write(tmp_path), tmp_path / "out"
-        interrupt_after(4)
-        assert batch(sweep, "-o", out, *options) == 130
-        assert read_checkpoint(out / "runs" / "00000" / "checkpoint.npz").tally.steps > 0
-        interrupt_after(3)
-        assert batch(sweep, "-o", out, "--resume", *options) == 130
-        assert batch(sweep, "-o", out, "--resume", *options) == 1
+        for number, left in enumerate((4, 3, 1_000)):
+            slices.left = left
+            assert batch(sweep, "-o", out, *options, *["--resume"] * (number > 0)) == (
+                1 if left == 1_000 else 130
+            )
+        assert sum(slices.steps) == 40  # none of them twice
         assert results(out) == results(done)
         for number in ("00001", "00004"):
             ends = [read_checkpoint(folder / "runs" / number / "checkpoint.npz") for folder in (done, out)]

@@ -67,12 +67,13 @@ def test_packing_of_a_lattice():
     assert (1.0 - strip) * pi / sqrt(12.0) < found < pi / sqrt(12.0)
 
 
-def test_the_heavier_grain_does_not_move_the_middle():
-    """The mean height is weighted by area, not by mass."""
-    places = [[0.0, -0.5], [0.0, 0.3]]
-    light, heavy = of(scene(places)), of(scene(places, mass=[0.2, 20.0]))
+def test_the_middle_is_weighted_by_area():
+    """Not by mass, and not by number."""
+    fields = {"position": [[0.0, -0.5], [0.0, 0.3]], "radius": [0.1, 0.2]}
+    light, heavy = of(scene(**fields)), of(scene(**fields, mass=[0.2, 20.0]))
     assert light["packing_fraction"] == heavy["packing_fraction"]
-    below = area_below(np.array([0.1, 0.1, 1.0]), np.array([0.4, -0.4, -0.1]))  # the middle is at -0.1
+    middle = (0.01 * -0.5 + 0.04 * 0.3) / 0.05
+    below = area_below(np.array([0.1, 0.2, 1.0]), np.array([middle + 0.5, middle - 0.3, middle]))
     assert light["packing_fraction"] == pytest.approx(below[:2].sum() / below[2], rel=16 * EPS)
 
 
