@@ -30,6 +30,14 @@ def test_benchmark_of_a_step(tmp_path: Path) -> None:
     assert len({text.count("|") for text in table}) == 1
 
 
+def test_benchmark_of_a_cluster(tmp_path: Path) -> None:
+    file = tmp_path / "cluster.csv"
+    command("cluster", "--runs", 3, "--duration", 0.02, "--repeats", 1, "-o", file)
+    head, only = file.read_text().splitlines()
+    assert head == COLUMNS
+    assert only.endswith("<= 1.15,1")
+
+
 def test_benchmark_of_a_batch(tmp_path: Path) -> None:
     file = tmp_path / "batch.csv"
     command("batch", "--scenes", 2, "--repeats", 1, "-o", file)

@@ -19,7 +19,7 @@ from warpgrains import __version__
 from warpgrains.errors import SceneError
 from warpgrains.plan import Plan
 from warpgrains.reports import Corrections, Lists, State, Tally
-from warpgrains.safe_files import publish, require_writable_folder
+from warpgrains.safe_files import require_writable_folder, write_whole
 from warpgrains.scene import Scene
 from warpgrains.states import require_state
 
@@ -82,14 +82,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **_entries(checkpoint, path))
-    draft = path.with_name(f".{path.name}.draft")
-    try:
-        draft.write_bytes(buffer.getbuffer())
-        if draft.read_bytes() != buffer.getbuffer():
-            raise OSError(f"checkpoint '{path}' is not read back as it was written")
-        publish(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)
+    write_whole(path, buffer.getbuffer())
 
 
 def read_checkpoint(path: Path) -> Checkpoint:

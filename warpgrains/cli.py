@@ -1,4 +1,4 @@
-"""The command line: `warpgrains run` and others. See `commands` for what they do."""
+"""The command line. See `commands` for what they do."""
 
 import argparse
 import sys
@@ -54,6 +54,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     _add_run(subparsers.add_parser("run", help="simulate a scene", description="Simulate a scene."))
+    _add_batch(
+        subparsers.add_parser(
+            "batch",
+            help="carry out the runs of a sweep",
+            description="Carry out the runs of a sweep; exit code 1: some run failed or is not finished.",
+        )
+    )
     _add_check(
         subparsers.add_parser(
             "check",
@@ -139,6 +146,37 @@ def _add_checkpoints(group: argparse._ArgumentGroup) -> None:
         metavar="FILE",
         help="continue the run that left this checkpoint, and what it recorded: instead of SCENE",
     )
+
+
+def _add_batch(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(command=commands.batch)
+    parser.add_argument(
+        "sweep",
+        metavar="SWEEP",
+        nargs="?",
+        help="a sweep file, a folder of scenes, or the name of a shipped sweep",
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", required=True, help="folder for runs/NUMBER/ and results.csv"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with the runs that are not finished")
+    parser.add_argument(
+        "--plot",
+        metavar="x=COLUMN,y=COLUMN[,color=COLUMN]",
+        help="draw the results; without SWEEP, those that are there",
+    )
+    parser.add_argument("--usd", action="store_true", help="record every run to its recording.usdc")
+    parser.add_argument("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    parser.add_argument("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
+    parser.add_argument("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
+    group = parser.add_argument_group("many machines, which must all see DIR")
+    cluster = group.add_mutually_exclusive_group()
+    cluster.add_argument("--scheduler", metavar="ADDRESS", help="dask scheduler, such as tcp://host:8786")
+    cluster.add_argument(
+        "--slurm", type=int, metavar="JOBS", help="start so many dask workers by Slurm, see dask-jobqueue"
+    )
+    group.add_argument("--index", type=int, metavar="I", help="do one share of the runs only, from 0, ...")
+    group.add_argument("--count", type=int, metavar="N", help="... of so many shares")
 
 
 def _add_check(parser: argparse.ArgumentParser) -> None:

@@ -13,6 +13,13 @@ def run(arguments: Namespace) -> bool:
     return run_command.run(arguments)
 
 
+def batch(arguments: Namespace) -> bool:
+    """Carry out the runs of a sweep; whether some failed or are not finished."""
+    from warpgrains import batch_command
+
+    return batch_command.run(arguments)
+
+
 def check(arguments: Namespace) -> bool:
     """Print what is wrong with a recording, a line a problem."""
     from warpgrains.inspection import inspect_recording

@@ -61,9 +61,14 @@ def plot(
     reader = RecordingReader(recording)
     numbers = _numbers(frames, len(reader.time))
     figure = _draw(reader, numbers, curves and len(reader.time) > 1)
+    save_figure(figure, output)
+    return numbers
+
+
+def save_figure(figure: Figure, output: Path) -> None:
+    """Put a picture under its name, whole."""
     with draft_of(output) as draft:
         figure.savefig(draft, dpi=_DOTS_PER_INCH)
-    return numbers
 
 
 def _require_place(output: Path) -> None:

@@ -154,6 +154,21 @@ class Tally:
         self.rebuilds += report.rebuilds
         self.redos += report.redos
 
+    def add_steps(self, summary: Summary) -> None:
+        """Count the steps of a summary."""
+        self.steps += summary.steps
+        self.iterations += round(summary.iterations_mean * summary.steps)
+        self.iterations_max = max(self.iterations_max, summary.iterations_max)
+        self.unconverged += summary.unconverged
+        self.infeasible += summary.infeasible
+        self.infeasible_grains = self.infeasible_grains or summary.infeasible_grains
+        self.residual = max(self.residual, summary.residual)
+        self.gap_error = max(self.gap_error, summary.gap_error)
+        self.overlap = max(self.overlap, summary.overlap)
+        self.rebuilds += summary.rebuilds
+        self.redos += summary.redos
+        self.seconds += summary.seconds
+
     def summary(self, output: str | None) -> Summary:
         """Return the sums of what was counted."""
         return Summary(

@@ -35,11 +35,37 @@ def publish(draft: Path, target: Path) -> None:
 
 
 @contextmanager
-def draft_of(target: Path) -> Iterator[Path]:
-    """Give the name of a file to write: once it is written, it takes the place of `target`."""
-    draft = target.with_name(f".draft.{target.name}")
+def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
+    """Give the name of a file to write: once it is written, it takes the place of `target`.
+
+    Where several processes may write the same file at once, `writer` tells them apart.
+    """
+    draft = target.with_name(f".draft{writer}.{target.name}")
     try:
         yield draft
         publish(draft, target)
     finally:
         draft.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> None:
+    """Put content under a name and on the disk, whole; until then an earlier file of that name stays.
+
+    Parameters
+    ----------
+    path
+        The name.
+    content
+        All that the file is to hold.
+    writer
+        Who writes, where several processes may write the same file at once.
+
+    Raises
+    ------
+    OSError
+        It cannot be written, or is not read back as it was written.
+    """
+    with draft_of(path, writer) as draft:
+        draft.write_bytes(content)
+        if draft.read_bytes() != content:
+            raise OSError(f"'{path}' is not read back as it was written")

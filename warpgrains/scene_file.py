@@ -19,9 +19,7 @@ grains   layout and the keys of that layout    "rows", "lattice", "random" or "c
 import inspect
 import os
 import tomllib
-from collections.abc import Iterable
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +29,7 @@ from warpgrains import checks
 from warpgrains.errors import SceneError
 from warpgrains.grain_file import read_grains
 from warpgrains.layouts import LAYOUTS, Placement
+from warpgrains.shipped import read_text, shipped
 
 Table = dict[str, Any]
 
@@ -46,34 +45,48 @@ PROPERTIES = ("mass", "density", "velocity")
 
 def shipped_scenes() -> list[str]:
     """Return the names of the scenes that come with the package."""
-    names = (entry.name for entry in files("warpgrains.scenes").iterdir())
-    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+    return shipped("scene")
 
 
 def read_scene(name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
     """Return the fields of the scene in a file, or of a shipped scene; see `Scene.load`."""
     path = Path(name_or_path)
-    text = _read_text(path)
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SceneError(f"{name_or_path} is not TOML: {error}") from None
+    return scene_fields(read_text(path, "scene"), path, overrides)
+
+
+def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
+    """Return the fields of the scene in a text, which is or could be that of the file `path`."""
+    document = parse_toml(text, path)
     for override in overrides:
         _override(document, override)
         text += f"\n# --set {' '.join(override.split())}"
     return {**_fields(document, path.parent), "name": path.stem, "text": text}
 
 
-def _read_text(path: Path) -> str:
-    source: Path | Traversable = path
-    if path.is_dir() or not path.exists():
-        if str(path) not in shipped_scenes():
-            raise checks.unknown("scene, neither a file nor a shipped one,", str(path), shipped_scenes())
-        source = files("warpgrains.scenes") / f"{path}.toml"
+def read_document(name_or_path: str | os.PathLike[str]) -> Table:
+    """Return the sections of a scene in a file, or of a shipped scene, as they are written there."""
+    return parse_toml(read_text(Path(name_or_path), "scene"), name_or_path)
+
+
+def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
+    """Return what a TOML text of the file `path` holds."""
     try:
-        return source.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path} cannot be read: {error}") from None
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path} is not TOML: {error}") from None
+
+
+def require_key(section: str, key: str) -> None:
+    """Raise SceneError unless some scene has this key in this section."""
+    if section not in SECTIONS and section != "grains":
+        raise checks.unknown("section", section, [*SECTIONS, "grains"])
+    known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *_layout_keys()))
+    _refuse_unknown_keys(section, {key: None}, known)
+
+
+def _layout_keys() -> set[str]:
+    """Return the keys that some layout has."""
+    return {name for layout in LAYOUTS.values() for name in _own_parameters(layout)}
 
 
 def _override(document: Table, override: str) -> None:
@@ -142,16 +155,18 @@ def _grains(table: Table, radius_in: float, radius_out: float, folder: Path) -> 
 def _lay_out(layout: Any, parameters: Table, radius_in: float, radius_out: float) -> Placement:
     """Call a layout with the keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
-    own = {
-        name: parameter
-        for name, parameter in inspect.signature(function).parameters.items()
-        if parameter.kind is parameter.KEYWORD_ONLY
-    }
+    own = _own_parameters(function)
     _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
             raise SceneError(f"grains.{name} is missing: layout {layout!r} needs it")
     return function(radius_in, radius_out, **parameters)
+
+
+def _own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
+    """Return the parameters of a layout that are keys of `[grains]`."""
+    parameters = inspect.signature(layout).parameters
+    return {name: own for name, own in parameters.items() if own.kind is own.KEYWORD_ONLY}
 
 
 def _with_mass(table: Table, grains: Table) -> Table:

@@ -1,0 +1,38 @@
+"""Sweeps that several tests carry out."""
+
+import csv
+from pathlib import Path
+
+from warpgrains.cli import main
+
+SMALL = """
+scene = "annulus"
+[set]
+time.duration = 0.4
+solver.max_iterations = 30
+[axes]
+physics.drag = [0.1, 100.0, 0.5]
+grains.count = [5, 15]
+"""
+"""Six runs of 40 steps, some not converged; the third and the fourth have too much drag to be a scene."""
+
+
+def write(folder: Path, text: str = SMALL) -> Path:
+    """Write a sweep file."""
+    path = folder / "sweep.toml"
+    path.write_text(text)
+    return path
+
+
+def batch(*arguments: object) -> int:
+    """Run the command in this process and return its exit code."""
+    try:
+        return main(["batch", *map(str, arguments)])
+    except SystemExit as exit:
+        return int(exit.code or 0)
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    """Read a table."""
+    with path.open(newline="") as lines:
+        return list(csv.DictReader(lines))

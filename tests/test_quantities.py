@@ -1,0 +1,111 @@
+"""Quantities of a state against closed forms."""
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, Simulation
+from warpgrains.quantities import area_below, quantities
+
+EPS = np.finfo(np.float64).eps
+G = 9.81
+
+
+def scene(position, **fields):
+    return Scene(**{"radius": 0.1, "mass": 0.2, "radius_out": 1.0, **fields, "position": position})
+
+
+def of(scene, velocity=None):
+    state = Simulation(scene).state()
+    return quantities(scene, state if velocity is None else replace(state, velocity=np.array(velocity)))
+
+
+def test_energies():
+    found = of(scene([[0.5, 0.0], [0.0, -0.5]], mass=[0.2, 0.4]), velocity=[[3.0, 4.0], [0.0, 1.0]])
+    # a sum of two products of three factors each: a few roundings
+    assert found["kinetic_energy"] == pytest.approx(0.5 * 0.2 * 25.0 + 0.5 * 0.4, rel=8 * EPS)
+    assert found["potential_energy"] == pytest.approx(-0.4 * G * 0.5, rel=8 * EPS)
+
+
+@pytest.mark.parametrize(
+    ("level", "share"),
+    [
+        (-2.0, 0.0),
+        (-1.0, 0.0),
+        (0.0, 0.5),
+        (0.5, 1.0 - (1.0 / 3.0 - sqrt(3.0) / (4.0 * pi))),  # all but the cap of an angle of 120 degrees
+        (1.0, 1.0),
+        (3.0, 1.0),
+    ],
+)
+def test_area_below_a_level(level, share):
+    radius = np.array([1.0, 0.3, 20.0])
+    # arcsin and the square root each lose some eps of the disc's area
+    assert area_below(radius, level * radius) == pytest.approx(share * pi * radius**2, abs=8 * EPS * 400 * pi)
+
+
+def test_half_a_disc_filled():
+    """The mean height is that of the only grain: half of it is below, as is half of the annulus."""
+    found = of(scene([[0.7, 0.0]], radius_in=0.5))
+    assert found["packing_fraction"] == pytest.approx(0.1**2 / (1.0 - 0.5**2), rel=16 * EPS)
+
+
+def test_packing_of_a_lattice():
+    """Discs that touch in a hexagonal lattice fill pi / sqrt(12) of the plane, and less at walls."""
+    radius = 0.004
+    pitch = 2.0 * radius
+    x, y = np.meshgrid(np.arange(-150, 150) * pitch, np.arange(-150, 150) * pitch * sqrt(3.0) / 2.0)
+    x[1::2] += radius
+    places = np.column_stack([x.ravel(), y.ravel()])
+    places = places[(np.hypot(*places.T) <= 1.0 - radius) & (np.hypot(*places.T) > 0.0)]
+    found = of(scene(places, radius=radius))["packing_fraction"]
+    # Beneath the mean height is half a disc of radius 1 m, where a strip at the wall, narrower than a pitch,
+    # is empty: pi * pitch of pi / 2.
+    strip = 2.0 * pitch
+    assert (1.0 - strip) * pi / sqrt(12.0) < found < pi / sqrt(12.0)
+
+
+def test_the_middle_is_weighted_by_area():
+    """Not by mass, and not by number."""
+    fields = {"position": [[0.0, -0.5], [0.0, 0.3]], "radius": [0.1, 0.2]}
+    light, heavy = of(scene(**fields)), of(scene(**fields, mass=[0.2, 20.0]))
+    assert light["packing_fraction"] == heavy["packing_fraction"]
+    middle = (0.01 * -0.5 + 0.04 * 0.3) / 0.05
+    below = area_below(np.array([0.1, 0.2, 1.0]), np.array([middle + 0.5, middle - 0.3, middle]))
+    assert light["packing_fraction"] == pytest.approx(below[:2].sum() / below[2], rel=16 * EPS)
+
+
+@pytest.mark.parametrize(
+    ("place", "walls", "expected"),
+    [
+        ([0.0, -0.9], {}, {"outer_wall_force": 0.2 * G, "inner_wall_force": 0.0, "pile_height": 0.2}),
+        (
+            [0.0, 0.6],
+            {"radius_in": 0.5},
+            {"outer_wall_force": 0.0, "inner_wall_force": 0.2 * G, "pile_height": 1.7},
+        ),
+    ],
+)
+def test_wall_carries_the_weight(place, walls, expected):
+    start = scene([place], **walls)
+    simulation = Simulation(start)
+    simulation.run(steps=3)
+    found = quantities(start, simulation.state())
+    for name, value in expected.items():
+        # the gap is 0 but for one rounding of the place [1 m]: over dt, of mass 0.2 kg, that is a force of
+        # eps m / dt^2, and a few of them are carried from step to step
+        assert found[name] == pytest.approx(value, rel=8 * EPS, abs=8 * EPS * 0.2 / 0.01**2)
+    assert found["kinetic_energy"] == pytest.approx(0.0, abs=1e-20)
+
+
+def test_height_is_against_gravity():
+    """Turned by a right angle, together with gravity, nothing changes; without gravity, up is y."""
+    places = np.array([[0.1, -0.7], [-0.3, 0.2], [0.5, 0.4]])
+    upright = of(scene(places))
+    turned = of(scene(places @ np.array([[0.0, 1.0], [-1.0, 0.0]]), gravity=(G, 0.0)))
+    assert turned == upright
+    weightless = of(scene(places, gravity=(0.0, 0.0)))
+    assert weightless["pile_height"] == upright["pile_height"] == 0.4 + 0.1 + 1.0
+    assert weightless["potential_energy"] == 0.0

@@ -1,0 +1,205 @@
+"""Sweep files: which runs they stand for, that each run's scene file is what it says, and what is refused."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, SceneError
+from warpgrains.sweep_axes import axis_values
+from warpgrains.sweep_file import Sweep
+from warpgrains.toml_text import toml_text
+
+SCENE = """
+domain = {radius_in = 0.5, radius_out = 1.0}
+[grains]
+position = [[0.7, 0.0], [0.0, 0.7]]
+radius = 0.1
+mass = 0.1
+"""
+
+AXES = 'scene = "annulus"\n[axes]\n'
+
+
+def load(folder, text):
+    (folder / "sweep.toml").write_text(text)
+    return Sweep.load(folder / "sweep.toml")
+
+
+def values(sweep):
+    return [tuple(run.values.values()) for run in sweep.runs]
+
+
+class TestAxes:
+    @pytest.mark.parametrize(
+        ("axis", "expected"),
+        [
+            ([3, 1, 2], [3, 1, 2]),
+            (["color", "sequential"], ["color", "sequential"]),
+            ([[0.0, -9.81], [9.81, 0.0]], [[0.0, -9.81], [9.81, 0.0]]),
+            ({"range": [0.1, 0.5], "count": 5}, [0.1, 0.2, 0.3, 0.4, 0.5]),
+            ({"range": [0.2, -0.1], "count": 4}, [0.2, 0.1, 0.0, -0.1]),
+            ({"range": [10, 30], "count": 3}, [10, 20, 30]),
+            ({"range": [0, 1], "count": 3}, [0.0, 0.5, 1.0]),
+            ({"range": [0.0, 2.0], "count": 3}, [0.0, 1.0, 2.0]),
+            ({"log_range": [1e-8, 1e-4], "count": 5}, [1e-8, 1e-7, 1e-6, 1e-5, 1e-4]),
+            ({"log_range": [1000, 10], "count": 3}, [1000, 100, 10]),
+            ({"log_range": [1, 2], "count": 3}, [1.0, 1.41421356237, 2.0]),
+            ({"seeds": 3}, [0, 1, 2]),
+        ],
+    )
+    def test_values(self, axis, expected):
+        found = axis_values("a.b", axis)
+        assert found == expected
+        assert [type(value) for value in found] == [type(value) for value in expected]
+
+    @pytest.mark.parametrize(
+        ("axis", "complaint"),
+        [
+            (0.1, "axes.a.b is 0.1: it must be a list, a range, a log_range or seeds"),
+            ([], "axes.a.b is []: it must have at least one value"),
+            ({}, "axes.a.b has none of them: it needs one of range, log_range, seeds"),
+            ({"range": [0, 1], "seeds": 2}, "axes.a.b has range and seeds: it needs one"),
+            ({"range": [0, 1], "step": 2}, "unknown key in axes.a.b 'step'"),
+            ({"range": [0, 1]}, "axes.a.b.count is missing: a range needs it"),
+            ({"range": [0, 1], "count": 1}, "axes.a.b.count is 1: it must be between 2 and"),
+            ({"range": [0, 1], "count": 2.0}, "axes.a.b.count is 2.0: it must be a whole number"),
+            ({"range": 3, "count": 2}, "axes.a.b.range is 3: it must be two numbers"),
+            ({"range": [1, 1], "count": 2}, "axes.a.b.range is [1, 1]: its ends must differ"),
+            ({"log_range": [0, 1], "count": 2}, "log_range is [0, 1]: both ends must be greater than 0"),
+            ({"seeds": 0}, "axes.a.b.seeds is 0: it must be between 1 and"),
+        ],
+    )
+    def test_what_is_no_axis(self, axis, complaint):
+        with pytest.raises(SceneError) as error:
+            axis_values("a.b", axis)
+        assert complaint in str(error.value)
+
+
+class TestRuns:
+    def test_grid(self, tmp_path):
+        sweep = load(
+            tmp_path,
+            f"{AXES}physics.drag = [0.1, 0.2]\ngrains.count = {{range = [5, 15], count = 3}}",
+        )
+        assert sweep.axes == ("physics.drag", "grains.count")
+        assert values(sweep) == [(0.1, 5), (0.1, 10), (0.1, 15), (0.2, 5), (0.2, 10), (0.2, 15)]
+        assert [run.number for run in sweep.runs] == list(range(6))
+
+    def test_zip(self, tmp_path):
+        text = 'scene = "annulus"\ncombine = "zip"\n[axes]\nphysics.drag = [0.1, 0.1]\ngrains.count = [5, 7]'
+        assert values(load(tmp_path, text)) == [(0.1, 5), (0.1, 7)]
+
+    def test_no_axes_is_one_run(self, tmp_path):
+        for combine in ("grid", "zip"):
+            assert values(load(tmp_path, f'scene = "annulus"\ncombine = "{combine}"')) == [()]
+
+    def test_scene_of_a_run(self, tmp_path):
+        """The file of a run gives the scene that the same overrides give on the command line."""
+        text = 'scene = "polydisperse"\n[set]\ntime.duration = 0.1\n[axes]\ngrains.seed = {seeds = 3}'
+        run = load(tmp_path, text).runs[2]
+        (tmp_path / "scene.toml").write_text(run.text("grains"))
+        found = Scene.load(tmp_path / "scene.toml")
+        expected = Scene.load("polydisperse", ["time.duration=0.1", "grains.seed=2"])
+        for name in ("position", "velocity", "radius", "mass"):
+            assert np.array_equal(getattr(found, name), getattr(expected, name))
+        for name in ("radius_in", "gravity", "drag", "dt", "duration", "tolerance", "max_iterations"):
+            assert getattr(found, name) == getattr(expected, name)
+        assert "run 2 of a sweep over polydisperse: grains.seed = 2" in found.text
+
+    def test_folder_of_scenes(self, tmp_path):
+        scenes = tmp_path / "scenes"
+        scenes.mkdir()
+        for name in ("b", "a"):
+            (scenes / f"{name}.toml").write_text(SCENE)
+        (scenes / "notes.txt").write_text("not a scene")
+        assert [run.base.name for run in Sweep.load(scenes).runs] == ["a", "b"]
+        sweep = load(tmp_path, 'folder = "scenes"\n[axes]\nphysics.drag = [0.1, 0.2]')
+        assert [(run.base.name, *run.values.values()) for run in sweep.runs] == [
+            ("a", 0.1),
+            ("a", 0.2),
+            ("b", 0.1),
+            ("b", 0.2),
+        ]
+
+    def test_scene_beside_the_sweep_wins_over_a_shipped_one(self, tmp_path):
+        (tmp_path / "annulus").write_text(SCENE)
+        assert load(tmp_path, 'scene = "annulus"').runs[0].base.sections["grains"]["radius"] == 0.1
+        (tmp_path / "annulus").unlink()
+        assert load(tmp_path, 'scene = "annulus"').runs[0].base.sections["grains"]["layout"] == "rows"
+
+    @pytest.mark.parametrize(
+        ("text", "complaint"),
+        [
+            ("scene = ", "is not TOML"),
+            ("", "a sweep has none of them: it needs one of scene, folder"),
+            ('scene = "annulus"\nfolder = "."', "a sweep has scene and folder"),
+            ("scene = 3", "scene is 3: it must be the name of a scene"),
+            ('scene = "anulus"', "unknown scene"),
+            ('folder = "nowhere"', "has no scenes"),
+            ('scene = "annulus"\naxis = 3', "unknown key of a sweep 'axis': did you mean 'axes'?"),
+            ('scene = "annulus"\ncombine = "mesh"', "unknown combine 'mesh'"),
+            ('scene = "annulus"\naxes = 3', "axes is 3: it must be a section"),
+            (
+                f'{AXES}"physics.drag" = [1]',
+                "axes.physics.drag is [1]: it must be a section",
+            ),
+            (f"{AXES}phisics.drag = [1]", "unknown section 'phisics': did you mean"),
+            (
+                f"{AXES}physics.dragg = [1]",
+                "unknown key in [physics] 'dragg': did you mean",
+            ),
+            (
+                f"{AXES}grains.seeed = [1]",
+                "unknown key in [grains] 'seeed': did you mean",
+            ),
+            ('scene = "annulus"\n[set]\nphysics.dragg = 1', "unknown key in [physics] 'dragg': did you mean"),
+            (f"{AXES}physics.drag = 1", "axes.physics.drag is 1: it must be a list"),
+            (
+                'scene = "annulus"\n[set]\nphysics.drag = 1\n[axes]\nphysics.drag = [1]',
+                "physics.drag is in [set] and in [axes]",
+            ),
+            (
+                'scene = "annulus"\ncombine = "zip"\n[axes]\nphysics.drag = [1]\ntime.dt = [1, 2]',
+                "as many values each, not physics.drag 1, time.dt 2",
+            ),
+            (
+                'scene = "annulus"\n[axes]\ngrains.file = ["no.npz"]',
+                "grains.file is 'no.npz': there is no such file",
+            ),
+        ],
+    )
+    def test_what_is_no_sweep(self, tmp_path, text, complaint):
+        with pytest.raises(SceneError) as error:
+            load(tmp_path, text)
+        assert complaint in str(error.value)
+        assert "\n" not in str(error.value)
+
+    def test_unknown_sweep(self):
+        with pytest.raises(SceneError, match="unknown sweep, neither a file nor a shipped one"):
+            Sweep.load("no_such_sweep")
+
+
+class TestText:
+    def test_the_same_document_is_read_back(self):
+        document = {
+            "bare": 1,
+            "section": {
+                "whole": -3,
+                "number": 0.1 + 0.2,
+                "small": 5e-324,
+                "huge": 1e308,
+                "infinite": float("inf"),
+                "yes": True,
+                "text": 'quotes " and \\ and \t, \x7f and é',
+                "list": [[0.0, -9.81], []],
+                "table": {"a key": [1, {"b": 2.0}]},
+                "a key": 0,
+            },
+            "empty": {},
+        }
+        assert tomllib.loads(toml_text(document)) == document
+
+    def test_what_no_scene_holds(self):
+        with pytest.raises(SceneError, match="is a date: no scene holds one"):
+            toml_text(tomllib.loads("[a]\nb = 2024-01-01"))

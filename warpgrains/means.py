@@ -1,0 +1,26 @@
+"""With what the runs of a sweep are carried out, wherever that is."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+Tell = Callable[[float], None]
+"""Hears of progress, in runs."""
+
+
+@dataclass(frozen=True)
+class Means:
+    """With what runs are carried out.
+
+    Attributes
+    ----------
+    device : str
+        A Warp device, "cpu" or "cuda:0".
+    threads : int or None
+        OS threads on a CPU; None for as many as there are cores.
+    fps : float or None
+        Frames recorded a second of simulated time [1/s], if runs are to be recorded.
+    """
+
+    device: str = "cpu"
+    threads: int | None = None
+    fps: float | None = None
