@@ -19,7 +19,9 @@ def report(arguments: Namespace) -> bool:
             import_module(library)
     except ModuleNotFoundError as error:
         raise missing_extra("report", error) from error
-    scenes = [Scene.load(name) for name in arguments.scenes or shipped_scenes()]
+    scenes = [
+        Scene.load(name).replace(on_unconverged="report") for name in arguments.scenes or shipped_scenes()
+    ]
     prepare(scenes, Path(arguments.output))  # refuse a bad folder before Warp starts and compiles kernels
     with stdout_kept_clean():
         start_warp()

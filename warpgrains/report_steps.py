@@ -149,7 +149,10 @@ def _ways(scene: Scene, moment: Moment, effort: Effort) -> Iterator[tuple[Way, C
 
 
 def _solve(scene: Scene, moment: Moment, effort: Effort, way: Way, budget: int) -> Try:
-    """Take the step with a simulation that does not stop before its budget is spent."""
+    """Take the step with a simulation that does not stop before its budget is spent.
+
+    Its solver takes the step: a simulation would go on to search for a proof that it has no solution.
+    """
     simulation = Simulation(
         scene, threads=way.threads, method=way.method, order=way.order, tolerance=0.0, max_iterations=budget
     )
@@ -157,7 +160,7 @@ def _solve(scene: Scene, moment: Moment, effort: Effort, way: Way, budget: int) 
     def step() -> tuple[float, StepReport]:
         simulation.restore(moment.state)
         start = perf_counter()
-        report = simulation.step()
+        report = simulation._solver.solve()
         return perf_counter() - start, report
 
     step()  # once, so that the launches are captured

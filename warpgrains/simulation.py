@@ -67,6 +67,8 @@ class Simulation:
         """
         try:
             report = self._solver.solve()
+            if not report.converged:
+                report = self._solver.name_grains_that_cannot_fit(report)
         except SimulationError as error:
             raise SimulationError(f"step {self._steps + 1}, from t = {self.time} s: {error}") from error
         self._steps += 1

@@ -1,5 +1,7 @@
 """StepSolver: one time step, solved exactly for a list of contacts that proves itself complete."""
 
+from dataclasses import replace
+
 import numpy as np
 import warp as wp
 
@@ -99,7 +101,7 @@ class StepSolver:
         self.contacts.load(state.corrections, state.lists)
 
     def solve(self) -> StepReport:
-        """Advance by one time step.
+        """Advance by one time step; whether grains cannot fit is not asked.
 
         Raises
         ------
@@ -235,27 +237,26 @@ class StepSolver:
         corrections = self.contacts.corrections()
         return find_certificate(self._scene, position.numpy(), velocity.numpy(), corrections)
 
-    def _grains_that_cannot_fit(self, iterations: int) -> tuple[int, ...]:
-        """Name them after an unconverged step; a search that finds none waits until the next pays."""
-        self._iterations_to_search -= iterations
+    def name_grains_that_cannot_fit(self, report: StepReport) -> StepReport:
+        """Search for them after an unconverged step; a search that finds none waits until the next pays."""
+        self._iterations_to_search -= report.iterations
         if self._iterations_to_search > 0:
-            return ()
+            return report
         certificate = self._search(self.grains.last_position, self.grains.velocity)
         self._iterations_to_search = 0 if certificate else iterations_worth_a_search(self._scene.n)
-        return certificate.grains if certificate else ()
+        return replace(report, infeasible=certificate.grains) if certificate else report
 
     def _step_report(self, rebuilds: int, redos: int) -> StepReport:
         report = self._read_report()
         pairs, _, walls = self.contacts.counts
-        iterations, zeta, residual = int(report[ITERATIONS]), report[ZETA].item(), report[RESIDUAL].item()
-        converged = self._converged(zeta, residual)
+        zeta, residual = report[ZETA].item(), report[RESIDUAL].item()
         return StepReport(
-            iterations=iterations,
+            iterations=int(report[ITERATIONS]),
             zeta=zeta,
             residual=residual,
             gap_error=self._scene.dt * residual / self._smallest,
-            converged=converged,
-            infeasible=() if converged else self._grains_that_cannot_fit(iterations),
+            converged=self._converged(zeta, residual),
+            infeasible=(),
             contacts=int(report[CARRYING]),
             candidates=pairs + walls,
             overlap=report[OVERLAP].item(),
