@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from . import momentum, residual, sweep
+from . import momentum, residual, safeguard, sweep
 from .crew import Crew, meet, slot_of
 from .data import GROUPS, INFLUENCE, LOOK, Contacts, Grains, Progress, Watch
 from .iteration import (
@@ -36,7 +36,8 @@ def stages(variant: Variant) -> SimpleNamespace:
     measure = residual.stages(variant).measure
     plain_turn, plain_walls = plain.sweep_turn, plain.sweep_all_walls
     ahead_turn, ahead_walls = ahead.sweep_turn, ahead.sweep_all_walls
-    judge_sweep, go_on_ahead = ahead.judge_sweep, ahead.go_on
+    between = safeguard.stages(variant)
+    judge_sweep, go_on_ahead = between.judge_sweep, between.go_on
 
     @wp.func
     def sweep_turn(
