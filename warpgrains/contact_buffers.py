@@ -100,8 +100,9 @@ class ContactBuffers:
         """Make room for so many pairs, keeping what the buffers hold. Returns whether they have grown."""
         if pairs <= self._capacity:
             return False
-        require_memory(0, pairs, self._replay.device)
-        self._capacity = pairs + pairs // 4
+        capacity = pairs + pairs // 4
+        require_memory(0, capacity, self._replay.device)
+        self._capacity = capacity
         for owner, name in self._growing:
             old = getattr(owner, name)
             new = self._zeros(self._capacity + 2, old.dtype)

@@ -7,7 +7,7 @@ import warp as wp
 from warpgrains.errors import SimulationError
 
 BYTES_PER_GRAIN = 300
-BYTES_PER_PAIR = 104
+BYTES_PER_PAIR = 144
 
 
 def require_memory(grains: int, pairs: int, device: wp.Device) -> None:
