@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pytest
 from c_reference import Reference, build
 
-from warpgrains import Scene, Simulation, contacts
+from warpgrains import Scene, Simulation, scales
 from warpgrains.reports import State
 
 WAYS = [
@@ -56,5 +56,5 @@ def simulate(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
     """Simulate with one thread and with two, using lists for as long as they hold and for one step only."""
     way = Simulate(*request.param)
     if not way.use_again:
-        monkeypatch.setattr(contacts, "SLACK", 1e-12)
+        monkeypatch.setattr(scales, "SLACK", 1e-12)
     return way
