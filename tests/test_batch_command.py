@@ -344,7 +344,7 @@ class TestKilled:
     @pytest.mark.slow
     def test_resumed_from_many_moments(self, tmp_path, undisturbed):
         rng = np.random.default_rng(5)
-        for number in range(3):
+        for number in range(2):
             folder = tmp_path / str(number)
             folder.mkdir()
             moments = sorted(rng.integers(1, 12 * 800, size=rng.integers(1, 4)).tolist())
