@@ -38,24 +38,32 @@ def slot_of(crew: Crew, tid: int, slots: int) -> int:
 
 @wp.func_native("""
 #if !defined(__CUDA_ARCH__)
-    if (workers > 1) {
-        long long ticket = __atomic_fetch_add(arrivals.data, 1LL, __ATOMIC_ACQ_REL);
-        long long all_here = (ticket / workers + 1) * workers;
-        for (int look = 0; __atomic_load_n(arrivals.data, __ATOMIC_ACQUIRE) < all_here; look++) {
+    for (int look = 0; __atomic_load_n(counts.data + k, __ATOMIC_ACQUIRE) < least; look++) {
 #if defined(__x86_64__)
-            __builtin_ia32_pause();
+        __builtin_ia32_pause();
 #endif
 #if defined(__linux__) || defined(__APPLE__)
-            int yield_processor(void) __asm__("sched_yield");
-            if (look > 1000)
-                yield_processor();
+        int yield_processor(void) __asm__("sched_yield");
+        if (look > 1000)
+            yield_processor();
 #endif
-        }
     }
 #endif
 """)
-def wait_for_all(arrivals: wp.array(dtype=wp.int64), workers: int):
-    """Wait until all CPU workers have come here equally often; give the core away if it takes long."""
+def wait_until(counts: wp.array(dtype=wp.int64), k: int, least: wp.int64):
+    """Wait until other CPU workers have counted that far; give the core away if it takes long."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return 0;
+#else
+    return __atomic_fetch_add(arrivals.data, 1LL, __ATOMIC_ACQ_REL);
+#endif
+""")
+def arrive(arrivals: wp.array(dtype=wp.int64)) -> wp.int64:
+    """Count an arrival. Returns how many there were before."""
     ...
 
 
@@ -65,7 +73,10 @@ def meet(crew: Crew):
 
     On a GPU workers meet at the end of a launch.
     """
-    wait_for_all(crew.arrivals, crew.workers)
+    if crew.workers > 1:
+        workers = wp.int64(crew.workers)
+        all_here = (arrive(crew.arrivals) / workers + wp.int64(1)) * workers
+        wait_until(crew.arrivals, 0, all_here)
 
 
 @wp.kernel

@@ -127,6 +127,8 @@ def stages(variant: Variant) -> SimpleNamespace:
         found: the same bits.
         """
         pairs = contacts.count[PAIRS]
+        if pairs <= window:
+            return
         for i in range(next_window.shape[0]):
             next_window[i] = 0
         for w in range(pairs):

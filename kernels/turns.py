@@ -8,7 +8,7 @@ finds the velocities that it would find if all slots were swept one by one in th
 
 import warp as wp
 
-from .crew import Crew, meet, share
+from .crew import Crew, meet, share, wait_until
 from .data import GROUPS, WALLS, Contacts
 
 
@@ -23,31 +23,15 @@ def begin_own_turns(ended: wp.array(dtype=wp.int64), worker: int):
     ...
 
 
-@wp.func_native("""
-#if !defined(__CUDA_ARCH__)
-    const long long pass = ended.data[8 * worker] / (1LL << 32) * (1LL << 32);
-    for (int other = 0; other < workers; other++) {
-        const long long needed = after.data[turn * workers + other];
-        if (needed > 0)
-            for (int look = 0;
-                 __atomic_load_n(&ended.data[8 * other], __ATOMIC_ACQUIRE) < pass + needed; look++) {
-#if defined(__x86_64__)
-                __builtin_ia32_pause();
-#endif
-#if defined(__linux__) || defined(__APPLE__)
-                int yield_processor(void) __asm__("sched_yield");
-                if (look > 1000)
-                    yield_processor();
-#endif
-            }
-    }
-#endif
-""")
-def wait_for_others(
-    ended: wp.array(dtype=wp.int64), after: wp.array(dtype=wp.int32), turn: int, worker: int, workers: int
-):
+@wp.func
+def wait_for_others(crew: Crew, contacts: Contacts, turn: int, worker: int):
     """Wait until every other worker has ended the turns, in this pass, that this one comes after."""
-    ...
+    turns_of_a_pass = wp.int64(1) << wp.int64(32)
+    begun = crew.ended[8 * worker] / turns_of_a_pass * turns_of_a_pass
+    for other in range(crew.workers):
+        needed = contacts.turn_after[turn * crew.workers + other]
+        if needed > 0:
+            wait_until(crew.ended, 8 * other, begun + wp.int64(needed))
 
 
 @wp.func_native("""
@@ -79,7 +63,7 @@ def take_turn(crew: Crew, tid: int, contacts: Contacts, turn: int):
     begin = contacts.group_start[turn]
     end = contacts.group_start[turn + 1]
     if contacts.own_turns != 0:
-        wait_for_others(crew.ended, contacts.turn_after, turn, crew.first + tid, crew.workers)
+        wait_for_others(crew, contacts, turn, crew.first + tid)
     else:
         begin, end = share(crew, tid, begin, end)
     return begin, end

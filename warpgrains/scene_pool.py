@@ -1,6 +1,7 @@
 """Many scenes of one kind in memory, as the kernels of a batch see them."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,7 @@ from warpgrains.failures import not_converged, not_finite
 from warpgrains.host_list import HostList
 from warpgrains.infeasible import find_certificate, iterations_worth_a_search
 from warpgrains.kernels import batch as kernels
-from warpgrains.kernels.data import BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, RESIDUAL, SLACK, ZETA
+from warpgrains.kernels.data import BAD_GRAIN, ITERATIONS, SLACK, ZETA
 from warpgrains.kernels.record import REBUILDS, REDOS, TO_SEARCH
 from warpgrains.kernels.step import NOT_CONVERGED, NOT_FINITE, SOLVED, WITHOUT_ROOM
 from warpgrains.kernels.tally import (
@@ -29,6 +30,7 @@ from warpgrains.replay import CAPTURING
 from warpgrains.reports import Lists, State, StepReport, Tally
 from warpgrains.scene import Scene
 from warpgrains.scene_records import SceneRecords
+from warpgrains.step_report import gap_error, read_step_report
 
 PLACES = {
     "start": "rows.start",
@@ -202,31 +204,15 @@ class ScenePool:
 
     def report(self, k: int) -> StepReport:
         """Return what the last step of scene k did."""
-        report, scene = self._array(k, "progress.report"), self.scenes[k]
-        flag = self._array(k, "flag")
-        pairs, _, walls = self._array(k, "contacts.count").tolist()
-        zeta, residual = report[ZETA].item(), report[RESIDUAL].item()
-        return StepReport(
-            iterations=int(report[ITERATIONS]),
-            zeta=zeta,
-            residual=residual,
-            gap_error=self._gap_error(k, residual),
-            converged=(residual if scene.stops_on_residual else zeta) <= scene.tolerance,
-            infeasible=dict(self._proofs[k]).get(self._done(k), ()),
-            contacts=int(report[CARRYING]),
-            candidates=pairs + walls,
-            overlap=report[OVERLAP].item(),
-            rebuilds=int(flag[REBUILDS]),
-            redos=int(flag[REDOS]),
-        )
-
-    def _gap_error(self, k: int, residual: float) -> float:
-        """Return dt * residual in smallest radii."""
-        return self.scenes[k].dt * residual / scales.smallest_radius(self.scenes[k])
+        scene, told, flag = self.scenes[k], self._array(k, "progress.report"), self._array(k, "flag")
+        counts, smallest = self._array(k, "contacts.count").tolist(), scales.smallest_radius(scene)
+        report = read_step_report(scene, smallest, told, counts, int(flag[REBUILDS]), int(flag[REDOS]))
+        return replace(report, infeasible=dict(self._proofs[k]).get(self._done(k), ()))
 
     def tally(self, k: int) -> Tally:
         """Return what scene k has done since it was asked."""
-        sums = self._array(k, "tally")
+        sums, scene = self._array(k, "tally"), self.scenes[k]
+        residual = sums[WORST_RESIDUAL].item()
         counts = sums.astype(np.int64).tolist()
         return Tally(
             steps=counts[STEPS],
@@ -235,8 +221,8 @@ class ScenePool:
             unconverged=counts[UNCONVERGED],
             infeasible=len(self._proofs[k]),
             infeasible_grains=self._proofs[k][0][1] if self._proofs[k] else (),
-            residual=sums[WORST_RESIDUAL].item(),
-            gap_error=self._gap_error(k, sums[WORST_RESIDUAL].item()),
+            residual=residual,
+            gap_error=gap_error(scene, scales.smallest_radius(scene), residual),
             overlap=sums[WORST_OVERLAP].item(),
             rebuilds=counts[ALL_REBUILDS],
             redos=counts[ALL_REDOS],

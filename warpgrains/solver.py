@@ -18,12 +18,13 @@ from warpgrains.grains import (
 )
 from warpgrains.infeasible import Certificate, find_certificate, iterations_worth_a_search
 from warpgrains.kernels import iterate, iteration, measure, momentum, motion, residual, sweep, watch
-from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, CARRYING, ITERATIONS, OVERLAP, RESIDUAL, ZETA
+from warpgrains.kernels.data import ACCEPTED, BAD_GRAIN, ITERATIONS, ZETA
 from warpgrains.kernels.iteration import Stop
 from warpgrains.memory import require_memory
 from warpgrains.replay import Replay, reader
 from warpgrains.reports import State, StepReport
 from warpgrains.scene import Scene
+from warpgrains.step_report import has_converged, read_step_report
 from warpgrains.threads import cores
 
 CALM = 0.3  # of the slack: what a grain may stray in a step without being watched
@@ -90,7 +91,7 @@ class StepSolver:
         self._stop.on_residual = int(scene.stops_on_residual)
         self._stop.tolerance, self._stop.max_iterations = scene.tolerance, scene.max_iterations
         self._stop.calm = CALM / scene.dt
-        self._iterations_to_search, self._smallest = 0, scene.radius.min().item()
+        self._iterations_to_search, self._smallest = 0, scales.smallest_radius(scene)
 
     def load(self, state: State) -> None:
         """Continue from a state."""
@@ -119,7 +120,8 @@ class StepSolver:
         if self._holds_back:
             self._require_convergence()
             self._replay(self._finish)
-        return self._step_report(rebuilds, redos)
+        told, counts = self._read_report(), self.contacts.counts
+        return read_step_report(self._scene, self._smallest, told, counts, rebuilds, redos)
 
     @property
     def _holds_back(self) -> bool:
@@ -218,14 +220,11 @@ class StepSolver:
             raise SimulationError(not_finite(grain, velocity))
         return False
 
-    def _converged(self, zeta: float, residual: float) -> bool:
-        return (residual if self._stop.on_residual else zeta) <= self._scene.tolerance
-
     def _require_convergence(self) -> None:
         """Raise unless the step has met its tolerance; the grains have not moved yet."""
         report = self._read_report()
         zeta, residual = report[ZETA].item(), self._progress.residual.numpy().max().item()
-        if self._converged(zeta, residual):
+        if has_converged(self._scene, zeta, residual):
             return
         certificate = self._search(self.grains.position, self.grains.next_velocity)
         self.contacts.revert()
@@ -245,21 +244,3 @@ class StepSolver:
         certificate = self._search(self.grains.last_position, self.grains.velocity)
         self._iterations_to_search = 0 if certificate else iterations_worth_a_search(self._scene.n)
         return replace(report, infeasible=certificate.grains) if certificate else report
-
-    def _step_report(self, rebuilds: int, redos: int) -> StepReport:
-        report = self._read_report()
-        pairs, _, walls = self.contacts.counts
-        zeta, residual = report[ZETA].item(), report[RESIDUAL].item()
-        return StepReport(
-            iterations=int(report[ITERATIONS]),
-            zeta=zeta,
-            residual=residual,
-            gap_error=self._scene.dt * residual / self._smallest,
-            converged=self._converged(zeta, residual),
-            infeasible=(),
-            contacts=int(report[CARRYING]),
-            candidates=pairs + walls,
-            overlap=report[OVERLAP].item(),
-            rebuilds=rebuilds,
-            redos=redos,
-        )
