@@ -6,7 +6,8 @@ The arrays are contiguous and the indices are the solver's own.
 
 import warp as wp
 
-from .data import Pair, Wall
+from .types import Pair
+from .walls import WallContact
 
 f64 = wp.float64
 
@@ -60,36 +61,42 @@ def set_dv(dv: wp.array(dtype=f64), c: int, value: f64):
 
 
 @wp.func_native("return walls.data[c].i;")
-def grain_of(walls: wp.array(dtype=Wall), c: int) -> int:
+def grain_of(walls: wp.array(dtype=WallContact), c: int) -> int:
     """Read which grain may reach a wall."""
     ...
 
 
 @wp.func_native("return walls.data[c].n;")
-def wall_normal_of(walls: wp.array(dtype=Wall), c: int) -> wp.vec2d:
+def wall_normal_of(walls: wp.array(dtype=WallContact), c: int) -> wp.vec2d:
     """Read a unit normal."""
     ...
 
 
 @wp.func_native("return walls.data[c].gap_rate_out;")
-def outer_gap_rate_of(walls: wp.array(dtype=Wall), c: int) -> f64:
+def outer_gap_rate_of(walls: wp.array(dtype=WallContact), c: int) -> f64:
     """Read gap / dt at the outer wall [m/s]."""
     ...
 
 
 @wp.func_native("return walls.data[c].gap_rate_in;")
-def inner_gap_rate_of(walls: wp.array(dtype=Wall), c: int) -> f64:
+def inner_gap_rate_of(walls: wp.array(dtype=WallContact), c: int) -> f64:
     """Read gap / dt at the inner wall [m/s]."""
     ...
 
 
 @wp.func_native("return walls.data[c].dv;")
-def wall_dv_of(walls: wp.array(dtype=Wall), c: int) -> f64:
+def wall_dv_of(walls: wp.array(dtype=WallContact), c: int) -> f64:
     """Read a correction at the walls [m/s]."""
     ...
 
 
 @wp.func_native("walls.data[c].dv = value;")
-def set_wall_dv(walls: wp.array(dtype=Wall), c: int, value: f64):
+def set_wall_dv(walls: wp.array(dtype=WallContact), c: int, value: f64):
     """Write a correction at the walls [m/s]."""
+    ...
+
+
+@wp.func_native("return weights.data[c];")
+def weight_of(weights: wp.array(dtype=wp.vec2d), c: int) -> wp.vec2d:
+    """Read the mass shares of a pair."""
     ...

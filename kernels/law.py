@@ -1,4 +1,4 @@
-"""The law, as pure functions of numbers: SPEC.md, section "One step", to be held against it line by line."""
+"""The law of grains, as pure functions of numbers, to be held against MODEL.md line by line."""
 
 import warp as wp
 
@@ -6,14 +6,14 @@ f64 = wp.float64
 
 
 @wp.func
-def drag_deceleration(velocity: wp.vec2d, drag: f64, mass: f64) -> wp.vec2d:
-    """What linear drag takes from the gravity: drag / m_i * v_i [m/s2]."""
-    return (drag / mass) * velocity
+def free_velocity(v: wp.vec2d, gravity: wp.vec2d, drag: f64, mass: f64, dt: f64) -> wp.vec2d:
+    """Velocity after Newton's law, without contacts [m/s] (eq. 2)."""
+    return v + dt * (gravity - (drag / mass) * v)
 
 
 @wp.func
 def normal(tail: wp.vec2d, head: wp.vec2d):
-    """Unit normal from tail to head, and their distance [m]. A wall's normal starts at the origin."""
+    """Unit normal from tail to head, and their distance [m] (eq. 4)."""
     d = head - tail
     distance = wp.sqrt(d[0] * d[0] + d[1] * d[1])
     return wp.vec2d(d[0] / distance, d[1] / distance), distance
@@ -21,41 +21,23 @@ def normal(tail: wp.vec2d, head: wp.vec2d):
 
 @wp.func
 def pair_gap(distance: f64, radius_i: f64, radius_j: f64) -> f64:
-    """Free distance between two grains [m]: gap = |x_j - x_i| - (r_i + r_j)."""
+    """Free distance between two grains [m] (eq. 4)."""
     return distance - (radius_i + radius_j)
 
 
 @wp.func
-def outer_gap(distance: f64, radius: f64, radius_out: f64) -> f64:
-    """Free distance between a grain and the outer wall [m]."""
-    return radius_out - distance - radius
-
-
-@wp.func
-def inner_gap(distance: f64, radius: f64, radius_in: f64) -> f64:
-    """Free distance between a grain and the inner wall [m]."""
-    return distance - radius_in - radius
-
-
-@wp.func
 def pair_correction(vn: f64, dvc: f64, gap_rate: f64) -> f64:
-    """Change dv of a pair's correction dv_c [m/s]; gap_rate = gap / dt just closes the gap in a step."""
+    """Change dv of a pair's correction dv_c [m/s] (eq. 6); gap_rate = gap / dt just closes the gap in a step."""
     return wp.max(f64(0.0), vn + dvc - gap_rate) - dvc
 
 
 @wp.func
-def outer_correction(vn: f64, dvb: f64, gap_rate: f64) -> f64:
-    """What the outer wall asks of a grain's wall correction dv_b [m/s]."""
-    return wp.max(f64(0.0), vn + dvb - gap_rate)
-
-
-@wp.func
-def inner_correction(vn: f64, dvb: f64, gap_rate: f64) -> f64:
-    """What the inner wall asks of a grain's wall correction dv_b [m/s]."""
-    return wp.max(f64(0.0), -vn - dvb - gap_rate)
-
-
-@wp.func
-def share_of_mass(mass_i: f64, mass_j: f64) -> f64:
-    """Part of a pair's correction that grain i takes: m_j / (m_i + m_j)."""
+def mass_share(mass_i: f64, mass_j: f64) -> f64:
+    """Part of a pair's correction that grain i takes (eq. 7)."""
     return mass_j / (mass_i + mass_j)
+
+
+@wp.func
+def natural_residual(vn: f64, dv: f64, gap_rate: f64) -> f64:
+    """How far one contact is from complementarity [m/s] (eq. 12)."""
+    return wp.abs(wp.max(f64(0.0), dv + vn - gap_rate) - dv)

@@ -1,154 +1,71 @@
 """The error of a solve, defined once and the same for every method and order: the natural residual.
 
-    eta = max over contacts of | max(0, dv_c + vn - gap/dt) - dv_c |,
+    eta = max over contacts of | max(0, dv_c + vn - gap/dt) - dv_c |    (MODEL.md, eq. 12),
 
 both walls apart, for the velocities that the corrections make of the free ones. These velocities are the
 exact solution of a step whose gaps are changed by at most dt * eta: a contact that carries dv_c > 0 has
 vn = gap/dt to within eta, one that does not has vn <= gap/dt + eta.
 """
 
-from functools import cache
-from types import SimpleNamespace
-
 import warp as wp
 
-from .crew import Crew, meet, share, slot_of
-from .data import GROUPS, PAIRS, Contacts, Grains, Progress
-from .stage import kernels_of
-from .sweep import stages as sweep_stages
-from .turns import begin_turns, end_turn, end_turns, take_turn, walls_of
-from .variant import Variant
+from . import law
+from .segments import pairs_of, walls_of
+from .threads import Team, partial_index, thread_range
+from .types import Contacts, SceneRecord, Vectors, pair_count
+from .walls import has_inner, wall_residual
 
 f64 = wp.float64
 
 
 @wp.func
-def unbalance(vn: f64, dv: f64, gap_rate: f64) -> f64:
-    """| max(0, dv + vn - gap/dt) - dv | of one contact [m/s]."""
-    return wp.abs(wp.max(f64(0.0), dv + vn - gap_rate) - dv)
+def apply_pair(velocity: Vectors, contacts: Contacts, c: int, impulse: wp.vec2d):
+    """Share a pair's dv n [m/s] out to its grains (eq. 7)."""
+    i = contacts.pairs[c].i
+    j = contacts.pairs[c].j
+    weight = wp.vec2d(f64(0.5), f64(0.5))
+    if contacts.weights.shape[0] > 0:
+        weight = contacts.weights[c]
+    velocity[i] = velocity[i] - impulse * weight[0]
+    velocity[j] = velocity[j] + impulse * weight[1]
 
 
-@cache
-def stages(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the functions for one kind of scene."""
-    apply_pair = sweep_stages(variant).apply_pair
-
-    @wp.func
-    def free_share(crew: Crew, tid: int, grains: Grains):
-        """Begin with this worker's share of the free velocities."""
-        begin, end = share(crew, tid, 0, grains.position.shape[0])
-        for i in range(begin, end):
-            grains.rebuilt_velocity[i] = grains.free_velocity[i]
-
-    @wp.func
-    def rebuild_turn(crew: Crew, tid: int, grains: Grains, contacts: Contacts, turn: int):
-        """Apply the corrections of a turn's pairs."""
-        begin, end = take_turn(crew, tid, contacts, turn)
-        for c in range(begin, end):
-            apply_pair(grains.rebuilt_velocity, contacts, c, contacts.pair_dv[c] * contacts.pairs[c].n)
-
-    @wp.func
-    def rebuild_walls(crew: Crew, tid: int, grains: Grains, contacts: Contacts):
-        """Apply this worker's share of the corrections at the walls."""
-        begin, end = walls_of(crew, tid, contacts)
-        for c in range(begin, end):
-            wall = contacts.walls[c]
-            grains.rebuilt_velocity[wall.i] = grains.rebuilt_velocity[wall.i] - wall.dv * wall.n
-
-    @wp.func
-    def worst_of_pairs(crew: Crew, tid: int, grains: Grains, contacts: Contacts) -> f64:
-        """The largest residual of this worker's share of the pairs."""
-        worst = f64(0.0)
-        begin, end = share(crew, tid, 0, contacts.count[PAIRS])
-        for c in range(begin, end):
-            pair = contacts.pairs[c]
-            vn = wp.dot(grains.rebuilt_velocity[pair.i] - grains.rebuilt_velocity[pair.j], pair.n)
-            worst = wp.max(worst, unbalance(vn, contacts.pair_dv[c], pair.gap_rate))
-        return worst
-
-    @wp.func
-    def worst_of_walls(crew: Crew, tid: int, grains: Grains, contacts: Contacts) -> f64:
-        """The largest residual of this worker's share of the walls."""
-        worst = f64(0.0)
-        begin, end = walls_of(crew, tid, contacts)
-        for c in range(begin, end):
-            wall = contacts.walls[c]
-            vn = wp.dot(grains.rebuilt_velocity[wall.i], wall.n)
-            worst = wp.max(worst, unbalance(vn, wp.max(wall.dv, f64(0.0)), wall.gap_rate_out))
-            if wp.static(variant.inner_wall):
-                worst = wp.max(worst, unbalance(-vn, wp.max(-wall.dv, f64(0.0)), wall.gap_rate_in))
-        return worst
-
-    @wp.func
-    def measure(crew: Crew, tid: int, grains: Grains, contacts: Contacts) -> f64:
-        """Part of eta of this worker; CPU workers meet between the stages."""
-        free_share(crew, tid, grains)
-        meet(crew)
-        first, last = begin_turns(crew, tid, contacts)
-        for turn in range(first, last):
-            rebuild_turn(crew, tid, grains, contacts, turn)
-            end_turn(crew, tid, contacts)
-        end_turns(crew, contacts)
-        rebuild_walls(crew, tid, grains, contacts)
-        meet(crew)
-        return wp.max(
-            worst_of_walls(crew, tid, grains, contacts), worst_of_pairs(crew, tid, grains, contacts)
-        )
-
-    @wp.func
-    def measure_all(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
-        """Eta on a CPU, in one launch."""
-        slot = slot_of(crew, tid, progress.residual.shape[0])
-        progress.residual[slot] = measure(crew, tid, grains, contacts)
-
-    @wp.func
-    def begin_rebuild(crew: Crew, tid: int, grains: Grains, progress: Progress):
-        """First launch of eta on a GPU."""
-        if progress.checking[0] != 0:
-            free_share(crew, tid, grains)
-
-    @wp.func
-    def rebuild_pairs(
-        crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress, group: int
-    ):
-        """Launch of one group on a GPU."""
-        if progress.checking[0] != 0 and group < contacts.count[GROUPS]:
-            rebuild_turn(crew, tid, grains, contacts, group)
-
-    @wp.func
-    def finish_rebuild(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
-        """Launch of the walls on a GPU."""
-        if progress.checking[0] != 0:
-            rebuild_walls(crew, tid, grains, contacts)
-
-    @wp.func
-    def find_worst(crew: Crew, tid: int, grains: Grains, contacts: Contacts, progress: Progress):
-        """Last launch of eta on a GPU."""
-        if progress.checking[0] != 0:
-            worst = wp.max(
-                worst_of_walls(crew, tid, grains, contacts), worst_of_pairs(crew, tid, grains, contacts)
-            )
-            wp.atomic_max(progress.residual, slot_of(crew, tid, progress.residual.shape[0]), worst)
-
-    return SimpleNamespace(
-        measure=measure,
-        measure_all=measure_all,
-        begin_rebuild=begin_rebuild,
-        rebuild_pairs=rebuild_pairs,
-        finish_rebuild=finish_rebuild,
-        find_worst=find_worst,
-    )
+@wp.func
+def begin_rebuild(s: SceneRecord, i: int):
+    """Begin with the free velocity."""
+    s.grains.rebuilt_velocity[i] = s.grains.free_velocity[i]
 
 
-@cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Kernels of the stages that are launched."""
-    own = stages(variant)
-    return kernels_of(
-        variant.module,
-        own.measure_all,
-        own.begin_rebuild,
-        own.rebuild_pairs,
-        own.finish_rebuild,
-        own.find_worst,
-    )
+@wp.func
+def rebuild_from_pairs(team: Team, s: SceneRecord, k: int):
+    """Apply the corrections of a set's pairs."""
+    begin, end = pairs_of(team, s, k)
+    for c in range(begin, end):
+        impulse = s.contacts.pair_dv[c] * s.contacts.pairs[c].n
+        apply_pair(s.grains.rebuilt_velocity, s.contacts, c, impulse)
+
+
+@wp.func
+def rebuild_from_walls(team: Team, s: SceneRecord):
+    """Apply the corrections at the walls."""
+    begin, end = walls_of(team, s)
+    for c in range(begin, end):
+        wall = s.contacts.walls[c]
+        s.grains.rebuilt_velocity[wall.i] = s.grains.rebuilt_velocity[wall.i] - wall.dv * wall.n
+
+
+@wp.func
+def measure_residual(team: Team, s: SceneRecord):
+    """The largest residual of this thread's share of the contacts."""
+    worst = f64(0.0)
+    v = s.grains.rebuilt_velocity
+    begin, end = walls_of(team, s)
+    for c in range(begin, end):
+        wall = s.contacts.walls[c]
+        worst = wp.max(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
+    begin, end = thread_range(team, 0, pair_count(s))
+    for c in range(begin, end):
+        pair = s.contacts.pairs[c]
+        vn = wp.dot(v[pair.i] - v[pair.j], pair.n)
+        worst = wp.max(worst, law.natural_residual(vn, s.contacts.pair_dv[c], pair.gap_rate))
+    wp.atomic_max(s.partial.residual, partial_index(team, s.partial.residual.shape[0]), worst)

@@ -1,0 +1,142 @@
+"""In which order the pairs are swept, and which of them may be swept together.
+
+Every candidate pair (in lexicographic order, as the neighbor list holds them) is given an independent set. The
+sets are swept one after the other; pairs of one set share no grain, so they may be swept together.
+
+- levels: a pair's set is above those of all earlier pairs that share a grain with it. Sweeping by sets gives
+  every pair exactly what it would have read in the sequential loop: the same bits.
+- colors: first-fit, each pair the lowest set that neither of its grains has yet. Another order, in which
+  a few wide sets suffice.
+
+The loops are sequential by nature (each pair depends on earlier ones) and run on one thread, only when the
+list has changed.
+"""
+
+import warp as wp
+
+from .types import Contacts, Ints, NeighborList, SceneRecord, grain_count, pair_count
+
+MASK_COLORS = wp.constant(64)
+
+
+@wp.func
+def lowest_free(used: wp.uint64) -> int:
+    """The lowest bit that is not set, or 64."""
+    color = int(0)
+    while color < MASK_COLORS and ((used >> wp.uint64(color)) & wp.uint64(1)) != wp.uint64(0):
+        color = color + 1
+    return color
+
+
+@wp.func
+def levels(rows: NeighborList, next_level: Ints, group: Ints):
+    """Dependency levels, as few as there can be."""
+    n = rows.start.shape[0] - 1
+    for i in range(n):
+        next_level[i] = 0
+    for i in range(n):
+        for k in range(rows.start[i], rows.start[i + 1]):
+            j = rows.neighbor[k]
+            level = wp.max(next_level[i], next_level[j])
+            group[k] = level
+            next_level[i] = level + 1
+            next_level[j] = level + 1
+
+
+@wp.func
+def colors(rows: NeighborList, used: wp.array(dtype=wp.uint64), group: Ints):
+    """First-fit. What does not fit in 64 colors (a grain may touch thousands) is swept pair by pair."""
+    n = rows.start.shape[0] - 1
+    for i in range(n):
+        used[i] = wp.uint64(0)
+    extra = int(0)
+    for i in range(n):
+        for k in range(rows.start[i], rows.start[i + 1]):
+            j = rows.neighbor[k]
+            color = lowest_free(used[i] | used[j])
+            if color < MASK_COLORS:
+                bit = wp.uint64(1) << wp.uint64(color)
+                used[i] = used[i] | bit
+                used[j] = used[j] | bit
+                group[k] = color
+            else:
+                group[k] = MASK_COLORS + extra
+                extra = extra + 1
+
+
+@wp.func
+def place(rows: NeighborList, group: Ints, merge: int, contacts: Contacts, sweep_index: Ints):
+    """Give every pair its place, sorted by set and in lexicographic order within one.
+
+    With `merge` the sets are told as one: a single thread sweeps the pairs in order anyway.
+    """
+    pairs = rows.start[rows.start.shape[0] - 1]
+    sets = int(0)
+    for k in range(pairs):
+        sets = wp.max(sets, group[k] + 1)
+    start = contacts.set_start
+    for g in range(sets + 1):
+        start[g] = 0
+    for k in range(pairs):
+        start[group[k] + 1] = start[group[k] + 1] + 1
+    for g in range(sets):
+        start[g + 1] = start[g + 1] + start[g]
+    for k in range(pairs):
+        sweep_index[k] = start[group[k]]
+        start[group[k]] = sweep_index[k] + 1
+    for g in range(sets):
+        start[sets - g] = start[sets - g - 1]
+    start[0] = 0
+    contacts.count[0].pairs = pairs
+    contacts.count[0].sets = sets
+    if merge != 0:
+        start[1] = pairs
+        contacts.count[0].sets = 1
+
+
+@wp.func
+def order_pairs(s: SceneRecord):
+    """Give every pair its set, and its place in the sweep."""
+    if s.by_color != 0:
+        colors(s.neighbors, s.workspace.used_colors, s.workspace.group)
+    else:
+        levels(s.neighbors, s.workspace.next_level, s.workspace.group)
+    place(s.neighbors, s.workspace.group, s.merge, s.contacts, s.workspace.sweep_index)
+    s.control.tiled[0] = 1 if s.merge != 0 and pair_count(s) > s.tuning.tile else 0
+
+
+@wp.func
+def gather(s: SceneRecord, i: int):
+    """Write the pairs of grain i, (i, j, place in the neighbor list), where they come in the sweep."""
+    for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
+        s.workspace.sequence[s.workspace.sweep_index[k]] = wp.vec3i(i, s.neighbors.neighbor[k], k)
+
+
+@wp.func
+def tile_pairs(s: SceneRecord):
+    """Sweep tile after tile of the rows, each in the order given: close by in time and in memory.
+
+    A pair waits for the tile of every pair before it on its grains, so that it finds what it would have
+    found: the same bits.
+    """
+    pairs = pair_count(s)
+    tile = s.tuning.tile
+    next_tile, start, sweep_index = s.workspace.next_level, s.workspace.group, s.workspace.sweep_index
+    for i in range(grain_count(s)):
+        next_tile[i] = 0
+    for w in range(pairs + 1):
+        start[w] = 0
+    for c in range(pairs):
+        pair = s.workspace.sequence[c]
+        w = wp.max(pair[2] // tile, wp.max(next_tile[pair[0]], next_tile[pair[1]]))
+        next_tile[pair[0]] = w
+        next_tile[pair[1]] = w
+        sweep_index[pair[2]] = w
+        start[w + 1] = start[w + 1] + 1
+    for w in range(pairs):
+        start[w + 1] = start[w + 1] + start[w]
+    for c in range(pairs):
+        k = s.workspace.sequence[c][2]
+        w = sweep_index[k]
+        sweep_index[k] = start[w]
+        start[w] = start[w] + 1

@@ -1,0 +1,110 @@
+"""A list made anew: the old one set aside, and its corrections carried over (warm-start transfer)."""
+
+import warp as wp
+
+from . import law
+from .neighbors import is_at, place_in_row
+from .types import WITHOUT_ROOM, Pair, SceneRecord, grain_count
+
+f64 = wp.float64
+
+
+@wp.func
+def save_pairs(s: SceneRecord, i: int):
+    """Keep a grain's pairs, and their corrections at the start of the step."""
+    s.workspace.old.start[i] = s.neighbors.start[i]
+    s.workspace.wall_dv[i] = f64(0.0)
+    for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
+        s.workspace.old.neighbor[k] = s.neighbors.neighbor[k]
+        s.workspace.old_pair_dv[k] = s.contacts.pair_dv_start[s.workspace.sweep_index[k]]
+
+
+@wp.func
+def save_wall(s: SceneRecord, c: int):
+    """Keep a wall's correction at the start of the step, by grain."""
+    s.workspace.wall_dv[s.contacts.walls[c].i] = s.contacts.wall_dv_start[c]
+
+
+@wp.func
+def expire(s: SceneRecord):
+    """Ask for a new list, in the same step."""
+    n = grain_count(s)
+    s.workspace.old.start[n] = s.neighbors.start[n]
+    s.step[0].rebuilds = s.step[0].rebuilds + 1
+    if s.step[0].iterations > 0:
+        s.step[0].redos = s.step[0].redos + 1
+    s.control.unlisted[0] = 1
+
+
+@wp.func
+def begin_list(s: SceneRecord):
+    """Search, at least once."""
+    s.control.searching[0] = 1
+
+
+@wp.func
+def keep_active_pairs(s: SceneRecord, i: int):
+    """A pair that carries a correction must stay listed: where it is lost, widen its skins and search again."""
+    k = s.neighbors.start[i]
+    for k_old in range(s.workspace.old.start[i], s.workspace.old.start[i + 1]):
+        j = s.workspace.old.neighbor[k_old]
+        k = place_in_row(s.neighbors, i, j, k)
+        if s.workspace.old_pair_dv[k_old] != f64(0.0) and not is_at(s.neighbors, i, j, k):
+            half = f64(0.5) * wp.length(s.grains.position[j] - s.grains.position[i])
+            wp.atomic_max(s.verlet.skin, i, half)
+            wp.atomic_max(s.verlet.skin, j, half)
+            s.control.searching[0] = 1
+
+
+@wp.func
+def end_list(s: SceneRecord):
+    """Go on with the pairs found, or leave the step until there is room for them."""
+    s.control.unlisted[0] = 1 - s.control.roomy[0]
+    s.control.unordered[0] = s.control.roomy[0]
+    if s.control.roomy[0] == 0:
+        s.step[0].outcome = WITHOUT_ROOM
+        s.control.unsolved[0] = 0
+
+
+@wp.func
+def transfer_warm_start(s: SceneRecord, i: int):
+    """Write a grain's pairs where they are swept, with the corrections of the old list, or zero."""
+    k_old = s.workspace.old.start[i]
+    for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
+        j = s.neighbors.neighbor[k]
+        c = s.workspace.sweep_index[k]
+        pair = Pair()
+        pair.i = i
+        pair.j = j
+        k_old = place_in_row(s.workspace.old, i, j, k_old)
+        dv = f64(0.0)
+        if is_at(s.workspace.old, i, j, k_old):
+            dv = s.workspace.old_pair_dv[k_old]
+        s.contacts.pairs[c] = pair
+        s.contacts.pair_dv[c] = dv
+        s.contacts.pair_dv_start[c] = dv
+        if s.contacts.weights.shape[0] > 0:
+            mass_i = s.grains.mass[i]
+            mass_j = s.grains.mass[j]
+            s.contacts.weights[c] = wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
+
+
+@wp.func
+def find_row_sums(s: SceneRecord):
+    """The largest sum of a grain's shares of its contacts, one for the walls included."""
+    n = grain_count(s)
+    for i in range(n):
+        s.workspace.row_sum[i] = f64(0.0)
+    for i in range(n):
+        for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
+            j = s.neighbors.neighbor[k]
+            weight = wp.vec2d(f64(0.5), f64(0.5))
+            if s.contacts.weights.shape[0] > 0:
+                weight = s.contacts.weights[s.workspace.sweep_index[k]]
+            s.workspace.row_sum[i] = s.workspace.row_sum[i] + weight[0]
+            s.workspace.row_sum[j] = s.workspace.row_sum[j] + weight[1]
+    largest = f64(0.0)
+    for i in range(n):
+        largest = wp.max(largest, s.workspace.row_sum[i] + f64(1.0))
+    s.verlet.numbers[0].max_row_sum = largest
+    s.control.unordered[0] = 0

@@ -1,0 +1,201 @@
+"""Candidate contacts: every pair i < j within reach (verlet.py), in lexicographic order, and the walls.
+
+Grains are sorted into the cells of a grid that is wrapped around (cell (cx, cy) shares its bucket with
+(cx + width, cy)), so that it needs no bounds. Of two grains the one of larger extent finds
+the pair, so that few large grains among many small ones cost no more than the cells that they cover.
+"""
+
+import warp as wp
+
+from .types import Ints, NeighborList, SceneRecord, grain_count
+from .walls import WallContact, is_near_wall
+
+f64 = wp.float64
+TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact out
+
+
+@wp.func
+def cell_of(x: f64, size: f64) -> int:
+    """The cell of a coordinate. Far out, cells grow coarse instead of overflowing."""
+    return int(wp.clamp(wp.floor(x / size), f64(-1.0e9), f64(1.0e9)))
+
+
+@wp.func
+def bucket_of(cx: int, cy: int, width: int) -> int:
+    """The bucket of a cell in the wrapped grid."""
+    return (cx & (width - 1)) + width * (cy & (width - 1))
+
+
+@wp.func
+def bucket_at(s: SceneRecord, x: wp.vec2d) -> int:
+    """The bucket of a place."""
+    return bucket_of(cell_of(x[0], s.grid.size), cell_of(x[1], s.grid.size), s.grid.width)
+
+
+@wp.func
+def starts(count: Ints, start: Ints):
+    """Where each part starts, of parts of so many entries."""
+    total = int(0)
+    for k in range(count.shape[0]):
+        start[k] = total
+        total = total + count[k]
+
+
+@wp.func
+def bucket_count(s: SceneRecord) -> int:
+    """How many buckets there are, and one."""
+    return s.grid.cell_cursor.shape[0]
+
+
+@wp.func
+def clear_cell(s: SceneRecord, b: int):
+    """Empty a bucket."""
+    s.grid.cell_cursor[b] = 0
+
+
+@wp.func
+def count_in_cell(s: SceneRecord, i: int):
+    """The extent of every grain, and how many grains every bucket holds, in cell_cursor."""
+    w = s.verlet.reference_velocity[i] - s.verlet.numbers[0].mean_velocity
+    path = s.verlet.numbers[0].lifetime * wp.length(w)
+    s.grid.extent[i] = s.grains.radius[i] + s.verlet.skin[i] + path
+    wp.atomic_add(s.grid.cell_cursor, bucket_at(s, s.grains.position[i]), 1)
+    s.neighbors.cursor[i] = 0
+
+
+@wp.func
+def start_cells(s: SceneRecord):
+    """Where every bucket starts; no pair is found yet."""
+    starts(s.grid.cell_cursor, s.grid.cell_start)
+    s.neighbors.total[0] = 0
+
+
+@wp.func
+def fill_cell(s: SceneRecord, i: int):
+    """Put a grain in its bucket; cell_cursor counts down to zero."""
+    b = bucket_at(s, s.grains.position[i])
+    place = wp.atomic_sub(s.grid.cell_cursor, b, 1) - 1
+    s.grid.cell_grain[s.grid.cell_start[b] + place] = i
+
+
+@wp.func
+def is_within_reach(s: SceneRecord, a: int, b: int) -> bool:
+    """The criterion of verlet.py, and before it that of the extents, which is quicker and wider."""
+    distance = wp.length(s.grains.position[b] - s.grains.position[a])
+    if distance > (s.grid.extent[a] + s.grid.extent[b]) * TOO_WIDE:
+        return False
+    w = s.verlet.reference_velocity[b] - s.verlet.reference_velocity[a]
+    reach = s.verlet.skin[a] + s.verlet.skin[b] + s.verlet.numbers[0].lifetime * wp.length(w)
+    return distance <= (s.grains.radius[a] + s.grains.radius[b] + reach) * TOO_WIDE
+
+
+@wp.func
+def try_pair(s: SceneRecord, a: int, b: int):
+    """Take a pair within reach, if a is the one to find it: the larger, or, of equals, the first.
+
+    It is counted in the row of its first grain, and written down if there is room.
+    """
+    extent_a = s.grid.extent[a]
+    extent_b = s.grid.extent[b]
+    if extent_b > extent_a or (extent_b == extent_a and b <= a):
+        return
+    if is_within_reach(s, a, b):
+        wp.atomic_add(s.neighbors.cursor, wp.min(a, b), 1)
+        place = wp.atomic_add(s.neighbors.total, 0, 1)
+        if place < s.neighbors.found.shape[0]:
+            s.neighbors.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
+
+
+@wp.func
+def find_pairs(s: SceneRecord, a: int):
+    """Find a grain's pairs in the cells around it, or among all grains where that is less to look at."""
+    x = s.grains.position[a]
+    radius = f64(2.0) * s.grid.extent[a] * TOO_WIDE
+    first_x, last_x = cell_of(x[0] - radius, s.grid.size), cell_of(x[0] + radius, s.grid.size)
+    first_y, last_y = cell_of(x[1] - radius, s.grid.size), cell_of(x[1] + radius, s.grid.size)
+    all_cells = last_x - first_x >= s.grid.width or last_y - first_y >= s.grid.width
+    if all_cells:
+        first_x, last_x = 0, s.grid.width - 1
+        first_y, last_y = 0, s.grid.width - 1
+    for cy in range(first_y, last_y + 1):
+        for cx in range(first_x, last_x + 1):
+            bucket = bucket_of(cx, cy, s.grid.width)
+            for k in range(s.grid.cell_start[bucket], s.grid.cell_start[bucket + 1]):
+                try_pair(s, a, s.grid.cell_grain[k])
+
+
+@wp.func
+def see_whether_roomy(s: SceneRecord):
+    """Whether the pairs found have room; where they start, if they do."""
+    s.control.searching[0] = 0
+    s.control.roomy[0] = 1 if s.neighbors.total[0] <= s.neighbors.found.shape[0] else 0
+    if s.control.roomy[0] != 0:
+        starts(s.neighbors.cursor, s.neighbors.start)
+
+
+@wp.func
+def found_count(s: SceneRecord) -> int:
+    """How many pairs were found."""
+    return s.neighbors.total[0]
+
+
+@wp.func
+def fill_row(s: SceneRecord, k: int):
+    """Put a pair in its row; the cursors count down to zero."""
+    pair = s.neighbors.found[k]
+    place = wp.atomic_sub(s.neighbors.cursor, pair[0], 1) - 1
+    s.neighbors.neighbor[s.neighbors.start[pair[0]] + place] = pair[1]
+
+
+@wp.func
+def sort_row(s: SceneRecord, i: int):
+    """Sort a row (shell sort: rows are short, but a large grain may touch thousands)."""
+    first = s.neighbors.start[i]
+    count = s.neighbors.start[i + 1] - first
+    step = int(1)
+    while 3 * step + 1 < count:
+        step = 3 * step + 1
+    while step > 0:
+        for k in range(first + step, first + count):
+            j = s.neighbors.neighbor[k]
+            hole = int(k)
+            while hole - step >= first and s.neighbors.neighbor[hole - step] > j:
+                s.neighbors.neighbor[hole] = s.neighbors.neighbor[hole - step]
+                hole = hole - step
+            s.neighbors.neighbor[hole] = j
+        step = step // 3
+
+
+@wp.func
+def list_walls(s: SceneRecord):
+    """List the grains that may reach a wall, or are held by one, with the corrections that they carry."""
+    listed = int(0)
+    for i in range(grain_count(s)):
+        path = s.verlet.numbers[0].lifetime * wp.length(s.verlet.reference_velocity[i])
+        reach = (s.verlet.skin[i] + s.verlet.numbers[0].frame_skin + path) * TOO_WIDE
+        dv = s.workspace.wall_dv[i]
+        if is_near_wall(s.grains.position[i], s.grains.radius[i], s.walls, reach) or dv != f64(0.0):
+            contact = WallContact()
+            contact.i = i
+            contact.dv = dv
+            s.contacts.walls[listed] = contact
+            s.contacts.wall_dv_start[listed] = dv
+            listed = listed + 1
+    s.contacts.count[0].walls = listed
+
+
+@wp.func
+def place_in_row(neighbors: NeighborList, i: int, j: int, k: int) -> int:
+    """The first place at or after k in the row of i that is not before j: rows are ascending."""
+    place = int(k)
+    while place < neighbors.start[i + 1] and neighbors.neighbor[place] < j:
+        place = place + 1
+    return place
+
+
+@wp.func
+def is_at(neighbors: NeighborList, i: int, j: int, k: int) -> bool:
+    """Whether place k holds pair (i, j)."""
+    if k < neighbors.start[i + 1]:
+        return neighbors.neighbor[k] == j
+    return False

@@ -1,0 +1,114 @@
+"""When the contact iteration stops, and whether the step is taken: decided on the device."""
+
+import warp as wp
+
+from .types import (
+    EXPIRED,
+    NOT_CONVERGED,
+    NOT_FINITE,
+    SOLVED,
+    Floats,
+    SceneRecord,
+)
+from .verlet import check_all, outcome_of_check, reserve
+
+f64 = wp.float64
+CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
+NEARLY = wp.constant(f64(2.0))  # times the tolerance: a zeta from which the residual is worth a check
+
+
+@wp.func
+def is_power_of_two(number: int) -> bool:
+    """Whether it is 1, 2, 4, 8, ..."""
+    return number & (number - 1) == 0
+
+
+@wp.func
+def gathered(partial: Floats) -> f64:
+    """The largest part of any thread; all are cleared."""
+    largest = f64(0.0)
+    for k in range(partial.shape[0]):
+        largest = wp.max(largest, partial[k])
+        partial[k] = f64(0.0)
+    return largest
+
+
+@wp.func
+def begin(s: SceneRecord):
+    """Begin a step, or go on with one that waited for room."""
+    s.control.unsolved[0] = 1
+    s.control.starting[0] = 1 - s.control.unlisted[0]
+
+
+@wp.func
+def see_whether_listed(s: SceneRecord):
+    """Solve the step if there is a list to do so with."""
+    s.control.attempting[0] = 1 - s.control.unlisted[0]
+
+
+@wp.func
+def begin_iterating(s: SceneRecord):
+    """Iterate if the list is likely to hold for the velocities before the first iteration."""
+    check_all(s, reserve(s))
+    s.step[0].iterations = 0
+    s.control.iterating[0] = 1 if outcome_of_check(s) == SOLVED else 0
+    s.control.measuring[0] = 0
+    s.control.sampling[0] = 0
+    s.control.rejected[0] = 0
+
+
+@wp.func
+def decide_to_stop(s: SceneRecord):
+    """Stop after the first iteration with zeta <= tolerance, or at max_iterations; or ask for the residual.
+
+    An attempt in which a contact may have been missing is given up, but not at once, so that it shows how far
+    all grains must reach. The residual is measured after the last iteration in any case.
+    """
+    zeta = gathered(s.partial.zeta)
+    iterations = s.step[0].iterations + 1
+    stopping = s.stopping
+    going_on = iterations < stopping.max_iterations
+    checking = False
+    if s.control.rejected[0] == 0:
+        if stopping.on_residual != 0:
+            sparse = iterations == 1 or iterations % CHECK_EVERY == 0
+            checking = sparse and zeta <= NEARLY * stopping.tolerance
+        else:
+            going_on = going_on and zeta > stopping.tolerance
+    if s.verlet.flags[0].list_expired != 0 and is_power_of_two(iterations):
+        going_on = False
+    s.step[0].zeta = zeta
+    s.step[0].iterations = iterations
+    s.control.iterating[0] = 1 if going_on else 0
+    s.control.measuring[0] = 1 if checking or not going_on else 0
+
+
+@wp.func
+def stop_on_residual(s: SceneRecord):
+    """Stop on residual <= tolerance."""
+    residual = gathered(s.partial.residual)
+    s.step[0].residual = residual
+    if s.stopping.on_residual != 0 and residual <= s.stopping.tolerance:
+        s.control.iterating[0] = 0
+
+
+@wp.func
+def has_converged(s: SceneRecord) -> bool:
+    """Whether the step has met its tolerance."""
+    error = s.step[0].zeta
+    if s.stopping.on_residual != 0:
+        error = s.step[0].residual
+    return error <= s.stopping.tolerance
+
+
+@wp.func
+def judge(s: SceneRecord):
+    """Take the step, try again with a new list, or give it up."""
+    check_all(s, s.tuning.rounding)
+    outcome = outcome_of_check(s)
+    if outcome == SOLVED and s.stopping.raise_on_unconverged != 0 and not has_converged(s):
+        outcome = NOT_CONVERGED
+    s.step[0].outcome = outcome
+    s.control.accepted[0] = 1 if outcome == SOLVED else 0
+    s.control.unlisted[0] = 1 if outcome == EXPIRED else 0
+    s.control.unsolved[0] = s.control.unlisted[0]

@@ -1,0 +1,179 @@
+"""The Verlet list's check: the proof that a pair or wall left out of the list would have done nothing.
+
+When the list was built, grain i had about the reference velocity w_i. In a frame that moves with velocity u
+beside the w_i, let s_i be its displacement since from its straight path, and p_i the largest |v_i - w_i - u|
+that it has had at any moment of the contact iteration, its peak deviation. The list holds every pair with
+
+    gap <= lifetime |w_i - w_j| + skin_i + skin_j
+
+as the gaps were then. A pair acts only if (v_i - v_j) . n > gap / dt. So as long as
+
+    s_i + dt p_i <= skin_i  for every grain i,    and    elapsed + dt <= lifetime,
+
+an absent pair has gap >= dt (|w_i - w_j| + p_i + p_j) >= dt (v_i - v_j) . n at every moment and stays silent;
+leaving it out gives the same bits (MODEL.md, eq. 11). The walls do not move with the frame: for them the path
+of the frame itself is added.
+
+p_i is seen after every single correction of a monitored sweep. A sweep that is not monitored changes no
+velocity by more than max_row_sum * zeta, where max_row_sum is the largest sum of a grain's shares of its
+contacts; these changes add up to `unmonitored_change`, with which all grains are sampled from time to time.
+"""
+
+import warp as wp
+
+from .access import velocity_of
+from .types import EXPIRED, NOT_FINITE, SOLVED, SceneRecord, Vectors, Verlet, grain_count
+
+f64 = wp.float64
+
+
+@wp.func
+def deviation(velocity: wp.vec2d, verlet: Verlet, i: int) -> wp.vec2d:
+    """v_i - w_i - u [m/s]."""
+    return velocity - verlet.reference_velocity[i] - verlet.numbers[0].frame_velocity
+
+
+@wp.func
+def displacement(position: wp.vec2d, verlet: Verlet, i: int) -> f64:
+    """s_i [m]."""
+    straight = verlet.reference_position[i] + verlet.numbers[0].elapsed * verlet.reference_velocity[i]
+    return wp.length(position - straight - verlet.numbers[0].frame_shift)
+
+
+@wp.func
+def is_finite(x: wp.vec2d) -> bool:
+    """Whether both components are numbers: infinity less infinity is none."""
+    return x[0] - x[0] == f64(0.0) and x[1] - x[1] == f64(0.0)
+
+
+@wp.func
+def monitor(velocity: Vectors, verlet: Verlet, i: int):
+    """Keep the peak deviation of grain i, and see whether its skin still allows it."""
+    peak = wp.length_sq(deviation(velocity_of(velocity, i), verlet, i))
+    if peak > verlet.peak_deviation[i]:
+        verlet.peak_deviation[i] = peak
+        if peak > verlet.peak_limit[i]:
+            verlet.flags[0].list_expired = 1
+
+
+@wp.func
+def sample(s: SceneRecord, i: int):
+    """Take what grain i may have reached unmonitored, on the way to its velocity, into its peak."""
+    v = velocity_of(s.grains.next_velocity, i)
+    peak = wp.length(deviation(v, s.verlet, i)) + s.verlet.numbers[0].sampled_change
+    s.verlet.peak_deviation[i] = wp.max(s.verlet.peak_deviation[i], peak * peak)
+
+
+@wp.func
+def clear_check(s: SceneRecord):
+    """Forget what was seen; the first iteration is monitored."""
+    s.verlet.numbers[0].frame_velocity = wp.vec2d(f64(0.0), f64(0.0))
+    s.verlet.numbers[0].unmonitored_change = f64(0.0)
+    s.verlet.flags[0].monitored = 1
+    s.verlet.flags[0].list_expired = 0
+    s.verlet.flags[0].bad_grain = -1
+
+
+@wp.func
+def find_frame(s: SceneRecord):
+    """u, the mean of v_i - w_i: what all grains do together, such as falling, displaces nobody."""
+    n = grain_count(s)
+    u = wp.vec2d(f64(0.0), f64(0.0))
+    for i in range(n):
+        u = u + (s.grains.next_velocity[i] - s.verlet.reference_velocity[i]) / f64(n)
+    s.verlet.numbers[0].frame_velocity = u
+
+
+@wp.func
+def begin_check(s: SceneRecord, i: int):
+    """The peak deviation before the first iteration, and what the skin still allows."""
+    s.verlet.peak_deviation[i] = wp.length_sq(deviation(s.grains.next_velocity[i], s.verlet, i))
+    allowed = (s.verlet.skin[i] - displacement(s.grains.position[i], s.verlet, i)) / s.dt
+    s.verlet.peak_limit[i] = wp.max(f64(0.0), allowed) * allowed
+
+
+@wp.func
+def check_skin(s: SceneRecord, i: int, least: f64, foreseen: f64):
+    """See whether a skin suffices with `least` [m] to spare, for so many times the last step's deviation."""
+    x = s.grains.position[i]
+    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers[0].unmonitored_change
+    peak = wp.max(peak, foreseen * s.verlet.recent_deviation[i])
+    used = displacement(x, s.verlet, i) + s.dt * peak
+    if not is_finite(x + s.dt * s.grains.next_velocity[i]):
+        s.verlet.flags[0].bad_grain = 0
+    elif not (used + least <= s.verlet.skin[i]):
+        s.verlet.flags[0].list_expired = 1
+
+
+@wp.func
+def reserve(s: SceneRecord) -> f64:
+    """What is to be left of a skin before the iteration [m]."""
+    return s.tuning.rounding + s.tuning.reserve * s.verlet.numbers[0].base_skin
+
+
+@wp.func
+def foresee(s: SceneRecord, i: int):
+    """Before the iteration: whether the list is likely to hold."""
+    check_skin(s, i, reserve(s), f64(1.0))
+
+
+@wp.func
+def verify(s: SceneRecord, i: int):
+    """After the iteration: whether the list has held."""
+    check_skin(s, i, s.tuning.rounding, f64(0.0))
+
+
+@wp.func
+def check_all(s: SceneRecord, least: f64):
+    """See whether the frame's skin suffices and the list has not outlived its time; name a bad grain."""
+    numbers = s.verlet.numbers[0]
+    path = wp.length(numbers.frame_shift) + s.dt * wp.length(numbers.frame_velocity)
+    if not (path + least <= numbers.frame_skin):
+        s.verlet.flags[0].list_expired = 1
+    if not (numbers.elapsed + f64(0.5) * s.dt <= numbers.lifetime):
+        s.verlet.flags[0].list_expired = 1
+    if s.verlet.flags[0].bad_grain >= 0:
+        for i in range(grain_count(s)):
+            if not is_finite(s.grains.position[i] + s.dt * s.grains.next_velocity[i]):
+                s.verlet.flags[0].bad_grain = i
+
+
+@wp.func
+def outcome_of_check(s: SceneRecord) -> int:
+    """SOLVED where no contact was missing and every number is finite."""
+    if s.verlet.flags[0].bad_grain >= 0:
+        return NOT_FINITE
+    if s.verlet.flags[0].list_expired != 0:
+        return EXPIRED
+    return SOLVED
+
+
+@wp.func
+def monitor_next(s: SceneRecord, change: f64):
+    """Monitor the next sweep if the last was not calm; sample all grains when unmonitored ones have added up.
+
+    The change is the most that the velocity of a grain has changed by [m/s].
+    """
+    threshold = s.tuning.monitor_threshold * s.verlet.numbers[0].base_skin
+    if s.verlet.flags[0].monitored == 0:
+        s.verlet.numbers[0].unmonitored_change = s.verlet.numbers[0].unmonitored_change + change
+    s.verlet.flags[0].monitored = 1 if change > threshold else 0
+    s.control.sampling[0] = 1 if s.verlet.numbers[0].unmonitored_change > threshold else 0
+    if s.control.sampling[0] != 0:
+        s.verlet.numbers[0].sampled_change = s.verlet.numbers[0].unmonitored_change
+        s.verlet.numbers[0].unmonitored_change = f64(0.0)
+
+
+@wp.func
+def remember(s: SceneRecord, i: int):
+    """Keep what the step needed, for the skins of the next list."""
+    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers[0].unmonitored_change
+    s.verlet.recent_deviation[i] = peak
+
+
+@wp.func
+def shift_frame(s: SceneRecord):
+    """The frame moves with the grains."""
+    numbers = s.verlet.numbers[0]
+    s.verlet.numbers[0].frame_shift = numbers.frame_shift + s.dt * numbers.frame_velocity
+    s.verlet.numbers[0].elapsed = numbers.elapsed + s.dt

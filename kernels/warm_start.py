@@ -1,0 +1,45 @@
+"""Iteration 0: normals and gaps are frozen, and the corrections kept from the previous step applied."""
+
+import warp as wp
+
+from . import law
+from .residual import apply_pair
+from .segments import pairs_of, walls_of
+from .threads import Team
+from .types import SceneRecord
+from .walls import frozen_wall
+
+
+@wp.func
+def begin_attempt(s: SceneRecord, i: int):
+    """The velocities to correct are the free ones."""
+    s.grains.next_velocity[i] = s.grains.free_velocity[i]
+
+
+@wp.func
+def start_pairs(team: Team, s: SceneRecord, k: int):
+    """Freeze the pairs of a set (eq. 4), and apply their corrections."""
+    begin, end = pairs_of(team, s, k)
+    for c in range(begin, end):
+        i = s.contacts.pairs[c].i
+        j = s.contacts.pairs[c].j
+        n, distance = law.normal(s.grains.position[i], s.grains.position[j])
+        gap = law.pair_gap(distance, s.grains.radius[i], s.grains.radius[j])
+        dv = s.contacts.pair_dv[c]
+        s.contacts.pairs[c].n = n
+        s.contacts.pairs[c].gap_rate = gap / s.dt
+        s.contacts.pair_dv_start[c] = dv
+        apply_pair(s.grains.next_velocity, s.contacts, c, dv * n)
+
+
+@wp.func
+def start_walls(team: Team, s: SceneRecord):
+    """Freeze the walls, and apply their corrections."""
+    begin, end = walls_of(team, s)
+    for c in range(begin, end):
+        contact = s.contacts.walls[c]
+        i = contact.i
+        contact = frozen_wall(contact, s.grains.position[i], s.grains.radius[i], s.walls, s.dt)
+        s.contacts.walls[c] = contact
+        s.contacts.wall_dv_start[c] = contact.dv
+        s.grains.next_velocity[i] = s.grains.next_velocity[i] - contact.dv * contact.n
