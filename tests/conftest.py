@@ -5,10 +5,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
-from c_reference import Reference, build
 
-from warpgrains import Scene, Simulation, scales
-from warpgrains.reports import State
+from warpgrains import Scene, Simulation
+from warpgrains.reference.reference import Reference, build
+from warpgrains.scene.state import State
+from warpgrains.solver import tuning as scales
 
 WAYS = [
     pytest.param((1, True), id="1 thread"),

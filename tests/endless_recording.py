@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpgrains.recording import Recorder
-from warpgrains.scene import Scene
+from warpgrains.scene.scene import Scene
+from warpgrains.usd.recorder import Recorder
 
 
 def scene_of(grains):

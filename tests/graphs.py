@@ -4,7 +4,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from warpgrains.reports import IntArray
+from warpgrains.arrays import IntArray
 
 COLORS = 64
 

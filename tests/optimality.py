@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from c_reference import dense_pair_correction
+from same_bits import dense_pair_correction
 
 from warpgrains import Scene, Simulation
-from warpgrains.checks import FloatArray
+from warpgrains.arrays import FloatArray
 
 EPS = np.finfo(float).eps
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import UsdGeom
 
-from warpgrains.recording import Recorder
-from warpgrains.scene import Scene
+from warpgrains.scene.scene import Scene
+from warpgrains.usd.recorder import Recorder
 
 GRAINS = "/World/Grains"
 RADIUS = np.array([0.1, 0.07, 0.031, 0.1, 0.2])

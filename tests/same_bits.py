@@ -1,9 +1,13 @@
-"""Equality of everything that a dataclass holds, to the last bit."""
+"""Equality to the last bit: of all that a dataclass holds, and of a simulation with the C reference."""
 
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
+
+from warpgrains import Simulation
+from warpgrains.arrays import FloatArray
+from warpgrains.reference.reference import Reference, pair_index
 
 
 def contents(record: Any) -> Any:
@@ -13,3 +17,19 @@ def contents(record: Any) -> Any:
     if hasattr(record, "__dataclass_fields__"):
         return {field.name: contents(getattr(record, field.name)) for field in fields(record)}
     return record
+
+
+def dense_pair_correction(simulation: Simulation) -> FloatArray:
+    """Return the corrections of all pairs of a simulation's last step, those not listed as 0."""
+    n, contacts = simulation.scene.n, simulation.contacts()
+    dense = np.zeros(n * (n - 1) // 2)
+    dense[pair_index(contacts.pair, n)] = contacts.correction
+    return dense
+
+
+def assert_same_bits(simulation: Simulation, reference: Reference) -> None:
+    """Hold all that a step leaves behind against the reference."""
+    assert np.array_equal(simulation.velocity, reference.velocity)
+    assert np.array_equal(simulation.position, reference.position)
+    assert np.array_equal(dense_pair_correction(simulation), reference.pair_correction)
+    assert np.array_equal(simulation.wall_contacts().correction, reference.wall_correction)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from warpgrains import Scene
-from warpgrains.checks import FloatArray
+from warpgrains.arrays import FloatArray
 
 
 def random_scene(seed: int) -> Scene:

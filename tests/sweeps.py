@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from warpgrains.cli import main
+from warpgrains.cli.main import main
 
 SMALL = """
 scene = "annulus"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, Simulation
-from warpgrains.reports import FloatArray
-from warpgrains.scene import ORDERS
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.scene import ORDERS
 
 
 def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:

@@ -9,8 +9,8 @@ from sample_scenes import bullet
 
 from warpgrains import Scene, SceneError, Simulation, SimulationError
 from warpgrains.accuracy import certify
-from warpgrains.exact_step import ExactStep, solve_exactly
-from warpgrains.step_problem import StepProblem, pairs_within
+from warpgrains.analysis.exact import ExactStep, solve_exactly
+from warpgrains.analysis.problem import StepProblem, pairs_within
 
 DT = 0.01
 
@@ -221,7 +221,7 @@ class TestCertify:
         simulation = Simulation(column(2))
         simulation.step()
         monkeypatch.setitem(sys.modules, "clarabel", None)
-        monkeypatch.delitem(sys.modules, "warpgrains.exact_step")
+        monkeypatch.delitem(sys.modules, "warpgrains.analysis.exact")
         with pytest.raises(SceneError, match=r"certify needs clarabel: pip install 'warpgrains\[report\]'"):
             certify(simulation)
 

@@ -5,11 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from c_reference import Grains, Reference, assert_same_bits
 from conftest import Simulate
+from same_bits import assert_same_bits
 from sample_scenes import SUDDEN, random_scene
 
 from warpgrains import Scene, Simulation, StepReport
+from warpgrains.reference.reference import Grains, Reference
 
 TEXTS = {"method": "gauss-seidel", "order": "sequential"}
 

@@ -12,8 +12,8 @@ from recordings import (
     record,
 )
 
-from warpgrains.appearance import Frame, GrainColors, force_scale, pressure, pressure_scale, speed_scale
-from warpgrains.recording import Recorder
+from warpgrains.usd.colors import Frame, GrainColors, force_scale, pressure, pressure_scale, speed_scale
+from warpgrains.usd.recorder import Recorder
 
 HIGHEST = GrainColors(make_scene(), "radius").still[np.argmax(RADIUS)]
 LOWEST = GrainColors(make_scene(), "radius").still[np.argmin(RADIUS)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, Simulation
-from warpgrains.checks import FloatArray
+from warpgrains.arrays import FloatArray
 
 EPS = np.finfo(float).eps
 

@@ -6,24 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from c_reference import Reference
 from same_bits import contents
 from sample_scenes import SUDDEN, random_scene
 
-from warpgrains import (
-    Batch,
-    Scene,
-    SceneError,
-    Simulation,
-    SimulationError,
-    State,
-    StepReport,
-    contacts,
-    scene_records,
-    waves,
-)
-from warpgrains.reports import Tally
-from warpgrains.scene import METHODS, ORDERS
+from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError, State, StepReport
+from warpgrains.batch import resident as waves
+from warpgrains.reference.reference import Reference
+from warpgrains.scene.scene import METHODS, ORDERS
+from warpgrains.solver import contact_list as contacts
+from warpgrains.solver import scene_records
+from warpgrains.solver.statistics import Tally
 
 STEPS = 25
 FAILING, LARGE = 5, 9  # of the mixed scenes
@@ -287,6 +279,6 @@ def test_what_is_no_batch() -> None:
 
 
 def test_a_scene_larger_than_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("warpgrains.memory.free_memory", lambda _: 1_000.0)
+    monkeypatch.setattr("warpgrains.solver.memory.free_memory", lambda _: 1_000.0)
     with pytest.raises(SimulationError, match="need about"):
         Batch([Scene.load("annulus")])

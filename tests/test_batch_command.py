@@ -15,10 +15,11 @@ from recordings import GRAINS
 from same_bits import contents
 from sweeps import SMALL, batch, table, write
 
-from warpgrains import Scene, Simulation, run_groups
-from warpgrains.batch import Batch
-from warpgrains.checkpoint import read_checkpoint
-from warpgrains.inspection import inspect_recording
+from warpgrains import Scene, Simulation
+from warpgrains.batch.batch import Batch
+from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.sweep import runner as run_groups
+from warpgrains.usd.check import inspect_recording
 
 TABLES = ("results.csv", "timing.csv")
 
@@ -238,7 +239,7 @@ class TestShares:
         shutil.copytree(done, tmp_path / "out")
         last = tmp_path / "out" / "runs" / "00005" / "result.csv"
         late = last.rename(tmp_path / "late.csv")
-        from warpgrains import sweep_folder
+        from warpgrains.sweep import folder as sweep_folder
 
         write_whole = sweep_folder.write_whole
 
@@ -292,9 +293,9 @@ class TestBadInput:
 
 DRIVER = """
 import sys
-from warpgrains import run_groups
-from warpgrains.cli import main
-run_groups.WIDTH, run_groups.SLICE, run_groups.BETWEEN_CHECKPOINTS = 4, 0.02, 0.05
+from warpgrains.cli.main import main
+from warpgrains.sweep import runner
+runner.WIDTH, runner.SLICE, runner.BETWEEN_CHECKPOINTS = 4, 0.02, 0.05
 sys.exit(main(sys.argv[1:]))
 """
 LONG = """

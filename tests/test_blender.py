@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from recordings import make_scene, record
 
-from warpgrains.appearance import GrainColors
+from warpgrains.usd.colors import GrainColors
 
 pytestmark = pytest.mark.blender
 

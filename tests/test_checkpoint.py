@@ -8,9 +8,9 @@ import pytest
 from same_bits import contents
 
 from warpgrains import Scene, SceneError, Simulation
-from warpgrains.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.reports import Tally
-from warpgrains.states import first_state
+from warpgrains.scene.state_checks import first_state
+from warpgrains.simulation.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
+from warpgrains.solver.statistics import Tally
 
 
 @pytest.fixture

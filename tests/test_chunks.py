@@ -5,10 +5,11 @@ import pytest
 from pxr import Sdf, Usd
 from recordings import GRAINS, grains_of, make_frames, make_scene, record
 
-from warpgrains import chunk_writer, usd_chunks
 from warpgrains.errors import SceneError
-from warpgrains.inspection import inspect_recording
-from warpgrains.recording import Recorder, chunks_of, recover
+from warpgrains.usd import chunk_writer
+from warpgrains.usd import chunks as usd_chunks
+from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.recorder import Recorder, chunks_of, recover
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, Simulation, SimulationError
-from warpgrains.cli import main
+from warpgrains.cli.main import main
 
 GRAINS = """
 domain = {radius_in = 0.5, radius_out = 1.0}
@@ -43,7 +43,7 @@ def scene(tmp_path):
 
 def test_help_loads_nothing_heavy():
     script = (
-        "import sys\nfrom warpgrains.cli import main\n"
+        "import sys\nfrom warpgrains.cli.main import main\n"
         "try: main(['run', '--help'])\n"
         "except SystemExit: print({'warp', 'pxr', 'tqdm', 'numpy'} & sys.modules.keys())"
     )

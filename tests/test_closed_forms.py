@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, Simulation
-from warpgrains.checks import FloatArray
+from warpgrains.arrays import FloatArray
 
 EPS = np.finfo(float).eps  # twice what one operation rounds by, so that higher orders are covered
 

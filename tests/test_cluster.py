@@ -12,8 +12,8 @@ import pytest
 from distributed import LocalCluster
 from sweeps import SMALL, batch, table, write
 
-from warpgrains import cluster
-from warpgrains.run_folder import RunFolder
+from warpgrains.sweep import cluster
+from warpgrains.sweep.run_folder import RunFolder
 
 LONG = """
 scene = "annulus"

@@ -4,14 +4,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from c_reference import Reference, assert_same_bits
 from conftest import Simulate
 from graphs import complete, first_fit_colors
 from optimality import solve_one_step
+from same_bits import assert_same_bits
 from sample_scenes import SUDDEN, random_scene
 
 from warpgrains import Scene, Simulation
-from warpgrains.reports import IntArray
+from warpgrains.arrays import IntArray
+from warpgrains.reference.reference import Reference
 
 MakeReference = Callable[..., Reference]
 

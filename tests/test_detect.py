@@ -8,13 +8,12 @@ import pytest
 import warp as wp
 
 from warpgrains import Scene
-from warpgrains.checks import FloatArray
-from warpgrains.contact_buffers import ContactBuffers
-from warpgrains.grains import allocate_grains, allocate_momentum, allocate_watch, variant_of
+from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.data import HORIZON, MEAN_VELOCITY
-from warpgrains.neighbors import NeighborSearch
-from warpgrains.replay import Replay
-from warpgrains.reports import IntArray
+from warpgrains.solver.buffers import ContactBuffers
+from warpgrains.solver.grains import allocate_grains, allocate_momentum, allocate_watch, variant_of
+from warpgrains.solver.launch import Replay
+from warpgrains.solver.neighbors import NeighborSearch
 
 TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/detect.py)
 

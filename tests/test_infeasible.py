@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from sample_scenes import chain, crowd, ring
 
-from warpgrains import Scene, SceneError, Simulation, infeasible, solver
-from warpgrains.checks import FloatArray
-from warpgrains.infeasible import Constraints, find_certificate, iterations_worth_a_search
-from warpgrains.reports import Corrections
-from warpgrains.scene import METHODS, ORDERS
+from warpgrains import Scene, SceneError, Simulation
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.scene import METHODS, ORDERS
+from warpgrains.scene.state import Corrections
+from warpgrains.solver import infeasible
+from warpgrains.solver import step as solver
+from warpgrains.solver.infeasible import Constraints, find_certificate, iterations_worth_a_search
 
 CANNOT_FIT = {
     "chain of 5": chain(5, 1e-3),

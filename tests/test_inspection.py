@@ -4,7 +4,7 @@ from pxr import Gf, Usd, UsdGeom, Vt
 from recordings import GRAINS, grains_of, make_frames, record
 
 from warpgrains.errors import SceneError
-from warpgrains.inspection import inspect_recording
+from warpgrains.usd.check import inspect_recording
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import pytest
 import warp as wp
 from test_order import KERNELS, group_by_colors, group_by_levels, place, rows_of
 
+from warpgrains.arrays import IntArray
 from warpgrains.kernels import lanes
 from warpgrains.kernels.data import Contacts
 from warpgrains.kernels.variant import Variant
-from warpgrains.lanes import strips
-from warpgrains.reports import IntArray
+from warpgrains.solver.strips import strips
 
 LANES = lanes.kernels(Variant(*[False] * len(fields(Variant))))
 GRAPHS = {

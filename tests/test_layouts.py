@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, SceneError
-from warpgrains.layouts import column, lattice, random, rows
+from warpgrains.scene.layouts import column, lattice, random, rows
 
 
 def overlaps(placement, radius_in, radius_out):

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from warpgrains import Scene, Simulation, SimulationError, memory
-from warpgrains.contact_buffers import ContactBuffers
+from warpgrains import Scene, Simulation, SimulationError
+from warpgrains.solver import memory
+from warpgrains.solver.buffers import ContactBuffers
 
 
 def test_a_scene_that_does_not_fit_is_refused_with_the_estimate(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpgrains.arrays import IntArray
 from warpgrains.kernels import order
 from warpgrains.kernels.data import Contacts
 from warpgrains.kernels.detect import Rows
 from warpgrains.kernels.variant import Variant
-from warpgrains.reports import IntArray
 
 KERNELS = order.kernels(Variant(*[False] * len(fields(Variant))))
 

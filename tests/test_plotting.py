@@ -9,12 +9,12 @@ from matplotlib.image import imread
 from recordings import RADIUS, make_contacts, make_frames, make_scene, record
 
 from warpgrains import SceneError
-from warpgrains.appearance import Frame, GrainColors
-from warpgrains.cli import main
-from warpgrains.curves import measure
-from warpgrains.plotting import plot
-from warpgrains.recording import Recorder
-from warpgrains.usd_reader import RecordingReader
+from warpgrains.analysis.curves import measure
+from warpgrains.analysis.plots import plot
+from warpgrains.cli.main import main
+from warpgrains.usd.colors import Frame, GrainColors
+from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.recorder import Recorder
 
 WHITE = np.ones(3)
 WALL = np.full(3, 0.35)
@@ -231,7 +231,7 @@ class TestCommand:
         self.require_one_line(["plot", *(word.format(**files) for word in arguments)], capsys, complaint)
 
     def test_without_matplotlib(self, recording, monkeypatch, capsys):
-        monkeypatch.delitem(sys.modules, "warpgrains.plotting")
+        monkeypatch.delitem(sys.modules, "warpgrains.analysis.plots")
         monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
         complaint = "plot needs matplotlib.axes: pip install 'warpgrains[report]'"
         self.require_one_line(["plot", str(recording)], capsys, complaint)
@@ -249,7 +249,7 @@ class TestCommand:
 
     def test_needs_no_window_system(self, recording):
         script = (
-            "import sys\nfrom warpgrains.cli import main\n"
+            "import sys\nfrom warpgrains.cli.main import main\n"
             f"main(['plot', {str(recording)!r}])\n"
             "print({'matplotlib.pyplot', 'tkinter', 'warp'} & sys.modules.keys())"
         )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, Simulation
-from warpgrains.quantities import area_below, quantities
+from warpgrains.analysis.quantities import area_below, quantities
 
 EPS = np.finfo(np.float64).eps
 G = 9.81

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpgrains import grains
 from warpgrains.kernels.variant import Variant
-from warpgrains.record_layout import ALIGNMENT, Layout, fields
+from warpgrains.solver import grains
+from warpgrains.solver.record_layout import ALIGNMENT, Layout, fields
 
 PAIRS = 11
 SIZES = np.array([1, 2, 7, 60])

@@ -9,8 +9,8 @@ from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, recor
 
 import warpgrains
 from warpgrains.errors import SceneError
-from warpgrains.inspection import inspect_recording
-from warpgrains.recording import Recorder, recording_rate, recording_stride
+from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.recorder import Recorder, recording_rate, recording_stride
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
 DRAWINGS = ({}, {"as_spheres": True}, {"color_by": "pressure", "forces": True})

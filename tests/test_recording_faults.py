@@ -16,11 +16,11 @@ import pytest
 from recordings import GRAINS
 
 import warpgrains
-from warpgrains.chunk_writer import CHUNK_FRAMES
 from warpgrains.errors import SceneError
-from warpgrains.inspection import inspect_recording
-from warpgrains.recording import chunks_of, recover
-from warpgrains.usd_chunks import find_chunks
+from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.chunk_writer import CHUNK_FRAMES
+from warpgrains.usd.chunks import find_chunks
+from warpgrains.usd.recorder import chunks_of, recover
 
 SCRIPT = Path(endless_recording.__file__)
 GRAIN_COUNT = 400

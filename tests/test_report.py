@@ -7,16 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpgrains import Scene, SceneError, report, report_reference
-from warpgrains.cli import main
-from warpgrains.report_frontier import measure_frontier
-from warpgrains.report_moments import Moment, follow_course
-from warpgrains.report_options import Effort
-from warpgrains.report_paths import FRACTIONS, PathRow, fitted_order, measure_paths
-from warpgrains.report_steps import StepRow, measure_steps
-from warpgrains.report_text import Findings, markdown
-from warpgrains.safe_files import draft_of
-from warpgrains.states import first_state
+from warpgrains import Scene, SceneError
+from warpgrains.cli.main import main
+from warpgrains.files import draft_of
+from warpgrains.report import report
+from warpgrains.report.c_reference import find_c_reference
+from warpgrains.report.course import Moment, follow_course
+from warpgrains.report.frontier import measure_frontier
+from warpgrains.report.options import Effort
+from warpgrains.report.steps import StepRow, measure_steps
+from warpgrains.report.text import Findings, markdown
+from warpgrains.report.trajectories import FRACTIONS, PathRow, fitted_order, measure_paths
+from warpgrains.scene.state_checks import first_state
 
 COLUMN = """
 domain = {radius_out = 1.0}
@@ -198,18 +200,19 @@ class TestRefusals:
         assert not (tmp_path / "new").exists()
 
 
-def test_without_the_source_there_is_no_c_reference(
+def test_without_a_compiler_there_is_no_c_reference(
     column: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(report_reference, "SOURCE", tmp_path / "c_reference.py")
-    report_reference.find_c_reference.cache_clear()
+    monkeypatch.setenv("PATH", str(tmp_path))
+    find_c_reference.cache_clear()
     try:
-        assert report_reference.find_c_reference().start is None
+        assert find_c_reference().start is None
+        assert "needs a C compiler" in find_c_reference().status
         moment = Moment("start", first_state(column), 0)
         rows = list(measure_steps(column, moment, Effort(repeats=1, most_iterations=1)))
         assert {row.code for row in rows} == {"warpgrains"}
     finally:
-        report_reference.find_c_reference.cache_clear()
+        find_c_reference.cache_clear()
 
 
 def test_a_file_that_fails_half_way_is_not_there(tmp_path: Path) -> None:

@@ -15,12 +15,12 @@ from recordings import GRAINS
 from same_bits import contents
 
 from warpgrains import Scene, Simulation
-from warpgrains.checkpoint import read_checkpoint, write_checkpoint
-from warpgrains.cli import main
-from warpgrains.inspection import inspect_recording
-from warpgrains.plan import Plan
-from warpgrains.recording import chunks_of
-from warpgrains.usd_chunks import ChunkFolder
+from warpgrains.cli.main import main
+from warpgrains.simulation.checkpoint import read_checkpoint, write_checkpoint
+from warpgrains.simulation.options import Plan
+from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.chunks import ChunkFolder
+from warpgrains.usd.recorder import chunks_of
 
 ORDERS = ("sequential", "color")
 

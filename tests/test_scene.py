@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, SceneError
-from warpgrains.overlaps import overlapping_pairs
-from warpgrains.scene_file import shipped_scenes
+from warpgrains.scene.overlaps import overlapping_pairs
+from warpgrains.scene.reader import shipped_scenes
 
 INF, NAN = float("inf"), float("nan")
 

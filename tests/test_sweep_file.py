@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, SceneError
-from warpgrains.sweep_axes import axis_values
-from warpgrains.sweep_file import Sweep
-from warpgrains.toml_text import toml_text
+from warpgrains.scene.toml_text import toml_text
+from warpgrains.sweep.axes import axis_values
+from warpgrains.sweep.sweep import Sweep
 
 SCENE = """
 domain = {radius_in = 0.5, radius_out = 1.0}

@@ -9,7 +9,7 @@ from matplotlib.image import imread
 from sweeps import batch
 
 from warpgrains import SceneError
-from warpgrains.sweep_plot import SweepPlot
+from warpgrains.sweep.plot import SweepPlot
 
 
 def rows(**columns):

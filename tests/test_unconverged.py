@@ -9,11 +9,11 @@ from same_bits import contents
 from test_infeasible import chain
 
 from warpgrains import Scene, Simulation, SimulationError
-from warpgrains.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.cli import main
-from warpgrains.reports import Tally, named
-from warpgrains.scene import METHODS
-from warpgrains.states import first_state
+from warpgrains.cli.main import main
+from warpgrains.scene.scene import METHODS
+from warpgrains.scene.state_checks import first_state
+from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from warpgrains.solver.statistics import Tally, named
 
 WEDGE = """
 domain = {radius_in = 0.5, radius_out = 1.0}

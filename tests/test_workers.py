@@ -7,9 +7,11 @@ from functools import partial
 import numpy as np
 import pytest
 
-from warpgrains import Scene, Simulation, State, scales, solver
-from warpgrains.replay import Replay
-from warpgrains.scene import METHODS, ORDERS
+from warpgrains import Scene, Simulation, State
+from warpgrains.scene.scene import METHODS, ORDERS
+from warpgrains.solver import step as solver
+from warpgrains.solver import tuning as scales
+from warpgrains.solver.launch import Replay
 
 STEPS = 60
 

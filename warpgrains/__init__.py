@@ -17,11 +17,12 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
     __path__.append(str(_checkout))
 
 if TYPE_CHECKING:
-    from warpgrains.batch import Batch, SceneSummary
+    from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import SceneError, SimulationError
-    from warpgrains.reports import State, StepReport, Summary
-    from warpgrains.scene import Scene
-    from warpgrains.simulation import Simulation
+    from warpgrains.scene.scene import Scene
+    from warpgrains.scene.state import State
+    from warpgrains.simulation.simulation import Simulation
+    from warpgrains.solver.statistics import StepReport, Summary
 
 __all__ = [
     "Batch",
@@ -36,15 +37,15 @@ __all__ = [
 ]
 
 _HOME = {
-    "Batch": "batch",
-    "Scene": "scene",
+    "Batch": "batch.batch",
+    "Scene": "scene.scene",
     "SceneError": "errors",
-    "SceneSummary": "batch",
-    "Simulation": "simulation",
+    "SceneSummary": "batch.batch",
+    "Simulation": "simulation.simulation",
     "SimulationError": "errors",
-    "State": "reports",
-    "StepReport": "reports",
-    "Summary": "reports",
+    "State": "scene.state",
+    "StepReport": "solver.statistics",
+    "Summary": "solver.statistics",
 }
 
 

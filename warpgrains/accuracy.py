@@ -1,63 +1,16 @@
-"""The true error of a step, on request: against the exact velocities, found without the kernels."""
+"""The true error of a step, on request: the public name of `warpgrains.analysis.accuracy`."""
 
-from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:
+    from warpgrains.analysis.accuracy import Certificate, certify
 
-from warpgrains.errors import missing_extra
-from warpgrains.simulation import Simulation
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """How far the velocities of a step are from the exact ones.
-
-    Attributes
-    ----------
-    error : float or None
-        Largest difference of a component [m/s]; None where it is not above `solver_error`, so that it says
-        nothing of the step.
-    solver_error : float
-        What the velocities that it is measured against may be wrong by themselves [m/s]: proven by their
-        duality gap, for the step's gaps as they are rounded to double precision.
-    at_most : float
-        What the true error is proven not to exceed [m/s].
-    """
-
-    error: float | None
-    solver_error: float
-    at_most: float
+__all__ = ["Certificate", "certify"]
 
 
-def certify(simulation: Simulation) -> Certificate:
-    """Measure the true error of a simulation's last step.
-
-    The step's convex problem (SPEC.md, "Why it is hard") is set up from the positions and velocities at its
-    start, over all pairs of grains that could meet in it and both walls, and solved by clarabel, an interior
-    point method. About 0.3 s for a pile of 1,000 grains.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        It is not changed.
-
-    Raises
-    ------
-    SceneError
-        clarabel is not installed; it comes with the extra ``[report]``.
-    SimulationError
-        No step has been taken, or no velocities satisfy every gap of the step.
-    """
-    try:
-        from warpgrains.exact_step import solve_exactly
-        from warpgrains.step_problem import StepProblem
-    except ModuleNotFoundError as error:
-        raise missing_extra("certify", error) from error
-    velocity = simulation.velocity
-    exact = solve_exactly(StepProblem(simulation.scene, *simulation.last_start()), velocity)
-    difference = float(np.abs(velocity - exact.velocity).max())
-    return Certificate(
-        error=difference if difference > exact.error else None,
-        solver_error=exact.error,
-        at_most=difference + exact.error,
-    )
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use."""
+    if name not in __all__:
+        raise AttributeError(f"module 'warpgrains.accuracy' has no attribute {name!r}")
+    return getattr(import_module("warpgrains.analysis.accuracy"), name)

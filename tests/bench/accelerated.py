@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from warpgrains import Scene, Simulation, State
-from warpgrains.checks import FloatArray
-from warpgrains.reports import Corrections
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.state import Corrections
 
 from .inside import Sweeps
 from .options import Options

@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from warpgrains import Scene, State
+from warpgrains.reference.reference import SOURCE, Grains, Reference
 
-from ..c_reference import SOURCE, Grains, Reference
 from .inside import Sweeps
 
 FLAGS = ("-O3", "-march=native", "-ffp-contract=off")
@@ -22,7 +22,10 @@ def library() -> ctypes.CDLL:
     with tempfile.TemporaryDirectory() as folder:
         built = Path(folder) / "bench.so"
         sources = [str(path) for path in (SOURCE, HERE / "run.c", HERE / "sweep.c")]
-        subprocess.run(["gcc", *FLAGS, "-shared", "-fPIC", *sources, "-o", str(built), "-lm"], check=True)
+        subprocess.run(
+            ["gcc", *FLAGS, f"-I{SOURCE.parent}", "-shared", "-fPIC", *sources, "-o", str(built), "-lm"],
+            check=True,
+        )
         loaded = ctypes.CDLL(str(built))
     whole, number, array = ctypes.c_int, ctypes.c_double, ctypes.c_void_p
     loaded.run.restype = None

@@ -7,7 +7,7 @@ import warp as wp
 
 from warpgrains import Scene, Simulation
 from warpgrains.kernels.data import DRIFT, ITERATIONS, MISSED, WATCHING, ZETA
-from warpgrains.solver import paying_threads
+from warpgrains.solver.step import paying_threads
 
 VEC = ("<f8", (2,))
 PAIR = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)

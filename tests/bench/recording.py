@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from warpgrains.recording import Recorder
-from warpgrains.scene import Scene
+from warpgrains.scene.scene import Scene
+from warpgrains.usd.recorder import Recorder
 
 CASES = ((10_000, 1_000, ".usdc"), (20, 40_000, ".usdc"), (10_000, 100, ".usda"), (10_000, 1_000, ".usdz"))
 RUNS = 3

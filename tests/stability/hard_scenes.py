@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from warpgrains import Scene
-from warpgrains.checks import FloatArray
-from warpgrains.layouts import column, lattice
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.layouts import column, lattice
 
 RADIUS_OUT = 1.0  # m
 

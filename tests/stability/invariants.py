@@ -28,8 +28,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warpgrains import Scene, Simulation
-from warpgrains.checks import FloatArray
-from warpgrains.reports import IntArray, StepReport
+from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.solver.statistics import StepReport
 
 EPS = np.finfo(float).eps
 

@@ -22,8 +22,8 @@ from hard_scenes import heap
 from invariants import EPS, checked_step
 
 from warpgrains import Scene, Simulation
-from warpgrains.checks import FloatArray
-from warpgrains.reports import State
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.state import State
 
 TOLERANCE = 1e-10  # m/s
 SETTLING = 1500  # steps

@@ -1,0 +1,141 @@
+"""Pictures of a recording: frames side by side with true radii, and curves over time below them.
+
+Nothing here opens a window or knows of a display: the figure is drawn by Matplotlib's Agg.
+"""
+
+from collections.abc import Sequence
+from itertools import zip_longest
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Annulus
+
+from warpgrains.analysis.curves import draw_curves
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
+from warpgrains.files import draft_of, require_writable_folder
+from warpgrains.usd.reader import Chains, RecordingReader
+
+SUFFIXES = (".png", ".pdf", ".svg")
+
+_FRAMES_IN_A_ROW = 5
+_FRAME_SIZE = 2.4  # inches, and more where there are less than three
+_CURVES_HEIGHT = 1.7  # inches
+_MARGIN = 0.02  # of the outer wall
+_OUTLINE = 0.3  # points, and less for small grains
+_WALL_COLOR = "0.35"
+_CHAIN_COLOR = "#c8191e"
+_DOTS_PER_INCH = 120
+
+
+def plot(
+    recording: str | Path, output: str | Path, frames: Sequence[int] | None = None, curves: bool = True
+) -> list[int]:
+    """Draw frames of a recording, and what changes over time.
+
+    Parameters
+    ----------
+    recording : str or Path
+        The USD file.
+    output : str or Path
+        The picture, a .png, .pdf or .svg file.
+    frames : sequence of int, optional
+        Numbers of the frames to draw, negative ones from the end; by default five of them, evenly spaced.
+    curves : bool
+        Whether to draw energy, height and number of contacts over time.
+
+    Returns
+    -------
+    list of int
+        The frames drawn.
+
+    Raises
+    ------
+    SceneError
+        The recording cannot be read, has no such frame, or the picture cannot be written there.
+    """
+    output = Path(output)
+    _require_place(output)
+    reader = RecordingReader(recording)
+    numbers = _numbers(frames, len(reader.time))
+    figure = _draw(reader, numbers, curves and len(reader.time) > 1)
+    save_figure(figure, output)
+    return numbers
+
+
+def save_figure(figure: Figure, output: Path) -> None:
+    """Put a picture under its name, whole."""
+    with draft_of(output) as draft:
+        figure.savefig(draft, dpi=_DOTS_PER_INCH)
+
+
+def _require_place(output: Path) -> None:
+    if output.suffix not in SUFFIXES:
+        raise SceneError(f"picture '{output}' must end in {', '.join(SUFFIXES)}")
+    if output.is_dir():
+        raise SceneError(f"picture '{output}' is a folder")
+    require_writable_folder(output.parent)
+
+
+def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
+    """Return the numbers of the frames to draw, none of them negative."""
+    if frames is None:
+        return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
+    for frame in frames:
+        if not -count <= frame < count:
+            raise SceneError(f"there is no frame {frame}: the recording has {count}, from 0 to {count - 1}")
+    return [frame % count for frame in frames]
+
+
+def _draw(reader: RecordingReader, numbers: list[int], curves: bool) -> Figure:
+    columns = min(len(numbers), _FRAMES_IN_A_ROW)
+    rows = -(-len(numbers) // columns)
+    size = max(_FRAME_SIZE, 3.0 * _FRAME_SIZE / columns)
+    heights = [rows * size] + [_CURVES_HEIGHT] * curves
+    figure = Figure(figsize=(columns * size, sum(heights)), layout="constrained")
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+    places = figure.add_subfigure(grid[0]).subplots(rows, columns, squeeze=False)
+    for axes, number in zip_longest(places.flat, numbers):
+        axes.set_axis_off()
+        if number is not None:
+            _draw_frame(axes, reader, number)
+    if curves:
+        draw_curves(figure.add_subfigure(grid[1]), reader, reader.time[numbers])
+    return figure
+
+
+def _draw_frame(axes: Axes, reader: RecordingReader, number: int) -> None:
+    """Draw walls, grains and force chains of one frame, one metre as long everywhere."""
+    half_width = (1.0 + _MARGIN) * max(outer for _, outer in reader.walls)
+    axes.set(xlim=(-half_width, half_width), ylim=(-half_width, half_width), aspect="equal")
+    axes.set_title(f"t = {reader.time[number]:.4g} s", fontsize="medium")
+    for inner, outer in reader.walls:
+        axes.add_patch(Annulus((0.0, 0.0), outer, outer - inner, color=_WALL_COLOR, linewidth=0.0))
+    diameter = 2.0 * reader.radius
+    grains = EllipseCollection(
+        diameter,
+        diameter,
+        np.zeros_like(diameter),
+        units="xy",
+        offsets=reader.position(number),
+        offset_transform=axes.transData,
+        facecolors=reader.color(number),
+        edgecolors="black",
+        linewidths=np.minimum(_OUTLINE, 3.0 * diameter / half_width),
+    )
+    axes.add_collection(grains, autolim=False)
+    if reader.has_forces:
+        bands = PolyCollection(list(_bands(reader.chains(number))), facecolors=_CHAIN_COLOR, linewidths=0.0)
+        axes.add_collection(bands, autolim=False)
+
+
+def _bands(chains: Chains) -> FloatArray:
+    """Return the corners of the rectangle that each segment of a force chain is, shape (m, 4, 2)."""
+    start, end = chains.ends[:, 0], chains.ends[:, 1]
+    along = end - start
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, np.newaxis]
+    side = 0.5 * chains.width[:, np.newaxis] * across
+    return np.stack([start - side, end - side, end + side, start + side], axis=1)

@@ -1,0 +1,153 @@
+"""Batch: many scenes, advanced together."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from tqdm import tqdm
+
+from warpgrains.arrays import FloatArray
+from warpgrains.batch.resident import Done, Waves
+from warpgrains.batch.wave import Advanced
+from warpgrains.errors import SceneError, SimulationError
+from warpgrains.scene import checks
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import State
+from warpgrains.scene.state_checks import require_state
+from warpgrains.simulation.simulation import find_device
+from warpgrains.solver.statistics import StepReport, Summary
+from warpgrains.solver.threads import cores
+
+
+@dataclass(frozen=True)
+class SceneSummary(Summary):
+    """What a run of a batch did with one of its scenes; `seconds` is what it took of one core's time.
+
+    Attributes
+    ----------
+    error : str or None
+        Why the scene stopped before its end, at its last good state.
+    """
+
+    error: str | None = None
+
+
+class Batch:
+    """Many scenes on one device, of any sizes and parameters.
+
+    Each scene gets the same bits as alone in a `Simulation`, whatever else is in the batch, in whatever
+    order, on however many threads. If there are more scenes than memory holds, they take turns in it.
+
+    Parameters
+    ----------
+    scenes : iterable of Scene
+    device : str
+        A Warp device, "cpu" or "cuda:0".
+    threads : int, optional
+        OS threads that share the scenes out on a CPU; by default as many as there are cores.
+
+    Raises
+    ------
+    SceneError
+        There is no scene, the device is unknown, or the number of threads is not positive.
+    SimulationError
+        A scene does not fit in memory.
+
+    Attributes
+    ----------
+    scenes : tuple of Scene
+    """
+
+    def __init__(self, scenes: Iterable[Scene], device: str = "cpu", threads: int | None = None):
+        self.scenes = tuple(scenes)
+        if not self.scenes:
+            raise SceneError("a batch needs at least one scene")
+        if threads is not None:
+            checks.whole_number("threads", threads)
+        self._waves = Waves(self.scenes, find_device(device), cores() if threads is None else threads)
+        self._reports: list[StepReport | None] = [None] * len(self.scenes)
+
+    def __len__(self) -> int:
+        """Return the number of scenes."""
+        return len(self.scenes)
+
+    def step(self) -> list[StepReport]:
+        """Advance every scene by one time step.
+
+        Raises
+        ------
+        SimulationError
+            A number of some scene is no longer finite: that scene's state is that before the step, and the
+            others have advanced.
+        """
+        outcomes = self._advance([1] * len(self), lambda _: None)
+        failures = [f"scene {done.k}: {done.error}" for done in outcomes if done.error is not None]
+        if failures:
+            raise SimulationError("; ".join(failures))
+        return [done.report for done in outcomes if done.report is not None]
+
+    def run(
+        self, steps: int | None = None, duration: float | None = None, progress: bool = False
+    ) -> list[SceneSummary]:
+        """Advance every scene by many time steps.
+
+        A scene that fails stops at its last good state, and the others go on.
+
+        Parameters
+        ----------
+        steps : int, optional
+            How many; or
+        duration : float, optional
+            for how long [s]; by default every scene for its own duration.
+        progress : bool
+            Whether to show a progress bar on standard error.
+
+        Returns
+        -------
+        list of SceneSummary
+            One a scene; `error` tells why it failed, if it did.
+        """
+        wanted = [_steps_of(scene, steps, duration) for scene in self.scenes]
+        with tqdm(total=sum(wanted), disable=not progress) as bar:
+            outcomes = self._advance(wanted, bar.update)
+        return [SceneSummary(**vars(done.tally.summary(None)), error=done.error) for done in outcomes]
+
+    def _advance(self, steps: list[int], advanced: Advanced) -> list[Done]:
+        """Do so many steps of each scene, and keep the last reports."""
+        outcomes = sorted(self._waves.work(steps, advanced))
+        for done in outcomes:
+            self._reports[done.k] = done.report or self._reports[done.k]
+        return outcomes
+
+    @property
+    def reports(self) -> list[StepReport | None]:
+        """The last report of every scene, None before its first step."""
+        return list(self._reports)
+
+    def position(self, k: int) -> FloatArray:
+        """Return the centres of the grains of scene k [m], shape (n, 2); a copy."""
+        return self.state(k).position
+
+    def velocity(self, k: int) -> FloatArray:
+        """Return the velocities of the grains of scene k [m/s], shape (n, 2); a copy."""
+        return self.state(k).velocity
+
+    def state(self, k: int) -> State:
+        """Return the exact state of scene k, from which `restore` continues with the same bits."""
+        return self._waves.state(k)
+
+    def restore(self, k: int, state: State) -> None:
+        """Continue scene k from a state.
+
+        Raises
+        ------
+        SceneError
+            It is a state of other grains.
+        """
+        require_state(state, self.scenes[k].n)
+        self._waves.restore(k, state)
+
+
+def _steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
+    if steps is not None:
+        return checks.whole_number("steps", steps, least=0)
+    return scene.steps if duration is None else scene.steps_in(duration)

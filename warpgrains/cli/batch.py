@@ -1,0 +1,145 @@
+"""`warpgrains batch`: carry out the runs of a sweep, or those that are left, and tell what came of them."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from tqdm import tqdm
+
+from warpgrains.console import start_warp, stdout_kept_clean
+from warpgrains.errors import SceneError
+from warpgrains.files import require_writable_folder
+from warpgrains.scene import checks
+from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.options import Means
+from warpgrains.sweep.sweep import Run, Sweep
+from warpgrains.tables import Row
+
+if TYPE_CHECKING:
+    from warpgrains.sweep.plot import SweepPlot
+
+DEFAULT_FPS = 60.0
+
+_BAR = "{percentage:3.0f}%|{bar}| {n:.1f}/{total} runs [{elapsed}, {remaining} left, {rate_fmt}]"
+
+
+def run(arguments: Namespace) -> bool:
+    """Carry out a sweep, or what is left of it, and draw its results if asked to.
+
+    Returns
+    -------
+    bool
+        Whether some run has failed, or is not finished.
+    """
+    folder, plot = SweepFolder(Path(arguments.output)), _plot(arguments)
+    if arguments.sweep is None:
+        if plot is None:
+            raise SceneError("SWEEP is missing, or --plot to draw the results that are there")
+        print(plot.draw(folder.results))
+        return False
+    sweep = Sweep.load(arguments.sweep)
+    if plot is not None:
+        plot.require_columns(folder.columns(sweep))
+    share = _share(sweep, arguments)
+    start, left = perf_counter(), _left(folder, share, arguments.resume)
+    try:
+        folder.copy_grain_files(sweep)
+        with stdout_kept_clean():
+            _carry_out(folder, left, len(share), arguments)
+    finally:
+        rows = folder.write_tables(sweep)
+    numbers = {str(one.number) for one in share}
+    done = [row for row in rows if row["run"] in numbers]
+    print(_lines(folder, share, left, done, perf_counter() - start))
+    if plot is not None:
+        print(f"{'picture':<17} {plot.draw(folder.results)}")
+    return len(done) < len(share) or any(row["error"] for row in done)
+
+
+def _plot(arguments: Namespace) -> SweepPlot | None:
+    """Return the picture that is asked for, if any; a bad one is refused before hours of runs."""
+    if arguments.plot is None:
+        return None
+    try:
+        from warpgrains.sweep.plot import SweepPlot
+    except ModuleNotFoundError as error:
+        raise SceneError(f"--plot needs {error.name}: pip install 'warpgrains[report]'") from error
+    return SweepPlot.parse(arguments.plot)
+
+
+def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
+    """Return the runs of this process: all of them, or every so many."""
+    index, count = arguments.index, arguments.count
+    if (index is None) != (count is None):
+        raise SceneError("--index and --count go together")
+    if count is None:
+        return sweep.runs
+    count = checks.whole_number("--count", count)
+    return sweep.runs[checks.whole_number("--index", index, least=0, most=count - 1) :: count]
+
+
+def _left(folder: SweepFolder, share: list[Run], resume: bool) -> list[Run]:
+    """Return the runs that are not finished; raise SceneError if the folder is not for them."""
+    folder.path.mkdir(parents=True, exist_ok=True)
+    require_writable_folder(folder.path)
+    for one in share:
+        files = folder.of(one)
+        if files.is_begun and not resume:
+            raise SceneError(f"'{files.path}' is there: --resume continues a sweep, or choose another -o")
+        files.require_own()
+    return [one for one in share if not folder.is_finished(one)]
+
+
+def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> None:
+    """Finish what is left, here or on a cluster."""
+    files = [SweepFolder(folder.path.absolute()).of(one) for one in left]
+    means = _means(arguments)
+    with tqdm(
+        total=total,
+        initial=total - len(left),
+        unit="run",
+        bar_format=_BAR,
+        disable=not sys.stderr.isatty(),
+    ) as bar:
+        if arguments.scheduler is None and arguments.slurm is None:
+            start_warp()
+            from warpgrains.simulation.simulation import find_device
+            from warpgrains.sweep.runner import finish_runs
+
+            find_device(means.device)
+            finish_runs(files, means, bar.update)
+        else:
+            from warpgrains.sweep.cluster import finish_on_cluster
+
+            finish_on_cluster(files, means, bar.update, arguments.scheduler, arguments.slurm)
+
+
+def _means(arguments: Namespace) -> Means:
+    """Return with what the runs are carried out."""
+    if arguments.threads is not None:
+        checks.whole_number("--threads", arguments.threads)
+    if arguments.slurm is not None:
+        checks.whole_number("--slurm", arguments.slurm)
+    if arguments.fps is not None and not arguments.usd:
+        raise SceneError("--fps needs --usd")
+    fps = DEFAULT_FPS if arguments.fps is None else checks.positive("--fps", arguments.fps)
+    return Means(arguments.device, arguments.threads, fps if arguments.usd else None)
+
+
+def _lines(folder: SweepFolder, share: list[Run], left: list[Run], done: list[Row], seconds: float) -> str:
+    failed, missing = [row for row in done if row["error"]], len(share) - len(done)
+    first = f", first run {failed[0]['run']}: {failed[0]['error']}" if failed else ""
+    unconverged = sum(int(row["unconverged"] or 0) > 0 for row in done)
+    rows = {
+        "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
+        "failed": f"{len(failed)}{first}",
+        "not finished": f"{missing}{' (--resume goes on)' if missing else ''}",
+        "not converged": f"some step of {unconverged} runs",
+        "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
+        "results": f"{folder.results}",
+    }
+    return "\n".join(f"{name:<17} {value}" for name, value in rows.items())

@@ -1,0 +1,146 @@
+"""`warpgrains run`: begin a run, or resume one, and tell what it did."""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from argparse import Namespace
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, TextIO
+
+from tqdm import tqdm
+
+from warpgrains.console import start_warp, stdout_kept_clean
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state_checks import first_state
+from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint
+from warpgrains.simulation.options import Plan
+from warpgrains.simulation.run import carry_out, open_outputs
+from warpgrains.solver.statistics import Summary, Tally, named
+
+# What a resumed run takes from its checkpoint: the option of each argument.
+KEPT = {
+    "scene": "SCENE",
+    "output": "--output",
+    "fps": "--fps",
+    "color_by": "--color-by",
+    "forces": "--forces",
+    "as_spheres": "--as-spheres",
+    "order": "--order",
+    "method": "--method",
+    "overrides": "--set",
+}
+
+
+def run(arguments: Namespace) -> bool:
+    """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
+    start, plan = _begin(arguments) if arguments.resume is None else _resume(arguments)
+    if arguments.every is not None and plan.checkpoint is None:
+        raise SceneError("--every needs --checkpoint")
+    open_outputs(plan, start.scene, start.tally)  # refuse bad ones before Warp starts and compiles kernels
+    with stdout_kept_clean():
+        summary = _simulate(start, plan, arguments.device, arguments.threads)
+    results = _results(start.scene, summary)
+    print(json.dumps(results) if arguments.json else _lines(results))
+    return False
+
+
+def _begin(arguments: Namespace) -> tuple[Checkpoint, Plan]:
+    """Return the start of a new run, and what it is to do."""
+    if arguments.scene is None:
+        raise SceneError("SCENE is missing, or --resume FILE")
+    solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
+    scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
+    given = _given(arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "every")
+    plan = Plan(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
+    return Checkpoint(scene, first_state(scene), plan, Tally()), plan
+
+
+def _resume(arguments: Namespace) -> tuple[Checkpoint, Plan]:
+    """Return where a run was when it left its checkpoint, and what it is to do in all."""
+    for name in _given(arguments, *KEPT):
+        raise SceneError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
+    start = read_checkpoint(Path(arguments.resume))
+    begun_at = start.state.steps - start.tally.steps
+    planned = start.scene.steps if start.plan is None else begun_at + start.plan.steps
+    end = _steps(start.scene, arguments) or planned
+    if end < start.state.steps:
+        raise SceneError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
+    plan = start.plan or Plan(steps=planned)
+    return start, replace(plan, steps=end - begun_at, **_given(arguments, "checkpoint", "every"))
+
+
+def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
+    """Return those options that are given."""
+    values = {name: getattr(arguments, name) for name in names}
+    return {name: value for name, value in values.items() if value is not None and value is not False}
+
+
+def _steps(scene: Scene, arguments: Namespace) -> int | None:
+    """Return for how many steps the run is asked to be, if it is."""
+    if arguments.steps is not None:
+        return checks.whole_number("--steps", arguments.steps)
+    if arguments.duration is not None:
+        return scene.steps_in(checks.positive("--duration", arguments.duration))
+    return None
+
+
+def _simulate(start: Checkpoint, plan: Plan, device: str, threads: int | None) -> Summary:
+    start_warp()
+    from warpgrains.simulation.simulation import Simulation
+    from warpgrains.solver.kernel_cache import load_kernels
+
+    simulation = Simulation(start.scene, device, threads)
+    simulation.restore(start.state)
+    load_kernels(start.scene, device)
+    with warnings.catch_warnings():
+        warnings.showwarning = _tell
+        return carry_out(simulation, plan, start.tally, progress=sys.stderr.isatty())
+
+
+def _tell(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Say on standard error what the run warns of, above its progress bar."""
+    tqdm.write(f"warpgrains: warning: {message}", file=file or sys.stderr)
+
+
+def _results(scene: Scene, summary: Summary) -> dict[str, Any]:
+    overlaps = scene.count_overlaps()
+    return {
+        "scene": scene.name,
+        "grains": scene.n,
+        **asdict(summary),
+        "overlap_in_radii": summary.overlap / scene.radius.min().item(),
+        "overlaps_at_start": {"pairs": overlaps.pairs, "walls": overlaps.walls},
+    }
+
+
+def _lines(results: dict[str, Any]) -> str:
+    start = results["overlaps_at_start"]
+    rows = {
+        "scene": f"{results['scene']}, {results['grains']} grains",
+        "steps": f"{results['steps']}",
+        "iterations": f"mean {results['iterations_mean']:.1f}, max {results['iterations_max']}",
+        "not converged": f"{results['unconverged']} steps{_without_solution(results)}",
+        "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
+        "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
+        "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall",
+        "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
+        "output": results["output"] or "none (-o records one)",
+    }
+    return "\n".join(f"{name:<17} {value}" for name, value in rows.items())
+
+
+def _without_solution(results: dict[str, Any]) -> str:
+    grains = results["infeasible_grains"]
+    return f", {results['infeasible']} or more have no solution: {named(grains)} cannot fit" if grains else ""

@@ -1,0 +1,1 @@
+"""The reference in C, and how to call it."""

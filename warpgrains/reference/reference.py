@@ -1,0 +1,144 @@
+"""The course's program in C (grains.c), built and called from Python."""
+
+import ctypes
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import State
+
+SOURCE = Path(__file__).parent / "grains.c"
+
+_Doubles = ctypes.POINTER(ctypes.c_double)
+_PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
+
+
+class Grains(ctypes.Structure):
+    """`femGrains` of grains.h."""
+
+    _fields_ = (
+        ("n", ctypes.c_int),
+        ("radiusIn", ctypes.c_double),
+        ("radiusOut", ctypes.c_double),
+        ("gravity", ctypes.c_double * 2),
+        ("gamma", ctypes.c_double),
+        *((name, _Doubles) for name in (*_PER_GRAIN, "dvContacts")),
+    )
+
+
+def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
+    """Compile the reference without contracting products and sums; raise RuntimeError if that fails."""
+    library = folder / "libgrains.so"
+    fixed = ["-ffp-contract=off", "-shared", "-fPIC", str(SOURCE), "-o", str(library), "-lm"]
+    command = ["cc", *flags, *fixed]
+    try:
+        subprocess.run(command, check=True, capture_output=True, text=True)
+    except FileNotFoundError as error:
+        raise RuntimeError("the C reference needs a C compiler called `cc`, and there is none") from error
+    except subprocess.CalledProcessError as error:
+        raise RuntimeError(f"`{' '.join(command)}` failed:\n{error.stderr}") from error
+    return _declared(ctypes.CDLL(str(library)))
+
+
+def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
+    """Declare the functions of grains.h."""
+    grains, number, whole = ctypes.POINTER(Grains), ctypes.c_double, ctypes.c_int
+    contacts = np.ctypeslib.ndpointer(np.int32, ndim=2, flags="C_CONTIGUOUS")
+    signatures: dict[str, tuple[type | None, list[type]]] = {
+        "femGrainsCreateSimple": (grains, [whole, number, number, number, number]),
+        "femGrainsFree": (None, [grains]),
+        "femGrainsUpdate": (None, [grains, number, number, number]),
+        "femGrainsContactIterate": (number, [grains, number, whole]),
+        "femGrainsContactIterateOrder": (number, [grains, number, whole, whole, contacts]),
+    }
+    for name, (result, arguments) in signatures.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+class Reference:
+    """A scene in the reference, from its start or from a state of a simulation."""
+
+    def __init__(self, library: ctypes.CDLL, scene: Scene, state: State | None = None):
+        self._library, self._scene = library, scene
+        n = scene.n
+        given = (*scene.position.T, *scene.velocity.T, scene.radius, scene.mass, np.zeros(n))
+        self._arrays = {name: values.copy() for name, values in zip(_PER_GRAIN, given, strict=True)}
+        self._arrays["dvContacts"] = np.zeros(n * (n - 1) // 2)
+        pointers = [array.ctypes.data_as(_Doubles) for array in self._arrays.values()]
+        gravity = (ctypes.c_double * 2)(*scene.gravity)
+        self._grains = Grains(n, scene.radius_in, scene.radius_out, gravity, scene.drag, *pointers)
+        if state is not None:
+            self._load(state)
+
+    def _load(self, state: State) -> None:
+        arrays, corrections = self._arrays, state.corrections
+        arrays["x"][:], arrays["y"][:] = state.position.T
+        arrays["vx"][:], arrays["vy"][:] = state.velocity.T
+        arrays["dvContacts"][pair_index(corrections.pair, self._scene.n)] = corrections.pair_correction
+        arrays["dvBoundary"][:] = corrections.wall_correction
+
+    def update(self) -> None:
+        """Advance by one step, all of it in C."""
+        scene = self._scene
+        self._library.femGrainsUpdate(self._grains, scene.dt, scene.tolerance, scene.max_iterations)
+
+    def step(self, order: IntArray | None = None) -> tuple[int, float]:
+        """Advance by one step, and return the iterations and the last zeta, which C keeps to itself.
+
+        `order`: contacts (i, j), or (i, -1) for the walls, if not in the text's order; shape (m, 2).
+        """
+        scene = self._scene
+        self._apply_free_velocity()
+        self._iterate(0, order)
+        iterations, zeta = 0, np.inf
+        while iterations < scene.max_iterations and zeta > scene.tolerance:
+            iterations += 1
+            zeta = self._iterate(iterations, order)
+        self._arrays["x"] += scene.dt * self._arrays["vx"]
+        self._arrays["y"] += scene.dt * self._arrays["vy"]
+        return iterations, zeta
+
+    def _apply_free_velocity(self) -> None:
+        scene = self._scene
+        drag = scene.drag / self._arrays["m"]
+        for name, gravity in zip(("vx", "vy"), scene.gravity, strict=True):
+            v = self._arrays[name]
+            v += scene.dt * (gravity - drag * v)
+
+    def _iterate(self, iteration: int, order: IntArray | None) -> float:
+        arguments = (self._grains, self._scene.dt, iteration)
+        if order is None:
+            return self._library.femGrainsContactIterate(*arguments)
+        return self._library.femGrainsContactIterateOrder(*arguments, len(order), order)
+
+    @property
+    def position(self) -> FloatArray:
+        """Centres [m], shape (n, 2)."""
+        return np.stack([self._arrays["x"], self._arrays["y"]], axis=1)
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities [m/s], shape (n, 2)."""
+        return np.stack([self._arrays["vx"], self._arrays["vy"]], axis=1)
+
+    @property
+    def pair_correction(self) -> FloatArray:
+        """Corrections dv_c of all pairs i < j [m/s], in lexicographic order."""
+        return self._arrays["dvContacts"]
+
+    @property
+    def wall_correction(self) -> FloatArray:
+        """Corrections dv_b of all grains [m/s]."""
+        return self._arrays["dvBoundary"]
+
+
+def pair_index(pair: IntArray, n: int) -> IndexArray:
+    """Return where pairs i < j stand among all pairs in lexicographic order."""
+    i, j = pair.T.astype(np.int64)
+    return i * (2 * n - i - 1) // 2 + (j - i - 1)

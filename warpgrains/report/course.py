@@ -1,0 +1,72 @@
+"""Moments of a scene's course at which its contacts are worth solving."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from warpgrains.errors import SceneError
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import State
+from warpgrains.simulation.simulation import Simulation
+
+
+class Moment(NamedTuple):
+    """A step of the course, from where it starts."""
+
+    name: str
+    state: State
+    contacts: int
+    """Contacts that carry a correction after it."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a scene goes through.
+
+    Attributes
+    ----------
+    first : State
+        Before the first step in which a contact acts.
+    hardest : State
+        Before the step of most iterations.
+    moments : list of Moment
+        onset: the first step with half as many contacts as there will ever be; hardest; end: the last step.
+        A step that is two of them is there once.
+    """
+
+    first: State
+    hardest: State
+    moments: list[Moment]
+
+
+def follow_course(scene: Scene, longest: int) -> Course:
+    """Follow a scene by the accelerated method, in color order, to its own tolerance.
+
+    Parameters
+    ----------
+    scene : Scene
+    longest : int
+        Steps after which its course is cut off.
+
+    Raises
+    ------
+    SceneError
+        No contact acts in it.
+    """
+    simulation = Simulation(scene, method="accelerated", order="color", stop="residual")
+    records: list[Moment] = []  # steps with more contacts than any before
+    hardest = end = Moment("", simulation.state(), 0)
+    most_iterations = 0
+    for _ in range(min(scene.steps, longest)):
+        state = simulation.state()
+        report = simulation.step()
+        end = Moment("end", state, report.contacts)
+        if report.contacts > (records[-1].contacts if records else 0):
+            records.append(Moment("onset", state, report.contacts))
+        if report.contacts and report.iterations > most_iterations:
+            most_iterations = report.iterations
+            hardest = Moment("hardest", state, report.contacts)
+    if not records:
+        raise SceneError(f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps")
+    onset = next(record for record in records if 2 * record.contacts >= records[-1].contacts)
+    by_step = {moment.state.steps: moment for moment in (end, hardest, onset) if moment.contacts}
+    return Course(records[0].state, hardest.state, [by_step[step] for step in sorted(by_step)])

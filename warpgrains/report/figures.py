@@ -1,0 +1,144 @@
+"""Pictures of a report: error against iterations and wall time, error against dt, and equal work."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from warpgrains.report.frontier import COSTS, FrontierRow
+from warpgrains.report.steps import StepRow, Way
+from warpgrains.report.trajectories import PathRow, fitted_order
+
+# Okabe and Ito, Color Universal Design: told apart by everyone, and by their lightness in print.
+_BLUE, _ORANGE, _GREY = "#0072b2", "#d55e00", "0.6"
+_COLOR = {"gauss-seidel": _BLUE, "accelerated": _ORANGE}
+_DASHES = {"sequential": "-", "color": "--"}
+_LEAST_OVERLAP = 1e-13  # m: what is less is rounding
+_MARKER = {16: "o", 160: "s", 1600: "^"}
+
+
+def draw_steps(rows: Sequence[StepRow]) -> Figure:
+    """Draw the error of a scene's steps: a column a moment, over iterations and over wall time."""
+    moments = list(dict.fromkeys(row.moment for row in rows))
+    figure = Figure(figsize=(1.0 + 3.2 * len(moments), 6.2), layout="constrained")
+    grid = figure.subplots(2, len(moments), squeeze=False, sharey="col")
+    for (over_iterations, over_time), moment in zip(grid.T, moments, strict=True):
+        here = [row for row in rows if row.moment == moment]
+        first = here[0]
+        title = f"{moment}: t = {first.time:.4g} s, {first.contacts} contacts"
+        over_iterations.set_title(title, fontsize="medium")
+        for way, curve in _by_way(here):
+            errors = [row.error for row in curve]
+            if way.code == "warpgrains" and way.threads == 1:
+                over_iterations.plot([row.iterations for row in curve], errors, **_style(way))
+            over_time.plot([1e3 * row.wall_time for row in curve], errors, **_style(way))
+        over_iterations.set_xlabel("iterations")
+        over_time.set_xlabel("wall time of the step [ms]")
+        for axes in (over_iterations, over_time):
+            axes.axhline(first.error_of_exact, color=_GREY, linewidth=1.0, linestyle=":")
+            _make_logarithmic(axes)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("error of the velocities [m/s]")
+    handles, labels = grid[1, 0].get_legend_handles_labels()
+    handles.append(grid[1, 0].lines[-1])
+    labels.append("the exact solution's own error")
+    figure.suptitle(f"{rows[0].scene}: one step of {rows[0].grains} grains", fontsize="large")
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize="small", frameon=False)
+    return figure
+
+
+def _by_way(rows: Iterable[StepRow]) -> list[tuple[Way, list[StepRow]]]:
+    ways: dict[Way, list[StepRow]] = {}
+    for row in rows:
+        ways.setdefault(row.way, []).append(row)
+    return list(ways.items())
+
+
+def _style(way: Way) -> dict[str, Any]:
+    """Color says the method, dashes the order, marks the threads."""
+    if way.code != "warpgrains":
+        return {"color": "black", "linewidth": 1.2, "marker": "x", "markersize": 4, "label": way.code}
+    two = way.threads > 1
+    return {
+        "color": _COLOR[way.method],
+        "linestyle": _DASHES[way.order],
+        "linewidth": 0.8 if two else 1.5,
+        "marker": "o" if two else None,
+        "markersize": 3,
+        "markerfacecolor": "white",
+        "label": f"{way.method}, {way.order}, {way.threads} thread{'s' * two}",
+    }
+
+
+def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Figure:
+    """Draw a scene's error against dt, and the overlap that equal work leaves."""
+    figure = Figure(figsize=(9.5, 5.0), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _draw_error(left, paths)
+    _draw_overlap(right, frontier)
+    figure.suptitle(f"{paths[0].scene}: iterations, or shorter steps", fontsize="large")
+    handles, labels = right.get_legend_handles_labels()
+    title = "right: iterations spent in one of the scene's own steps"
+    figure.legend(
+        handles,
+        labels,
+        title=title,
+        loc="outside lower center",
+        ncols=3,
+        fontsize="small",
+        title_fontsize="small",
+        frameon=False,
+    )
+    return figure
+
+
+def _draw_error(axes: Axes, rows: Sequence[PathRow]) -> None:
+    order = fitted_order(list(rows))
+    label = "measured" if order is None else f"measured: order {order:.2f}"
+    dt, error = [row.dt for row in rows], [row.error for row in rows]
+    axes.plot(dt, error, color="black", marker="o", markersize=4, label=label)
+    middle = len(rows) // 2
+    line = [error[middle] * step / dt[middle] for step in dt]
+    axes.plot(dt, line, color=_GREY, linestyle="--", linewidth=1.0, label="order 1")
+    own = rows[0].finest_error
+    axes.axhline(own, color=_GREY, linestyle=":", linewidth=1.0, label="the finest trajectory's own error")
+    axes.set_title(f"trajectories over {rows[0].horizon:.3g} s from the first contact", fontsize="medium")
+    axes.set(xlabel="dt [s]", ylabel="error of the positions [m]")
+    _make_logarithmic(axes)
+    axes.legend(fontsize="small", frameon=False)
+
+
+def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
+    for method, color in _COLOR.items():
+        for cost in COSTS:
+            here = [row for row in rows if (row.method, row.cost) == (method, cost)]
+            axes.plot(
+                [row.dt for row in here],
+                [row.overlap for row in here],
+                color=color,
+                linewidth=1.2,
+                marker=_MARKER[cost],
+                markersize=4,
+                label=f"{method}, {cost} iterations",
+            )
+    best = [row for row in rows if (row.method, row.cost) == ("accelerated", COSTS[-1])]
+    floor = [row.wall_floor for row in best]
+    axes.plot([row.dt for row in best], floor, color=_GREY, linestyle="--", label="(v dt)² / (2 R_out)")
+    axes.set_title(f"equal work, over {rows[0].horizon:.3g} s from the hardest step", fontsize="medium")
+    axes.set(xlabel="dt [s]", ylabel="overlap left [m]")
+    _make_logarithmic(axes)
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], _LEAST_OVERLAP))
+
+
+def _make_logarithmic(axes: Axes) -> None:
+    """Logarithmic axes with a light grid, and a label every few decades only."""
+    axes.set(xscale="log", yscale="log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(numticks=8))
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(color="0.9", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)

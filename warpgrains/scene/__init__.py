@@ -1,0 +1,1 @@
+"""Scenes and their states: described, read and checked."""

@@ -1,0 +1,134 @@
+"""Checks of single values: each raises `SceneError` with one line that names the field and the value."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from math import isfinite
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
+
+LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
+
+
+def number(field: str, value: Any) -> float:
+    """Return a finite real number as a float."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+        raise SceneError(f"{field} is {value!r}: it must be a number")
+    try:
+        converted = float(value)
+    except OverflowError:
+        converted = float("inf")
+    if not isfinite(converted):
+        raise SceneError(f"{field} is {converted}: it must be finite")
+    return converted
+
+
+def positive(field: str, value: Any) -> float:
+    """Return a number greater than 0."""
+    converted = number(field, value)
+    if converted <= 0.0:
+        raise SceneError(f"{field} is {converted}: it must be greater than 0")
+    return converted
+
+
+def not_negative(field: str, value: Any) -> float:
+    """Return a number that is 0 or more."""
+    converted = number(field, value)
+    if converted < 0.0:
+        raise SceneError(f"{field} is {converted}: it must be 0 or more")
+    return converted
+
+
+def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE_NUMBER) -> int:
+    """Return an integer between `least` and `most`."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
+        raise SceneError(f"{field} is {value!r}: it must be a whole number")
+    converted = int(value)
+    if not least <= converted <= most:
+        raise SceneError(f"{field} is {converted}: it must be between {least} and {most}")
+    return converted
+
+
+def one_of(field: str, value: Any, known: Iterable[str]) -> str:
+    """Return a name that is among the known ones."""
+    known = list(known)
+    if value not in known:
+        raise unknown(field, value, known)
+    return str(value)
+
+
+def unknown(what: str, name: Any, known: Iterable[str]) -> SceneError:
+    """Return the error for a name that nobody knows, with the nearest known one, if any is near."""
+    known = sorted(known)
+    nearest = get_close_matches(str(name), known, n=1)
+    hint = f"did you mean {nearest[0]!r}? Known" if nearest else "known"
+    return SceneError(f"unknown {what} {name!r}: {hint}: {', '.join(known)}")
+
+
+def domain(radius_in: Any, radius_out: Any) -> tuple[float, float]:
+    """Return the radii of the two walls [m], 0 <= radius_in < radius_out."""
+    inner, outer = not_negative("radius_in", radius_in), positive("radius_out", radius_out)
+    if inner >= outer:
+        raise SceneError(f"radius_in is {inner} m: it must be less than radius_out, {outer} m")
+    return inner, outer
+
+
+def vector(field: str, value: Any) -> tuple[float, float]:
+    """Return two finite numbers as a pair."""
+    components = list(value) if np.iterable(value) and not isinstance(value, str) else []
+    if len(components) != 2:
+        raise SceneError(f"{field} is {value!r}: it must be two numbers")
+    return number(f"{field}[0]", components[0]), number(f"{field}[1]", components[1])
+
+
+def vectors(field: str, value: Any) -> FloatArray:
+    """Return a read-only copy of one finite vector a grain, shape (n, 2) with n >= 1."""
+    array = _floats(field, value)
+    if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
+        raise SceneError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one grain")
+    bad = np.any(~np.isfinite(array), axis=1)
+    if bad.any():
+        raise SceneError(f"{of_grain(field, array, bad)}: it must be finite")
+    return _frozen(array)
+
+
+def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
+    """Return a read-only array of numbers greater than 0, shape (n,), from n of them or from one for all."""
+    array = _floats(field, value)
+    if array.ndim == 0:
+        array = np.full(n, positive(field, array[()]))
+    if array.shape != (n,):
+        raise SceneError(
+            f"{field} has shape {array.shape}: there are {n} grains, it must be one number or ({n},)"
+        )
+    for bad, demand in ((~np.isfinite(array), "finite"), (array <= 0.0, "greater than 0")):
+        if bad.any():
+            raise SceneError(f"{of_grain(field, array, bad)}: it must be {demand}")
+    return _frozen(array)
+
+
+def of_grain(field: str, array: FloatArray, bad: NDArray[np.bool_]) -> str:
+    """Name the first grain that is bad, and its value: the start of an error message."""
+    grain = int(np.argmax(bad))
+    value = array[grain].tolist()
+    return f"{field} of grain {grain} is {tuple(value) if array.ndim > 1 else value}"
+
+
+def _floats(field: str, value: Any) -> FloatArray:
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        raise SceneError(f"{field} is ragged: every grain must have as many numbers") from None
+    if array.dtype.kind not in "iuf" and array.size > 0:
+        raise SceneError(f"{field} holds {array.dtype.name} values: it must hold real numbers")
+    return np.array(array, dtype=np.float64, order="C")
+
+
+def _frozen(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array

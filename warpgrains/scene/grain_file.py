@@ -1,0 +1,90 @@
+"""Files of grains beside a scene file.
+
+An `.npz` file holds the array `position` (n, 2), and any of `velocity` (n, 2), `radius` (n,) and `mass` (n,).
+A `.csv` file names its columns in the first line: `x` and `y`, and any of `vx` and `vy`, `radius` and `mass`.
+"""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+
+FIELDS = ("position", "velocity", "radius", "mass")
+COLUMNS = ("x", "y", "vx", "vy", "radius", "mass")
+
+
+def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
+    """Read the arrays of a file of grains.
+
+    Parameters
+    ----------
+    folder
+        Folder that holds the scene file.
+    name
+        Name of the file, as the scene gives it.
+
+    Returns
+    -------
+    dict
+        `position`, and those of `velocity`, `radius` and `mass` that the file has.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read or does not hold grains.
+    """
+    if not isinstance(name, str):
+        raise SceneError(f"grains.file is {name!r}: it must be the name of a file")
+    path = folder / name
+    readers = {".npz": _read_npz, ".csv": _read_csv}
+    if path.suffix not in readers:
+        raise SceneError(f"grains.file is {name!r}: it must end in .npz or .csv")
+    try:
+        grains = readers[path.suffix](path)
+    except SceneError as error:
+        raise SceneError(f"grains.file {name!r}: {error}") from None
+    except Exception as error:  # the readers of foreign files raise of all kinds
+        raise SceneError(f"grains.file {name!r} cannot be read: {error}") from None
+    if "position" not in grains:
+        raise SceneError(f"grains.file {name!r} has no positions")
+    return grains
+
+
+def _read_npz(path: Path) -> dict[str, FloatArray]:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+        for name in archive.files:
+            checks.one_of("array", name, FIELDS)
+        return dict(archive)
+
+
+def _read_csv(path: Path) -> dict[str, FloatArray]:
+    with path.open(newline="", encoding="utf-8") as lines:
+        reader = csv.reader(lines)
+        header = [name.strip() for name in next(reader, [])]
+        if not header:
+            raise SceneError("the first line must name the columns")
+        for name in header:
+            checks.one_of("column", name, COLUMNS)
+        values = np.array([_numbers(row, header, reader.line_num) for row in reader if row])
+    column = dict(zip(header, values.reshape(-1, len(header)).T, strict=True))
+    grains: dict[str, FloatArray] = {name: column[name] for name in column if name in FIELDS}
+    for field, (x, y) in {"position": ("x", "y"), "velocity": ("vx", "vy")}.items():
+        if (x in column) != (y in column):
+            raise SceneError(f"column {x if y in column else y!r} is missing")
+        if x in column:
+            grains[field] = np.column_stack([column[x], column[y]])
+    return grains
+
+
+def _numbers(row: list[str], header: list[str], line: int) -> list[float]:
+    if len(row) != len(header):
+        raise SceneError(f"line {line} has {len(row)} values for {len(header)} columns")
+    try:
+        return [float(value) for value in row]
+    except ValueError:
+        raise SceneError(f"line {line} holds {row}: every value must be a number") from None

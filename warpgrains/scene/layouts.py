@@ -1,0 +1,245 @@
+"""Where the grains start: each layout is a function, whose keyword parameters are the keys of `[grains]`."""
+
+from collections.abc import Callable
+from math import floor, sqrt
+from typing import Any
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+from warpgrains.scene.overlaps import distance, overlapping_pairs
+
+MOST_GRAINS = 10_000_000
+LEAST_SPACING = 0.1  # in radii: such grains all but coincide
+GROUPS = 16  # random grains are placed in so many groups, the largest grains first
+ATTEMPTS = 1_000  # of one group
+
+Placement = tuple[FloatArray, FloatArray]
+"""Positions [m], shape (n, 2), and radii [m], shape (n,)."""
+
+
+def rows(
+    radius_in: float,
+    radius_out: float,
+    *,
+    count: int,
+    radius: float,
+    columns: int | None = None,
+    spacing: float = 2.5,
+    height: float = 2.0,
+    shift: float = 0.0,
+) -> Placement:
+    """Rows above the inner disc, from the bottom up, each from left to right, as in the course's program.
+
+    Parameters
+    ----------
+    radius_in, radius_out
+        Radii of the two walls [m].
+    count
+        Number of grains.
+    radius
+        Radius of every grain [m].
+    columns
+        Grains a row. By default, as many as fit between the sides of the outer wall.
+    spacing
+        Distance of neighbours in a row and of rows, in radii.
+    height
+        Height of the lowest row's centres above the inner disc, in radii.
+    shift
+        Horizontal displacement of all grains [m]: a tiny one keeps a grain from balancing on top of the disc.
+
+    Raises
+    ------
+    SceneError
+        A value is not what it must be, or the rows reach the outer wall before all grains have a place.
+    """
+    count, radius = _count(count), _radius(radius_in, radius_out, radius)
+    spacing = _spacing(spacing)
+    height, shift = checks.number("grains.height", height), checks.number("grains.shift", shift)
+    if columns is None:
+        widths = _fitting_widths(count, radius_out - radius, radius_in + height * radius, spacing * radius)
+    else:
+        columns = checks.whole_number("grains.columns", columns)
+        widths = np.full(-(-count // columns), columns)
+    row = np.repeat(np.arange(len(widths)), np.minimum(widths, count))[:count]
+    column = np.arange(count) - (np.cumsum(widths) - widths)[row]
+    x = column * radius * spacing - (widths[row] - 1) * spacing / 2 * radius + shift
+    y = row * radius * spacing + height * radius + radius_in
+    return np.column_stack([x, y]), np.full(count, radius)
+
+
+def lattice(
+    radius_in: float, radius_out: float, *, radius: float, count: int | None = None, spacing: float = 2.02
+) -> Placement:
+    """A hexagonal lattice between the walls, from the bottom up, each row from left to right.
+
+    Parameters
+    ----------
+    radius_in, radius_out
+        Radii of the two walls [m].
+    radius
+        Radius of every grain [m].
+    count
+        Number of grains. By default, as many as fit.
+    spacing
+        Distance of neighbours, in radii.
+
+    Raises
+    ------
+    SceneError
+        A value is not what it must be, or fewer than `count` grains fit.
+    """
+    radius = _radius(radius_in, radius_out, radius)
+    pitch = _spacing(spacing) * radius
+    reach = radius_out - radius
+    rise = pitch * sqrt(3.0) / 2.0
+    if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
+        raise SceneError(
+            f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} places"
+        )
+    row = np.arange(floor(2 * reach / rise) + 1)[:, np.newaxis]
+    half = floor(reach / pitch) + 1
+    column = np.arange(-half, half + 1)
+    x = (column + 0.5 * (row % 2)) * pitch
+    y = np.broadcast_to(row * rise - reach, x.shape)
+    position = np.column_stack([x.ravel(), y.ravel()])
+    position = position[_is_between_walls(position, radius, radius_in, radius_out)]
+    if count is None:
+        count = len(position)
+    elif _count(count) > len(position):
+        raise SceneError(f"grains.count is {count}: only {len(position)} grains of radius {radius} m fit")
+    return position[:count], np.full(count, radius)
+
+
+def random(radius_in: float, radius_out: float, *, count: int, radius: Any, seed: int = 0) -> Placement:
+    """Grains at random places between the walls, none overlapping: the same ones for the same seed.
+
+    Parameters
+    ----------
+    radius_in, radius_out
+        Radii of the two walls [m].
+    count
+        Number of grains.
+    radius
+        Radius of every grain [m], or the smallest and the largest one: radii are drawn evenly between them.
+    seed
+        Seed of the random numbers.
+
+    Raises
+    ------
+    SceneError
+        A value is not what it must be, or some grain found no free place.
+    """
+    count = _count(count)
+    smallest, largest = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
+    if smallest > largest:
+        raise SceneError(f"grains.radius is ({smallest}, {largest}) m: the smallest radius comes first")
+    for extreme in (smallest, largest):
+        _radius(radius_in, radius_out, extreme)
+    generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
+    radii = smallest + (largest - smallest) * generator.random(count)
+    position = np.empty((count, 2))
+    placed = np.empty(0, dtype=np.int64)
+    for group in np.array_split(np.argsort(-radii, kind="stable"), GROUPS):
+        placed = _place_at_random(generator, position, radii, placed, group, (radius_in, radius_out))
+    return position, radii
+
+
+def column(
+    radius_in: float, radius_out: float, *, count: int, radius: float, spacing: float = 2.02
+) -> Placement:
+    """One grain above the other on the lowest point of the outer wall, from the bottom up.
+
+    Parameters
+    ----------
+    radius_in, radius_out
+        Radii of the two walls [m].
+    count
+        Number of grains.
+    radius
+        Radius of every grain [m].
+    spacing
+        Distance of neighbours, in radii; the lowest grain is as far from the wall as from its neighbour.
+
+    Raises
+    ------
+    SceneError
+        A value is not what it must be.
+    """
+    count, radius = _count(count), _radius(radius_in, radius_out, radius)
+    spacing = _spacing(spacing)
+    y = (np.arange(1, count + 1) * spacing - 1.0) * radius - radius_out
+    return np.column_stack([np.zeros(count), y]), np.full(count, radius)
+
+
+LAYOUTS: dict[str, Callable[..., Placement]] = {
+    "rows": rows,
+    "lattice": lattice,
+    "random": random,
+    "column": column,
+}
+
+
+def _count(value: Any) -> int:
+    return checks.whole_number("grains.count", value, most=MOST_GRAINS)
+
+
+def _radius(radius_in: float, radius_out: float, value: Any) -> float:
+    radius = checks.positive("grains.radius", value)
+    if 2.0 * radius > radius_out - radius_in and (radius_in > 0.0 or radius >= radius_out):
+        raise SceneError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
+    return radius
+
+
+def _spacing(value: Any) -> float:
+    spacing = checks.positive("grains.spacing", value)
+    if spacing < LEAST_SPACING:
+        raise SceneError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
+    return spacing
+
+
+def _is_between_walls(position: FloatArray, radius: Any, radius_in: float, radius_out: float) -> Any:
+    """Whether each disc is clear of both walls and of the origin, where the walls have no normal."""
+    rho = distance(position)
+    nearest = radius_in + radius if radius_in > 0.0 else 0.0
+    return (rho <= radius_out - radius) & (rho >= nearest) & (rho > 0.0)
+
+
+def _place_at_random(
+    generator: np.random.Generator,
+    position: FloatArray,
+    radius: FloatArray,
+    placed: IndexArray,
+    waiting: IndexArray,
+    walls: tuple[float, float],
+) -> IndexArray:
+    """Give the waiting grains a free place in `position`; return the grains that now have one.
+
+    In every attempt all waiting grains draw a place at once, and of two that overlap the first one stays.
+    """
+    for _ in range(ATTEMPTS):
+        if len(waiting) == 0:
+            return placed
+        position[waiting] = (2.0 * generator.random((len(waiting), 2)) - 1.0) * walls[1]
+        inside = _is_between_walls(position[waiting], radius[waiting], *walls)
+        tried = np.concatenate([placed, waiting[inside]])
+        free = np.ones(len(tried), dtype=bool)
+        for _, later in overlapping_pairs(position[tried], radius[tried]):
+            free[later] = False
+        placed, waiting = tried[free], np.concatenate([tried[~free], waiting[~inside]])
+    raise SceneError(
+        f"grains.count is {len(position)}: only {len(placed)} grains found a free place at random"
+    )
+
+
+def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> Any:
+    """Grains a row, until `count` have a place: rows `pitch` apart, centres within `reach` of the origin."""
+    widths: list[int] = []
+    while (missing := count - sum(widths)) > 0:
+        y = lowest + len(widths) * pitch
+        if abs(y) > reach:
+            raise SceneError(f"grains.count is {count}: the rows have room for {count - missing} grains only")
+        widths.append(1 + floor(min(MOST_GRAINS, 2.0 * sqrt(reach * reach - y * y) / pitch)))
+    return np.array(widths)

@@ -1,0 +1,201 @@
+"""Scene files: TOML in, the fields of `Scene` out.
+
+======== ===================================== ====================================================
+section  keys                                  meaning
+======== ===================================== ====================================================
+domain   radius_in, radius_out                 walls [m]
+physics  gravity, drag                         [m/s2], [kg/s]
+time     dt, duration                          [s]
+solver   tolerance, max_iterations, order,     see `Scene`
+..       method, stop, on_unconverged
+grains   layout and the keys of that layout    "rows", "lattice", "random" or "column": see `layouts`
+..       or: position, radius                  a list of places, a radius or a list of them [m]
+..       or: file, radius                      an .npz or .csv file beside the scene: see `grain_file`
+..       mass or density                       one for all or a list [kg], or mass by area [kg/m2]
+..       velocity                              one for all or a list [m/s]
+======== ===================================== ====================================================
+"""
+
+import inspect
+import os
+import tomllib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+from warpgrains.scene.grain_file import read_grains
+from warpgrains.scene.layouts import LAYOUTS, Placement
+from warpgrains.scene.shipped import read_text, shipped
+
+Table = dict[str, Any]
+
+SECTIONS = {
+    "domain": ("radius_in", "radius_out"),
+    "physics": ("gravity", "drag"),
+    "time": ("dt", "duration"),
+    "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
+}
+SOURCES = ("layout", "position", "file")
+PROPERTIES = ("mass", "density", "velocity")
+
+
+def shipped_scenes() -> list[str]:
+    """Return the names of the scenes that come with the package."""
+    return shipped("scene")
+
+
+def read_scene(name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
+    """Return the fields of the scene in a file, or of a shipped scene; see `Scene.load`."""
+    path = Path(name_or_path)
+    return scene_fields(read_text(path, "scene"), path, overrides)
+
+
+def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
+    """Return the fields of the scene in a text, which is or could be that of the file `path`."""
+    document = parse_toml(text, path)
+    for override in overrides:
+        _override(document, override)
+        text += f"\n# --set {' '.join(override.split())}"
+    return {**_fields(document, path.parent), "name": path.stem, "text": text}
+
+
+def read_document(name_or_path: str | os.PathLike[str]) -> Table:
+    """Return the sections of a scene in a file, or of a shipped scene, as they are written there."""
+    return parse_toml(read_text(Path(name_or_path), "scene"), name_or_path)
+
+
+def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
+    """Return what a TOML text of the file `path` holds."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"{path} is not TOML: {error}") from None
+
+
+def require_key(section: str, key: str) -> None:
+    """Raise SceneError unless some scene has this key in this section."""
+    if section not in SECTIONS and section != "grains":
+        raise checks.unknown("section", section, [*SECTIONS, "grains"])
+    known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *_layout_keys()))
+    _refuse_unknown_keys(section, {key: None}, known)
+
+
+def _layout_keys() -> set[str]:
+    """Return the keys that some layout has."""
+    return {name for layout in LAYOUTS.values() for name in _own_parameters(layout)}
+
+
+def _override(document: Table, override: str) -> None:
+    """Put the value of "section.key=value" in its place; a bare word stands for itself."""
+    target, equals, value = override.partition("=")
+    section, dot, key = target.strip().partition(".")
+    if not (equals and dot and key):
+        raise SceneError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except tomllib.TOMLDecodeError:
+        parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
+    if parsed.keys() != {"value"}:
+        raise SceneError(f"override {override!r}: {value!r} is not a TOML value")
+    table = document.setdefault(section, {})
+    if isinstance(table, dict):
+        table[key] = parsed["value"]
+
+
+def _fields(document: Table, folder: Path) -> Table:
+    for section, table in document.items():
+        if section not in SECTIONS and section != "grains":
+            raise checks.unknown("section", section, [*SECTIONS, "grains"])
+        if not isinstance(table, dict):
+            raise SceneError(f"{section} is {table!r}: it must be a section, [{section}]")
+    fields: Table = {}
+    for section, known in SECTIONS.items():
+        table = document.get(section, {})
+        _refuse_unknown_keys(section, table, known)
+        fields |= table
+    if "radius_out" not in fields:
+        raise SceneError("domain.radius_out is missing")
+    if "grains" not in document:
+        raise SceneError("section [grains] is missing")
+    return fields | _grains(
+        document["grains"], *checks.domain(fields.get("radius_in", 0.0), fields["radius_out"]), folder
+    )
+
+
+def _grains(table: Table, radius_in: float, radius_out: float, folder: Path) -> Table:
+    """Return position, radius, mass and velocity of the grains."""
+    sources = [key for key in SOURCES if key in table]
+    if len(sources) != 1:
+        found = " and ".join(sources) or "none of them"
+        raise SceneError(f"[grains] has {found}: it needs one of {', '.join(SOURCES)}")
+    own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
+    if sources == ["layout"]:
+        position, radius = _lay_out(table["layout"], own, radius_in, radius_out)
+        grains: Table = {"position": position, "radius": radius}
+    else:
+        _refuse_unknown_keys("grains", own, (sources[0], "radius"), PROPERTIES)
+        grains = {"position": own["position"]} if "position" in own else read_grains(folder, own["file"])
+        _give_once(grains, own, "radius")
+    grains["position"] = checks.vectors("position", grains["position"])
+    _give_once(grains, table, "velocity")
+    if "velocity" in grains:
+        grains["velocity"] = _one_or_each(grains["velocity"], len(grains["position"]))
+    if "radius" not in grains:
+        raise SceneError("grains.radius is missing")
+    _give_once(grains, _with_mass(table, grains), "mass")
+    if "mass" not in grains:
+        raise SceneError("grains.mass or grains.density is missing")
+    return grains
+
+
+def _lay_out(layout: Any, parameters: Table, radius_in: float, radius_out: float) -> Placement:
+    """Call a layout with the keys that are its parameters."""
+    function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
+    own = _own_parameters(function)
+    _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
+    for name, parameter in own.items():
+        if parameter.default is parameter.empty and name not in parameters:
+            raise SceneError(f"grains.{name} is missing: layout {layout!r} needs it")
+    return function(radius_in, radius_out, **parameters)
+
+
+def _own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
+    """Return the parameters of a layout that are keys of `[grains]`."""
+    parameters = inspect.signature(layout).parameters
+    return {name: own for name, own in parameters.items() if own.kind is own.KEYWORD_ONLY}
+
+
+def _with_mass(table: Table, grains: Table) -> Table:
+    """Return `mass`, if it is given at all: as such or by the density."""
+    if "density" not in table:
+        return table
+    if "mass" in table:
+        raise SceneError("[grains] has mass and density: it needs one of them")
+    radius = checks.positive_per_grain("radius", grains["radius"], len(grains["position"]))
+    return {"mass": checks.positive("grains.density", table["density"]) * np.pi * radius**2}
+
+
+def _one_or_each(velocity: Any, n: int) -> Any:
+    """Repeat the one velocity of all grains; leave a list of them as it is."""
+    is_one = np.iterable(velocity) and not any(np.iterable(component) for component in velocity)
+    return np.tile(checks.vector("grains.velocity", velocity), (n, 1)) if is_one else velocity
+
+
+def _give_once(grains: Table, table: Table, key: str) -> None:
+    if key in table:
+        if key in grains:
+            raise SceneError(f"grains.{key} is given twice: in the scene and in its file")
+        grains[key] = table[key]
+
+
+def _refuse_unknown_keys(
+    section: str, table: Table, known: Iterable[str], also_known: Iterable[str] = ()
+) -> None:
+    every = [*known, *also_known]
+    for key in table:
+        if key not in every:
+            raise checks.unknown(f"key in [{section}]", key, every)

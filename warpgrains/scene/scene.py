@@ -1,0 +1,225 @@
+"""`Scene`: what is simulated, checked once and never changed."""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+from warpgrains.scene.checks import of_grain
+from warpgrains.scene.overlaps import ROUNDING, distance, overlapping_pairs
+from warpgrains.scene.reader import read_scene
+
+ORDERS = ("sequential", "color")
+METHODS = ("gauss-seidel", "accelerated")
+STOPS = ("default", "zeta", "residual")
+UNCONVERGED = ("report", "raise")
+
+
+class Overlaps(NamedTuple):
+    """How many overlaps a scene starts with; the solver pushes them apart."""
+
+    pairs: int
+    """Pairs of grains that overlap."""
+    walls: int
+    """Grains that overlap a wall."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene:
+    """Rigid discs in an annulus centred on the origin, and how to simulate them.
+
+    Arrays are copied and cannot be written to afterwards.
+
+    Parameters
+    ----------
+    position
+        Centres of the grains [m], shape (n, 2).
+    velocity
+        Velocities at the start [m/s], shape (n, 2); by default all grains rest.
+    radius, mass
+        Radius [m] and mass [kg] of every grain, shape (n,), or one number for all.
+    radius_in, radius_out
+        Radii of the two walls [m]; `radius_in` 0 means that there is no inner wall.
+    gravity
+        Acceleration of gravity, two components [m/s2].
+    drag
+        Linear drag coefficient [kg/s].
+    dt
+        Time step [s].
+    duration
+        Simulated time of a whole run [s].
+    tolerance
+        The contact iteration stops when no correction changes by more than this [m/s] ...
+    max_iterations
+        ... or after so many iterations.
+    order
+        Order in which an iteration visits the contacts: "sequential" or "color".
+    method
+        How the contact iteration proceeds: "gauss-seidel", the text's, or "accelerated", with momentum.
+    stop
+        What the tolerance is on: "zeta", the text's, or "residual", the error (see `StepReport`). By default
+        it is zeta for "gauss-seidel" and the residual for "accelerated".
+    on_unconverged
+        What a step does that has not met its tolerance after `max_iterations`: "report" it and go on, or
+        "raise" `SimulationError` and leave the state as it was before the step.
+    name
+        What the scene is called.
+    text
+        The TOML text that the scene was read from, if any.
+
+    Raises
+    ------
+    SceneError
+        A value is not what it must be: one line names the field, the grain and the value.
+    """
+
+    position: FloatArray
+    velocity: FloatArray = None  # type: ignore[assignment]  # never None once it is checked
+    radius: FloatArray
+    mass: FloatArray
+    radius_in: float = 0.0
+    radius_out: float
+    gravity: tuple[float, float] = (0.0, -9.81)
+    drag: float = 0.0
+    dt: float = 0.01
+    duration: float = 1.0
+    tolerance: float = 1e-6
+    max_iterations: int = 10_000
+    order: str = "sequential"
+    method: str = "gauss-seidel"
+    stop: str = "default"
+    on_unconverged: str = "report"
+    name: str = "scene"
+    text: str = ""
+
+    def __post_init__(self) -> None:
+        self._check_each_field()
+        self._check_grains_between_walls()
+        self._check_distinct_centres()
+        self._check_drag_step()
+
+    @classmethod
+    def load(cls, name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Self:
+        """Read a scene from a TOML file, or one of the shipped scenes by its name.
+
+        Parameters
+        ----------
+        name_or_path
+            A file, or else the name of a shipped scene, such as "annulus".
+        overrides
+            Values that replace those of the file, as "section.key=value", such as "physics.drag=0.1".
+
+        Raises
+        ------
+        SceneError
+            There is no such scene, it cannot be read, or it is not one.
+        """
+        return cls(**read_scene(name_or_path, overrides))
+
+    def replace(self, **changes: Any) -> Self:
+        """Return the same scene with some fields changed, checked again; its text tells which ones."""
+        if self.text and changes:
+            changes = {"text": f"{self.text}\n# changed afterwards: {', '.join(changes)}", **changes}
+        return replace(self, **changes)
+
+    @property
+    def n(self) -> int:
+        """Number of grains."""
+        return len(self.position)
+
+    @property
+    def stops_on_residual(self) -> bool:
+        """Whether the tolerance is on the residual."""
+        return self.stop == "residual" or (self.stop == "default" and self.method == "accelerated")
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps in `duration`."""
+        return self.steps_in(self.duration)
+
+    def steps_in(self, duration: float) -> int:
+        """Return the whole number of time steps nearest to a duration [s], at least 1.
+
+        The decimal numbers are divided as they are written: 0.3 s hold exactly three steps of 0.1 s.
+        """
+        return max(1, round(Fraction(str(float(duration))) / Fraction(str(self.dt))))
+
+    def count_overlaps(self) -> Overlaps:
+        """Count the overlaps at the start, between grains and with the walls."""
+        pairs = sum(len(first) for first, _ in overlapping_pairs(self.position, self.radius))
+        rho = distance(self.position)
+        gap = self.radius_out - rho - self.radius
+        if self.radius_in > 0.0:
+            gap = np.minimum(gap, rho - self.radius_in - self.radius)
+        return Overlaps(pairs, int(np.count_nonzero(gap < -ROUNDING * self.radius_out)))
+
+    def _check_each_field(self) -> None:
+        position = checks.vectors("position", self.position)
+        velocity = np.zeros_like(position) if self.velocity is None else self.velocity
+        velocity = checks.vectors("velocity", velocity)
+        n = len(position)
+        if len(velocity) != n:
+            raise SceneError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
+        radius_in, radius_out = checks.domain(self.radius_in, self.radius_out)
+        checked = {
+            "position": position,
+            "velocity": velocity,
+            "radius": checks.positive_per_grain("radius", self.radius, n),
+            "mass": checks.positive_per_grain("mass", self.mass, n),
+            "radius_in": radius_in,
+            "radius_out": radius_out,
+            "gravity": checks.vector("gravity", self.gravity),
+            "drag": checks.not_negative("drag", self.drag),
+            "dt": checks.positive("dt", self.dt),
+            "duration": checks.positive("duration", self.duration),
+            "tolerance": checks.not_negative("tolerance", self.tolerance),
+            "max_iterations": checks.whole_number("max_iterations", self.max_iterations),
+            "order": checks.one_of("order", self.order, ORDERS),
+            "method": checks.one_of("method", self.method, METHODS),
+            "stop": checks.one_of("stop", self.stop, STOPS),
+            "on_unconverged": checks.one_of("on_unconverged", self.on_unconverged, UNCONVERGED),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    def _check_grains_between_walls(self) -> None:
+        rho = distance(self.position)
+        room = (self.radius_out - self.radius_in) / 2.0 if self.radius_in > 0.0 else self.radius_out
+        too_large = self.radius > room * (1.0 + ROUNDING)
+        if too_large.any():
+            raise SceneError(
+                f"{of_grain('radius', self.radius, too_large)}: at most {room} m fit between the walls"
+            )
+        demands = (
+            (rho == 0.0, "the origin is no place for a grain: the walls have no direction there"),
+            (rho > self.radius_out, f"it is outside the outer wall, radius_out {self.radius_out} m"),
+            (rho < self.radius_in, f"it is inside the inner wall, radius_in {self.radius_in} m"),
+        )
+        for bad, reason in demands:
+            if bad.any():
+                raise SceneError(f"{of_grain('position', self.position, bad)}: {reason}")
+
+    def _check_distinct_centres(self) -> None:
+        in_order = np.lexsort(self.position.T)
+        same = distance(np.diff(self.position[in_order], axis=0)) == 0.0
+        if same.any():
+            first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
+            place = tuple(self.position[second].tolist())
+            raise SceneError(f"position of grain {second} is {place}: grain {first} has the same centre")
+
+    def _check_drag_step(self) -> None:
+        with np.errstate(over="ignore"):
+            reversing = self.drag * self.dt / self.mass >= 1.0
+        if reversing.any():
+            lightest = int(np.argmin(self.mass))
+            mass = self.mass[lightest].item()
+            raise SceneError(
+                f"dt is {self.dt} s: in one step, drag {self.drag} kg/s would turn round grain {lightest}"
+                f" of mass {mass} kg; dt must be less than {mass / self.drag} s"
+            )

@@ -1,0 +1,1 @@
+"""One scene, step by step, and runs that can be resumed."""

@@ -1,0 +1,177 @@
+"""Checkpoints: the exact state, with the scene inside, in one `.npz` file without pickles.
+
+The entry `header` is JSON text in UTF-8: format, version, and all numbers and texts. A float in it is written
+so that the same double is read back. Every array is an entry of its own, called `part.field` after the
+dataclasses `Scene`, `State`, `Corrections` and `Lists`. Who changes these raises `VERSION`.
+"""
+
+import io
+import json
+import zipfile
+import zlib
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpgrains import __version__
+from warpgrains.errors import SceneError
+from warpgrains.files import require_writable_folder, write_whole
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import Corrections, Lists, State
+from warpgrains.scene.state_checks import require_state
+from warpgrains.simulation.options import Plan
+from warpgrains.solver.statistics import Tally
+
+FORMAT = "warpgrains checkpoint"
+VERSION = 2
+
+Arrays = dict[str, np.ndarray]
+Header = dict[str, Any]
+
+_DAMAGE = (
+    OSError,
+    EOFError,
+    LookupError,
+    TypeError,
+    ValueError,
+    RuntimeError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """What a checkpoint holds.
+
+    Attributes
+    ----------
+    scene : Scene
+    state : State
+    plan : Plan or None
+        What the run was to do, if it was a run that wrote the checkpoint.
+    tally : Tally
+        What the run had done.
+    """
+
+    scene: Scene
+    state: State
+    plan: Plan | None
+    tally: Tally
+
+
+def require_checkpoint_path(path: Path) -> None:
+    """Raise SceneError unless a checkpoint can be written there now."""
+    if path.suffix != ".npz":
+        raise SceneError(f"checkpoint '{path}' must end in .npz")
+    if path.is_dir():
+        raise SceneError(f"checkpoint '{path}' is a folder")
+    require_writable_folder(path.parent)
+    if path.exists() and not _is_checkpoint(path):
+        raise SceneError(f"'{path}' is there and is no checkpoint: it is not replaced")
+
+
+def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Put a checkpoint under its name and on the disk, whole; until then an earlier one stays.
+
+    Raises
+    ------
+    OSError
+        It cannot be written, or is not read back as it was written.
+    """
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **_entries(checkpoint, path))
+    write_whole(path, buffer.getbuffer())
+
+
+def read_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint.
+
+    Raises
+    ------
+    SceneError
+        There is none, it is damaged, of a newer version, or something else.
+    """
+    if not path.is_file():
+        raise SceneError(f"checkpoint '{path}' does not exist")
+    try:
+        header, arrays = _read(path)
+    except _DAMAGE:
+        raise SceneError(f"'{path}' is no checkpoint of warpgrains, or it is damaged") from None
+    if header["version"] > VERSION:
+        raise SceneError(
+            f"checkpoint '{path}' has version {header['version']}, of warpgrains {header.get('warpgrains')};"
+            f" warpgrains {__version__} reads versions up to {VERSION}"
+        )
+    try:
+        return _checkpoint(header, arrays, path)
+    except _DAMAGE as error:
+        raise SceneError(f"checkpoint '{path}' holds no state of a scene: {error}") from None
+
+
+def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
+    """Return the entries of the file."""
+    state, plan = checkpoint.state, checkpoint.plan
+    header: Header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "warpgrains": __version__,
+        "plan": None if plan is None else plan.stored(path),
+        "tally": asdict(checkpoint.tally),
+    }
+    arrays: Arrays = {}
+    for part, record in _parts(checkpoint.scene, state).items():
+        content = {field.name: getattr(record, field.name) for field in fields(record)}
+        own = [name for name, value in content.items() if isinstance(value, np.ndarray)]
+        arrays |= {f"{part}.{name}": content[name] for name in own}
+        elsewhere = (*own, "corrections", "lists")
+        header[part] = {name: value for name, value in content.items() if name not in elsewhere}
+    return {"header": np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays}
+
+
+def _parts(scene: Scene, state: State) -> dict[str, Any]:
+    parts = {"scene": scene, "state": state, "corrections": state.corrections, "lists": state.lists}
+    return {part: record for part, record in parts.items() if record is not None}
+
+
+def _read(path: Path) -> tuple[Header, Arrays]:
+    """Return header and arrays, whatever they hold."""
+    with zipfile.ZipFile(path) as archive:
+        if archive.testzip() is not None:
+            raise ValueError("an entry is damaged")
+    with np.load(path, allow_pickle=False) as entries:
+        arrays = {name: entries[name] for name in entries.files}
+    return _header(arrays.pop("header")), arrays
+
+
+def _header(entry: np.ndarray) -> Header:
+    header = json.loads(entry.tobytes())
+    if header["format"] != FORMAT or not isinstance(header["version"], int):
+        raise ValueError("the header is that of something else")
+    return header
+
+
+def _is_checkpoint(path: Path) -> bool:
+    try:
+        with np.load(path, allow_pickle=False) as entries:
+            return bool(_header(entries["header"]))
+    except _DAMAGE:
+        return False
+
+
+def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
+    """Return what header and arrays tell, once it is checked."""
+
+    def part(name: str) -> dict[str, Any]:
+        prefix = f"{name}."
+        own = {entry.removeprefix(prefix): arrays[entry] for entry in arrays if entry.startswith(prefix)}
+        return header[name] | own
+
+    scene = Scene(**part("scene"))
+    lists = Lists(**part("lists")) if "lists" in header else None
+    state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
+    require_state(state, scene.n)
+    plan = None if header["plan"] is None else Plan.restored(header["plan"], path)
+    return Checkpoint(scene, state, plan, Tally(**header["tally"]))

@@ -1,0 +1,227 @@
+"""Simulation: one scene, step by step."""
+
+from pathlib import Path
+from typing import Any, Self
+
+import warp as wp
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError, SimulationError
+from warpgrains.scene import checks
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import State
+from warpgrains.scene.state_checks import first_state, require_state
+from warpgrains.simulation.checkpoint import (
+    Checkpoint,
+    read_checkpoint,
+    require_checkpoint_path,
+    write_checkpoint,
+)
+from warpgrains.simulation.options import Plan
+from warpgrains.simulation.run import carry_out
+from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
+from warpgrains.solver.launch import CAPTURING
+from warpgrains.solver.statistics import StepReport, Summary, Tally
+from warpgrains.solver.step import StepSolver
+
+
+class Simulation:
+    """One scene on one device.
+
+    Parameters
+    ----------
+    scene : Scene
+        What is simulated.
+    device : str
+        A Warp device, "cpu" or "cuda:0".
+    threads : int, optional
+        OS threads that share the work on a CPU; by default as many as pay. The result is the same for any.
+    **overrides
+        Fields of the scene that are to be changed, such as order="color" or tolerance=1e-8.
+
+    Raises
+    ------
+    SceneError
+        The device is unknown, the number of threads is not positive, or a change makes no scene.
+    SimulationError
+        The scene does not fit in memory.
+    """
+
+    def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None, **overrides: Any):
+        self.scene = scene.replace(**overrides) if overrides else scene
+        if threads is not None:
+            checks.whole_number("threads", threads)
+        with CAPTURING:
+            self._solver = StepSolver(self.scene, find_device(device), threads)
+        self.restore(first_state(self.scene))
+
+    def step(self) -> StepReport:
+        """Advance by one time step.
+
+        Raises
+        ------
+        SimulationError
+            A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
+            "raise". The state is that before the step.
+        """
+        try:
+            report = self._solver.solve()
+            if not report.converged:
+                report = self._solver.name_grains_that_cannot_fit(report)
+        except SimulationError as error:
+            raise SimulationError(f"step {self._steps + 1}, from t = {self.time} s: {error}") from error
+        self._steps += 1
+        self._stepped = True
+        return report
+
+    def run(
+        self,
+        steps: int | None = None,
+        duration: float | None = None,
+        record: str | Path | None = None,
+        fps: float = 60.0,
+        color_by: str = "palette",
+        forces: bool = False,
+        as_spheres: bool = False,
+        checkpoint: str | Path | None = None,
+        every: int = 1000,
+        progress: bool = False,
+    ) -> Summary:
+        """Advance by many time steps.
+
+        Parameters
+        ----------
+        steps : int, optional
+            How many; or
+        duration : float, optional
+            for how long [s]; by default for the scene's duration.
+        record : str or Path, optional
+            A USD file to write the frames to, the present state first.
+        fps : float
+            Wanted frames per second of simulated time [1/s], see `recording_stride`.
+        color_by, forces, as_spheres
+            What the frames show, see `Recorder`.
+        checkpoint : str or Path, optional
+            An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
+        every : int
+            Steps between two checkpoints.
+        progress : bool
+            Whether to show a progress bar on standard error.
+
+        Raises
+        ------
+        SceneError
+            The recording or the checkpoint cannot be written there.
+        SimulationError
+            A step failed.
+        """
+        if steps is None:
+            steps = self.scene.steps if duration is None else self.scene.steps_in(duration)
+        plan = Plan(
+            steps=steps,
+            record=None if record is None else str(record),
+            fps=fps,
+            color_by=color_by,
+            forces=forces,
+            as_spheres=as_spheres,
+            checkpoint=None if checkpoint is None else str(checkpoint),
+            every=every,
+        )
+        return carry_out(self, plan, Tally(), progress)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self._steps * self.scene.dt
+
+    @property
+    def position(self) -> FloatArray:
+        """Centres of the grains [m], shape (n, 2); a copy."""
+        return self._solver.grains.position.numpy().copy()
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities of the grains [m/s], shape (n, 2); a copy."""
+        return self._solver.grains.velocity.numpy().copy()
+
+    def last_start(self) -> tuple[FloatArray, FloatArray]:
+        """Return where the last step began: centres [m] and velocities [m/s], shape (n, 2); copies.
+
+        Raises
+        ------
+        SimulationError
+            No step has been taken since the start, or since `restore`.
+        """
+        if not self._stepped:
+            raise SimulationError("no step has been taken from this state: call step() first")
+        solver = self._solver
+        return solver.grains.last_position.numpy().copy(), solver.start_velocity.numpy().copy()
+
+    def contacts(self) -> PairContacts:
+        """Return the contacts between grains of the last step, those that carry a correction."""
+        return pair_contacts(
+            self.scene, self._solver.grains.last_position.numpy(), self._solver.contacts.corrections()
+        )
+
+    def wall_contacts(self) -> WallContacts:
+        """Return the contacts with the walls of the last step, one entry a grain."""
+        return wall_contacts(self.scene, self._solver.contacts.corrections())
+
+    def state(self) -> State:
+        """Return the exact state, from which `restore` continues with the same bits."""
+        contacts = self._solver.contacts
+        return State(self._steps, self.position, self.velocity, contacts.corrections(), contacts.lists())
+
+    def restore(self, state: State) -> None:
+        """Continue from a state of this scene.
+
+        Raises
+        ------
+        SceneError
+            It is a state of other grains.
+        """
+        require_state(state, self.scene.n)
+        self._steps, self._stepped = state.steps, False
+        with CAPTURING:
+            self._solver.load(state)
+
+    def save(self, path: str | Path) -> None:
+        """Save the exact state and the scene to a checkpoint, an .npz file, at once and whole.
+
+        Raises
+        ------
+        SceneError
+            It cannot be written there.
+        """
+        require_checkpoint_path(Path(path))
+        write_checkpoint(Path(path), Checkpoint(self.scene, self.state(), None, Tally()))
+
+    @classmethod
+    def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:
+        """Continue from a checkpoint, of `save` or of a run, with the same bits.
+
+        Parameters
+        ----------
+        path : str or Path
+            The checkpoint.
+        device, threads
+            See `Simulation`; not those that wrote the checkpoint, the result is the same for any.
+
+        Raises
+        ------
+        SceneError
+            The checkpoint cannot be read.
+        """
+        kept = read_checkpoint(Path(path))
+        simulation = cls(kept.scene, device, threads)
+        simulation.restore(kept.state)
+        return simulation
+
+
+def find_device(name: str) -> wp.Device:
+    """Return a Warp device by its name; raise SceneError if there is none."""
+    try:
+        return wp.get_device(name)
+    except (ValueError, RuntimeError) as error:
+        known = ", ".join(device.alias for device in wp.get_devices())
+        raise SceneError(f"device {name!r} is unknown here; choose {known}") from error

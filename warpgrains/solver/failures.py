@@ -1,0 +1,21 @@
+"""Why a step failed, in words."""
+
+from warpgrains.scene.scene import Scene
+from warpgrains.solver.infeasible import Certificate
+from warpgrains.solver.statistics import named
+
+
+def not_finite(grain: int, velocity: list[float]) -> str:
+    """Say which grain left the range of numbers, and with what velocity [m/s]."""
+    return f"grain {grain} reached a velocity of {velocity} m/s"
+
+
+def not_converged(
+    scene: Scene, iterations: int, zeta: float, residual: float, certificate: Certificate | None
+) -> str:
+    """Say how far a step came [m/s], and which grains cannot fit, if that is proved."""
+    reason = "" if certificate is None else f": {named(certificate.grains)} cannot fit, {certificate}"
+    return (
+        f"not converged after {iterations} iterations: zeta {zeta:.3e} m/s, residual {residual:.3e} m/s,"
+        f" tolerance {scene.tolerance:.3e} m/s{reason}"
+    )

@@ -1,0 +1,111 @@
+"""Axes of a sweep: what values a key takes, one run after the other.
+
+========================================== ==========================================================
+value in the sweep file                    what it stands for
+========================================== ==========================================================
+[0.1, 0.2, 0.5]                            these values, of any kind that the key takes
+{range = [0.0, 1.0], count = 5}            evenly spaced, both ends included
+{log_range = [1e-8, 1e-4], count = 5}      evenly spaced ratios, both ends included
+{seeds = 10}                               0, 1, ..., 9
+========================================== ==========================================================
+
+The values of a range are the doubles nearest to the decimal numbers; those of a log_range have twelve digits.
+A range with ends written as whole numbers holds whole numbers, if all its values are whole.
+"""
+
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+
+MOST_VALUES = 1_000_000
+
+Values = list[Any]
+
+
+def axis_values(name: str, axis: Any) -> Values:
+    """Return the values of an axis.
+
+    Parameters
+    ----------
+    name
+        The key that takes them, such as "physics.drag".
+    axis
+        What the sweep file holds for it.
+
+    Raises
+    ------
+    SceneError
+        It is no axis: the message names key and value.
+    """
+    if isinstance(axis, list):
+        values = axis
+    elif isinstance(axis, dict):
+        values = _generated(name, axis)
+    else:
+        raise SceneError(f"axes.{name} is {axis!r}: it must be a list, a range, a log_range or seeds")
+    if not values:
+        raise SceneError(f"axes.{name} is []: it must have at least one value")
+    return values
+
+
+def _generated(name: str, axis: dict[str, Any]) -> Values:
+    kinds = [kind for kind in _KINDS if kind in axis]
+    if len(kinds) != 1:
+        found = " and ".join(kinds) or "none of them"
+        raise SceneError(f"axes.{name} has {found}: it needs one of {', '.join(_KINDS)}")
+    generate, known = _KINDS[kinds[0]]
+    for key in axis:
+        if key not in known:
+            raise checks.unknown(f"key in axes.{name}", key, known)
+    for key in known:
+        if key not in axis:
+            raise SceneError(f"axes.{name}.{key} is missing: a {kinds[0]} needs it")
+    return generate(f"axes.{name}", axis)
+
+
+def _range(field: str, axis: dict[str, Any]) -> Values:
+    _ends(f"{field}.range", axis["range"])
+    first, last = (Fraction(str(end)) for end in axis["range"])
+    steps = _count(f"{field}.count", axis["count"]) - 1
+    return _whole_if_written_so(
+        axis["range"], [float(first + (last - first) * k / steps) for k in range(steps + 1)]
+    )
+
+
+def _log_range(field: str, axis: dict[str, Any]) -> Values:
+    first, last = _ends(f"{field}.log_range", axis["log_range"])
+    if min(first, last) <= 0.0:
+        raise SceneError(f"{field}.log_range is {axis['log_range']!r}: both ends must be greater than 0")
+    steps = _count(f"{field}.count", axis["count"]) - 1
+    between = [float(f"{first * (last / first) ** (k / steps):.12g}") for k in range(1, steps)]
+    return _whole_if_written_so(axis["log_range"], [first, *between, last])
+
+
+def _seeds(field: str, axis: dict[str, Any]) -> Values:
+    return list(range(checks.whole_number(f"{field}.seeds", axis["seeds"], most=MOST_VALUES)))
+
+
+_KINDS: dict[str, tuple[Callable[[str, dict[str, Any]], Values], tuple[str, ...]]] = {
+    "range": (_range, ("range", "count")),
+    "log_range": (_log_range, ("log_range", "count")),
+    "seeds": (_seeds, ("seeds",)),
+}
+
+
+def _ends(field: str, value: Any) -> tuple[float, float]:
+    first, last = checks.vector(field, value)
+    if first == last:
+        raise SceneError(f"{field} is {value!r}: its ends must differ")
+    return first, last
+
+
+def _count(field: str, value: Any) -> int:
+    return checks.whole_number(field, value, least=2, most=MOST_VALUES)
+
+
+def _whole_if_written_so(ends: list[Any], values: list[float]) -> Values:
+    whole = all(isinstance(end, int) for end in ends) and all(value.is_integer() for value in values)
+    return [int(value) for value in values] if whole else list(values)

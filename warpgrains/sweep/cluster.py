@@ -1,0 +1,131 @@
+"""Runs on an existing dask cluster: dask schedules, watches and restarts; here runs are only put in chunks.
+
+All machines must see the folder of the sweep: workers write there what a local process would. A chunk whose
+worker died is done by another one, from the checkpoints, without the runs that are finished.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from threading import Lock
+from typing import TYPE_CHECKING
+
+from warpgrains.console import start_warp
+from warpgrains.errors import SceneError
+from warpgrains.sweep.options import Means, Tell
+from warpgrains.sweep.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+CHUNKS_A_THREAD = 16
+MOST_IN_A_CHUNK = 64
+CONNECT_WITHIN = 30.0  # s
+
+_one_at_a_time = Lock()
+
+
+def finish_on_cluster(
+    folders: list[RunFolder], means: Means, tell: Tell, scheduler: str | None, slurm_jobs: int | None
+) -> None:
+    """Carry runs out to their end on a cluster.
+
+    What dask gives up, since too many workers died of it, is done again in the end, a run at a time. A run
+    that is given up alone is left as it is, and standard error says so.
+
+    Parameters
+    ----------
+    folders
+        The runs, none of them finished.
+    means
+        With what; without `threads`, with as many as a worker has.
+    tell
+        Is called when a chunk is finished.
+    scheduler
+        Address of a dask scheduler, such as "tcp://host:8786"; or
+    slurm_jobs
+        how many jobs Slurm is to start, each as dask-jobqueue is configured.
+
+    Raises
+    ------
+    SceneError
+        Dask is not installed, or there is no such cluster.
+    """
+    with _client(scheduler, slurm_jobs) as client:
+        threads = sum(client.nthreads().values()) or slurm_jobs or 1
+        for run in _left_by_chunks(client, _chunks(folders, threads), means, tell):
+            future = client.submit(finish_chunk, [run], means, pure=False)
+            reason = future.exception() or "its result is not seen here: all machines must see DIR"
+            if run.is_finished:
+                tell(1.0)
+            else:
+                print(f"run {run.labels['run']} is not finished: {reason}", file=sys.stderr)
+
+
+def _left_by_chunks(
+    client: Client, chunks: Iterable[list[RunFolder]], means: Means, tell: Tell
+) -> list[RunFolder]:
+    """Have chunks carried out; return the runs that are not finished, since their chunk was given up."""
+    from distributed import as_completed
+
+    left: list[RunFolder] = []
+    given = {client.submit(finish_chunk, chunk, means, pure=False): chunk for chunk in chunks}
+    for future in as_completed(given):
+        chunk = given.pop(future)
+        lost = [run for run in chunk if not run.is_finished]
+        tell(len(chunk) - len(lost))
+        left += lost
+    return left
+
+
+def finish_chunk(folders: list[RunFolder], means: Means) -> None:
+    """Carry out, on a worker, those runs of a chunk that an earlier worker has not finished.
+
+    A worker with many threads is given many chunks at once: each in turn has all its threads.
+    """
+    from distributed import get_worker
+
+    with _one_at_a_time:
+        start_warp()
+        from warpgrains.sweep.runner import finish_runs
+
+        threads = means.threads or get_worker().state.nthreads
+        left = [folder for folder in folders if not folder.is_finished]
+        finish_runs(left, replace(means, threads=threads), lambda runs: None)
+
+
+def _chunks(folders: list[RunFolder], threads: int) -> Iterator[list[RunFolder]]:
+    """Split runs in parts, so many that no worker is idle for long at the end."""
+    size = min(MOST_IN_A_CHUNK, max(1, len(folders) // (CHUNKS_A_THREAD * threads)))
+    for first in range(0, len(folders), size):
+        yield folders[first : first + size]
+
+
+@contextmanager
+def _client(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
+    try:
+        from distributed import Client
+
+        if slurm_jobs is not None:
+            from dask_jobqueue import SLURMCluster
+    except ModuleNotFoundError as error:
+        raise SceneError(f"a cluster needs {error.name}: pip install 'warpgrains[cluster]'") from error
+    if slurm_jobs is None:
+        try:
+            client = Client(scheduler, timeout=CONNECT_WITHIN)
+        except (OSError, ValueError) as error:
+            raise SceneError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
+        with client:
+            yield client
+        return
+    try:
+        cluster = SLURMCluster()
+    except ValueError as error:
+        reason = str(error).partition("\n")[0]
+        raise SceneError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {reason}") from error
+    with cluster, Client(cluster) as client:
+        cluster.scale(jobs=slurm_jobs)
+        yield client

@@ -1,0 +1,151 @@
+"""Many runs in one process: in groups, each a batch of scenes that have as many steps left.
+
+A group proceeds in slices of about a second. Every now and then its runs save where they are, so that a
+killed process loses little; at its end each run gets its result.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from time import perf_counter
+
+from warpgrains.batch.batch import Batch
+from warpgrains.errors import SceneError, SimulationError
+from warpgrains.sweep.options import Means, Tell
+from warpgrains.sweep.results import failure
+from warpgrains.sweep.run_folder import RunFolder
+from warpgrains.sweep.sweep_run import Member
+
+SLICE = 1.0  # s
+FIRST_SLICE, GROWTH = 4, 8  # steps of the first slice, and by how much the next one may be longer
+BETWEEN_CHECKPOINTS = 20.0  # s
+FIRST_WIDTH, WIDTH, RECORDED_WIDTH = 8, 64, 16  # runs in a group; frames wait in memory
+WRITERS = 16
+MOST_WAITING = 256  # runs that wait for others with as many steps left
+MOST_GRAINS = 2_000_000  # in a group
+
+
+def finish_runs(folders: Iterable[RunFolder], means: Means, tell: Tell) -> None:
+    """Carry runs out to their end, each from where it is.
+
+    A run that fails gets a result that says why, and the others go on.
+
+    Parameters
+    ----------
+    folders
+        The runs, none of them finished.
+    means
+        With what.
+    tell
+        Is called with every advance.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
+    """
+    for group in _groups(folders, means, tell):
+        _finish(group, means, tell)
+
+
+def _groups(folders: Iterable[RunFolder], means: Means, tell: Tell) -> Iterator[list[Member]]:
+    """Gather runs with as many steps left; a run whose scene is none has failed."""
+    waiting: dict[int, list[Member]] = {}
+    width, widest = FIRST_WIDTH, WIDTH if means.fps is None else RECORDED_WIDTH
+    for folder, future in _ahead(folders, means.fps):
+        try:
+            member = future.result()
+        except SceneError as error:
+            folder.finish(failure(folder.labels, str(error)))
+            tell(1.0)
+            continue
+        group = waiting.setdefault(member.left, [])
+        group.append(member)
+        if len(group) >= width or sum(member.scene.n for member in group) >= MOST_GRAINS:
+            yield waiting.pop(member.left)
+            width = min(2 * width, widest)
+        elif sum(map(len, waiting.values())) == MOST_WAITING:
+            yield waiting.pop(max(waiting, key=lambda left: len(waiting[left])))
+    yield from waiting.values()
+
+
+def _ahead(folders: Iterable[RunFolder], fps: float | None) -> Iterator[tuple[RunFolder, Future[Member]]]:
+    """Begin runs on another thread, while groups before them are carried out: some layouts take long."""
+    begun: deque[tuple[RunFolder, Future[Member]]] = deque()
+    executor = ThreadPoolExecutor(1)
+    try:
+        for folder in folders:
+            begun.append((folder, executor.submit(Member, folder, fps)))
+            if len(begun) == WIDTH:
+                yield begun.popleft()
+        yield from begun
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+def _finish(group: list[Member], means: Means, tell: Tell) -> None:
+    """Carry a group out to its end; the recordings are whole before there is a result."""
+    with ExitStack() as outputs:
+        for member in group:
+            member.open(outputs)
+            tell(1.0 - member.left / member.plan.steps)
+        if group[0].left > 0:
+            _advance(group, means, tell)
+    _write(Member.finish, group)
+
+
+def _advance(group: list[Member], means: Means, tell: Tell) -> None:
+    """Advance a group to its end; a run that does not fit in memory, even alone, has failed."""
+    try:
+        batch = Batch([member.scene for member in group], means.device, means.threads)
+    except SimulationError as error:
+        if len(group) > 1:
+            for member in group:
+                _advance([member], means, tell)
+        else:
+            group[0].error = str(error)
+            tell(group[0].left / group[0].plan.steps)
+        return
+    for k, member in enumerate(group):
+        batch.restore(k, member.state)
+    _run(group, batch, tell)
+
+
+def _run(group: list[Member], batch: Batch, tell: Tell) -> None:
+    """Run a batch in slices, record its frames and save where its runs are."""
+    left, pace, kept_at = group[0].left, FIRST_SLICE, perf_counter()
+    if any(member.is_recorded for member in group):
+        _record(group, batch)
+        _keep(group, batch)
+    while left > 0:
+        start = perf_counter()
+        steps = min(pace, left, *(member.until_frame for member in group))
+        for member, summary in zip(group, batch.run(steps), strict=True):
+            member.count(summary)
+            tell(steps / member.plan.steps)
+        left -= steps
+        _record(group, batch)
+        now = perf_counter()
+        pace = max(1, min(GROWTH * pace, int(SLICE / (now - start) * steps)))
+        if left == 0 or now - kept_at > BETWEEN_CHECKPOINTS:
+            _keep(group, batch)
+            kept_at = now
+
+
+def _record(group: list[Member], batch: Batch) -> None:
+    for k, member in enumerate(group):
+        if member.until_frame == 0:
+            member.record(batch.position(k), batch.velocity(k))
+
+
+def _keep(group: list[Member], batch: Batch) -> None:
+    for k, member in enumerate(group):
+        member.reach(batch.state(k))
+    _write(Member.keep, group)
+
+
+def _write(write: Callable[[Member], None], group: list[Member]) -> None:
+    """Write files of all runs side by side: most of the time is spent waiting for the disk."""
+    with ThreadPoolExecutor(WRITERS) as writers:
+        list(writers.map(write, group))

@@ -1,0 +1,203 @@
+"""Sweep files: TOML in, the runs of a sweep out.
+
+======== =================== ======================================================================
+section  keys                meaning
+======== =================== ======================================================================
+(top)    scene               the base scene: a file beside the sweep file, or the name of a shipped one
+..       or: folder          a folder beside the sweep file: each of its .toml files is a base scene
+..       combine             "grid" (default): every value of an axis with every one of the others;
+                             "zip": the first values of all axes, then the second ones, ...
+set      section.key         a value that replaces the base scene's in all runs
+axes     section.key         values of which every run has one, see `sweep_axes`
+======== =================== ======================================================================
+
+The keys are those of scene files: ``physics.drag = [0.1, 0.5]`` in ``[axes]`` is an axis of two values.
+"""
+
+import hashlib
+import itertools
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Self
+
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+from warpgrains.scene.reader import Table, parse_toml, read_document, require_key, shipped_scenes
+from warpgrains.scene.shipped import read_text
+from warpgrains.scene.toml_text import toml_text, toml_value
+from warpgrains.sweep.axes import axis_values
+
+KEYS = ("scene", "folder", "combine", "set", "axes")
+COMBINATIONS = ("grid", "zip")
+
+Values = dict[str, Any]
+"""Values by the keys that take them, such as "physics.drag"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A scene that runs start from.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    sections : dict
+        What its file holds, and what the sweep sets.
+    grain_files : dict
+        Files of grains that its runs name, by name; the runs read copies of them, see `copy_name`.
+    """
+
+    name: str
+    sections: Table
+    grain_files: dict[str, Path]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of a sweep.
+
+    Attributes
+    ----------
+    number : int
+        Its place in the sweep, from 0.
+    base : Base
+        The scene it starts from.
+    values : dict
+        What it takes from the axes, by key.
+    """
+
+    number: int
+    base: Base
+    values: Values
+
+    def text(self, copies: str) -> str:
+        """Return its scene file; copies of the files of grains are in the folder `copies`, seen from it."""
+        sections = _with_values(self.base.sections, self.values)
+        if self.base.grain_files:
+            source = self.base.grain_files[sections["grains"]["file"]]
+            sections["grains"]["file"] = f"{copies}/{copy_name(source)}"
+        values = ", ".join(f"{key} = {toml_value(value)}" for key, value in self.values.items())
+        return (
+            f"# run {self.number} of a sweep over {self.base.name}{values and ': '}{values}\n\n"
+            + toml_text(sections)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """All runs of a sweep.
+
+    Attributes
+    ----------
+    runs : list of Run
+        In the order of the axes, the last one changing fastest.
+    axes : tuple of str
+        Keys of the axes.
+    """
+
+    runs: list[Run]
+    axes: tuple[str, ...]
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a sweep file, or a folder of scenes.
+
+        Parameters
+        ----------
+        path
+            A sweep file; a folder of scenes, each a run; or the name of a shipped sweep.
+
+        Raises
+        ------
+        SceneError
+            There is no such file, or it is no sweep: the message names key and value.
+        """
+        path = Path(path)
+        is_folder = path.is_dir()
+        document: Table = {"folder": "."} if is_folder else parse_toml(read_text(path, "sweep"), path)
+        for key in document:
+            checks.one_of("key of a sweep", key, KEYS)
+        combine = checks.one_of("combine", document.get("combine", "grid"), COMBINATIONS)
+        fixed, axes = _by_key(document, "set"), _by_key(document, "axes")
+        for key in fixed.keys() & axes.keys():
+            raise SceneError(f"{key} is in [set] and in [axes]: it must be in one of them")
+        lists = {key: axis_values(key, axis) for key, axis in axes.items()}
+        bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
+        pairs = itertools.product(bases, _combinations(lists, combine))
+        return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists))
+
+
+@cache
+def copy_name(grain_file: Path) -> str:
+    """Return under which name a file of grains is copied: it tells the content."""
+    return f"{hashlib.sha256(grain_file.read_bytes()).hexdigest()[:12]}-{grain_file.name}"
+
+
+def _by_key(document: Table, name: str) -> Values:
+    """Return what a section of a sweep holds, by "section.key"; each is a key of scene files."""
+    found: Values = {}
+    for section, table in _table(name, document.get(name, {})).items():
+        for key, value in _table(f"{name}.{section}", table).items():
+            require_key(section, key)
+            found[f"{section}.{key}"] = value
+    return found
+
+
+def _table(name: str, value: Any) -> Table:
+    if not isinstance(value, dict):
+        raise SceneError(f"{name} is {value!r}: it must be a section")
+    return value
+
+
+def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
+    if combine == "grid":
+        return [dict(zip(lists, row, strict=True)) for row in itertools.product(*lists.values())]
+    lengths = {key: len(values) for key, values in lists.items()}
+    if len(set(lengths.values())) > 1:
+        counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
+        raise SceneError(f"combine is 'zip': the axes must have as many values each, not {counts}")
+    return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
+
+
+def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[Base]:
+    for path in _base_paths(document, folder):
+        sections = _with_values(read_document(path), fixed)
+        name = _table("grains", sections.get("grains", {})).get("file")
+        names = lists.get("grains.file", [] if name is None else [name])
+        yield Base(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})
+
+
+def _base_paths(document: Table, folder: Path) -> list[Path]:
+    given = [key for key in ("scene", "folder") if key in document]
+    if len(given) != 1:
+        raise SceneError(
+            f"a sweep has {' and '.join(given) or 'none of them'}: it needs one of scene, folder"
+        )
+    name = document[given[0]]
+    if not isinstance(name, str):
+        raise SceneError(f"{given[0]} is {name!r}: it must be the name of a {given[0]}")
+    if given == ["scene"]:
+        return [Path(name) if name in shipped_scenes() and not (folder / name).exists() else folder / name]
+    scenes = sorted((folder / name).glob("*.toml"))
+    if not scenes:
+        raise SceneError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
+    return scenes
+
+
+def _grain_file(folder: Path, name: Any) -> Path:
+    if not isinstance(name, str) or not (folder / name).is_file():
+        raise SceneError(f"grains.file is {name!r}: there is no such file in {str(folder)!r}")
+    return folder / name
+
+
+def _with_values(sections: Table, values: Values) -> Table:
+    """Return the sections of a scene with some values replaced; the given ones are left as they are."""
+    changed = {name: dict(table) if isinstance(table, dict) else table for name, table in sections.items()}
+    for name, value in values.items():
+        section, _, key = name.partition(".")
+        _table(section, changed.setdefault(section, {}))[key] = value
+    return changed

@@ -1,0 +1,88 @@
+"""One flat file out of a folder of chunks, with no more in memory than a chunk or two."""
+
+import tempfile
+from pathlib import Path
+
+from pxr import Sdf, UsdUtils
+
+from warpgrains.errors import SceneError
+from warpgrains.files import publish
+from warpgrains.usd.chunks import STATIC, find_chunks
+from warpgrains.usd.layers import (
+    animated_attributes,
+    count_codes,
+    freeing_at_once,
+    reporting_os_errors,
+    require_frames,
+)
+
+_SAVED_AT_ONCE = 16e6  # bytes of chunks between two saves of the flat file
+
+
+def count_frames(folder: Path) -> int:
+    """Return how many frames from frame 0 on the chunks in `folder` hold without a gap.
+
+    Raises
+    ------
+    SceneError
+        If there are none.
+    """
+    frames = 0
+    for first, path in find_chunks(folder):
+        if first != frames:
+            break
+        frames += count_codes(path)
+    if not frames:
+        raise SceneError(f"'{folder}' holds no frames of a recording")
+    return frames
+
+
+def flatten(folder: Path, target: Path, frames: int) -> None:
+    """Write the first `frames` frames of the chunks in `folder` to the one file `target`.
+
+    Parameters
+    ----------
+    folder : Path
+        Chunks as `ChunkFolder` leaves them; it is left as it is.
+    target : Path
+        ``.usdc``, ``.usda`` or ``.usdz``; replaced only when the new file is whole and on the disk.
+    frames : int
+        Where a chunk ends.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written, or would not hold all these frames.
+    """
+    chunks = [path for first, path in find_chunks(folder) if first < frames]
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".flat.") as workplace:
+        binary = Path(workplace) / f"{target.stem}.usdc"
+        draft = Path(workplace) / target.name
+        with reporting_os_errors(target), freeing_at_once():
+            attributes = _join(folder / STATIC, chunks, frames, binary)
+            if target.suffix == ".usda":
+                Sdf.Layer.FindOrOpen(str(binary)).Export(str(draft))
+            elif target.suffix == ".usdz":
+                UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
+            require_frames(draft, attributes, frames)
+        publish(draft, target)
+
+
+def _join(static: Path, chunks: list[Path], frames: int, binary: Path) -> list[Sdf.Path]:
+    """Write the static layer and all chunks to the usdc file `binary`; return what is animated."""
+    flat = Sdf.Layer.CreateNew(str(binary))
+    flat.TransferContent(Sdf.Layer.FindOrOpen(str(static)))
+    flat.startTimeCode, flat.endTimeCode = 0, frames - 1
+    unsaved = 0
+    for path in chunks:
+        chunk = Sdf.Layer.FindOrOpen(str(path))
+        attributes = animated_attributes(chunk)
+        for attribute in attributes:
+            for code in chunk.ListTimeSamplesForPath(attribute):
+                flat.SetTimeSample(attribute, code, chunk.QueryTimeSample(attribute, code))
+        unsaved += path.stat().st_size
+        if unsaved > _SAVED_AT_ONCE:
+            flat.Save()
+            unsaved = 0
+    flat.Save()
+    return attributes

@@ -1,0 +1,247 @@
+"""Recordings: a run as a USD file that other programs read."""
+
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf
+
+from warpgrains.errors import SceneError
+from warpgrains.files import require_writable_folder
+from warpgrains.scene.scene import Scene
+from warpgrains.solver.forces import PairContacts, WallContacts
+from warpgrains.usd.chunk_writer import ChunkWriter
+from warpgrains.usd.chunks import ChunkFolder
+from warpgrains.usd.colors import Frame, GrainColors
+from warpgrains.usd.flatten import count_frames, flatten
+from warpgrains.usd.forces import ForceChains
+from warpgrains.usd.grains import GrainPoints, GrainSpheres
+from warpgrains.usd.stage import Drawing, static_layer
+
+SUFFIXES = (".usdc", ".usda", ".usdz")
+
+
+def recording_stride(dt: float, frames_per_second: float) -> int:
+    """Return how many steps lie between two frames, at least 1.
+
+    The stride is the integer nearest to ``1 / (frames_per_second * dt)``, both taken as the decimal numbers
+    a user writes, so that no rounding of a float decides it. The file then states the rate it really has,
+    `recording_rate`: with dt = 0.01 s and 60 frames asked for, every 2nd step is a frame, 50 frames a second.
+
+    Parameters
+    ----------
+    dt : float
+        Time step [s].
+    frames_per_second : float
+        Wanted frames per second of simulated time [1/s].
+
+    Raises
+    ------
+    SceneError
+        If `frames_per_second` is not a positive finite number.
+    """
+    if not 0 < frames_per_second < float("inf"):
+        raise SceneError(f"frames per second must be a positive number, not {frames_per_second}")
+    return max(1, round(1 / (_as_written(frames_per_second) * _as_written(dt))))
+
+
+def recording_rate(dt: float, stride: int) -> float:
+    """Return the frames per second [1/s] of one frame every `stride` steps of `dt` [s], to the last bit."""
+    return float(1 / (stride * _as_written(dt)))
+
+
+def _as_written(value: float) -> Fraction:
+    return Fraction(repr(float(value)))
+
+
+class Recorder:
+    """Writes the frames of a run to one USD file: integer time codes 0, 1, 2, ..., one a frame.
+
+    Use it in a ``with`` block. The file appears under its name when the block ends well and only then.
+    Until then the frames gather in the folder `chunks` beside it, in chunks of a hundred or 16 MB; viewers
+    open its ``root.usda``. A block left by an exception, Ctrl-C included, leaves all frames there, or
+    nothing if they were less than a chunk. A killed process leaves all but the last chunk. `recover` makes
+    a file of them.
+
+    Parameters
+    ----------
+    path : str or Path
+        Output; ``.usdc`` (binary), ``.usda`` (text) or ``.usdz`` (package) by its suffix. Text takes much
+        time and memory to check: it is for small recordings.
+    scene : Scene
+        What is recorded: radii, walls, time step and the scene's text go into the file.
+    frames_per_second : float
+        Wanted frames per second of simulated time [1/s], see `recording_stride`.
+    color_by : str
+        Color of the grains: "palette", "radius", "speed" or "pressure", see `GrainColors`.
+    forces : bool
+        Whether to draw force chains, see `ForceChains`.
+    as_spheres : bool
+        Whether to draw grains as instances of a sphere, for viewers that draw no points.
+    resume_at : int, optional
+        Continue the chunks of an earlier run of the same scene with this frame, dropping what follows it.
+        `flush` must have been called when the earlier run had recorded just as many frames.
+
+    Attributes
+    ----------
+    path, chunks : Path
+        Output file, and the folder that holds its frames until it is whole.
+    stride : int
+        Steps between two frames.
+    needs_contacts : bool
+        Whether `record` must be given contacts: for force chains and colors by pressure.
+
+    Raises
+    ------
+    SceneError
+        If the suffix or the coloring is unknown, the folder cannot be written, the chunks of an earlier
+        run are there, or those to continue are not.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        scene: Scene,
+        frames_per_second: float,
+        *,
+        color_by: str = "palette",
+        forces: bool = False,
+        as_spheres: bool = False,
+        resume_at: int | None = None,
+    ) -> None:
+        self.path = Path(path)
+        self.chunks = chunks_of(self.path)
+        self.stride = recording_stride(scene.dt, frames_per_second)
+        self.needs_contacts = forces or color_by == "pressure"
+        self._shape = scene.position.shape
+        grains = GrainSpheres if as_spheres else GrainPoints
+        self._drawings: list[Drawing] = [grains(scene, GrainColors(scene, color_by))]
+        if forces:
+            self._drawings.append(ForceChains(scene))
+        static = static_layer(scene, recording_rate(scene.dt, self.stride), self._drawings)
+        self._folder = ChunkFolder(self.chunks, static)
+        _require_place(self.path)
+        if resume_at is None:
+            self._folder.require_absent()
+        else:
+            self._folder.cut(resume_at)
+        self._writer = ChunkWriter(self._folder, resume_at or 0)
+
+    @property
+    def frames(self) -> int:
+        """Frames recorded so far."""
+        return self._writer.frames
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        try:
+            if kind is None:
+                self.close()
+            elif self._writer.has_written:
+                with suppress(OSError):  # what ended the block is the news
+                    self._writer.flush()
+        finally:
+            self._folder.remove_if_empty()
+
+    def record(
+        self,
+        position: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        contacts: PairContacts | None = None,
+        wall_contacts: WallContacts | None = None,
+    ) -> None:
+        """Append one frame.
+
+        Parameters
+        ----------
+        position : ndarray
+            Positions [m], shape (n, 2).
+        velocity : ndarray
+            Velocities [m/s], shape (n, 2).
+        contacts, wall_contacts
+            Contact forces, as `Simulation.contacts` and `Simulation.wall_contacts` return them; used only
+            where `needs_contacts`.
+
+        Raises
+        ------
+        ValueError
+            If a shape is not (n, 2), n being the number of grains of the scene, or contacts are needed
+            and missing.
+        OSError
+            If earlier frames could not be written; what was on the disk before is still there.
+        """
+        if np.shape(position) != self._shape or np.shape(velocity) != self._shape:
+            shapes = f"{np.shape(position)} and {np.shape(velocity)}"
+            raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
+        frame = Frame(position, velocity, contacts, wall_contacts)
+        samples: dict[Sdf.Path, object] = {}
+        for drawing in self._drawings:
+            samples |= drawing.samples(frame)
+        self._writer.add(samples)
+
+    def flush(self) -> None:
+        """Put all frames so far on the disk: a later run can continue with ``resume_at=recorder.frames``."""
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Make one file of all frames, check it, put it under its name and drop the chunks.
+
+        Raises
+        ------
+        ValueError
+            If no frame was recorded.
+        OSError
+            If the file cannot be written; the chunks are still there.
+        """
+        if self.frames == 0:
+            raise ValueError(f"nothing was recorded for '{self.path}'")
+        self._writer.flush()
+        flatten(self.chunks, self.path, self.frames)
+        self._folder.remove()
+
+
+def recover(folder: str | Path) -> tuple[Path, int]:
+    """Make a file of the frames that a killed run left, and return its path and their number.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The run's chunks, ``<output>.chunks``; they are left as they are.
+
+    Raises
+    ------
+    SceneError
+        If this is no folder of chunks, or it holds no frames.
+    """
+    chunks = Path(folder)
+    target = chunks.with_suffix("")
+    if chunks != chunks_of(target) or target.suffix not in SUFFIXES or not chunks.is_dir():
+        raise SceneError(f"'{folder}' is not a folder of chunks, such as run.usdc.chunks")
+    frames = count_frames(chunks)
+    flatten(chunks, target, frames)
+    return target, frames
+
+
+def chunks_of(path: Path) -> Path:
+    """Return the folder that holds the frames of the recording `path` until it is whole."""
+    return path.with_name(path.name + ".chunks")
+
+
+def _require_place(path: Path) -> None:
+    """Raise SceneError unless a recording can be written to `path`."""
+    if path.suffix not in SUFFIXES:
+        raise SceneError(f"output '{path}' must end in {', '.join(SUFFIXES)}")
+    if path.is_dir():
+        raise SceneError(f"output '{path}' is a folder")
+    require_writable_folder(path.parent)
