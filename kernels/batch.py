@@ -1,53 +1,50 @@
-"""Many scenes shared out among CPU threads: each takes a free one, advances it for a while, takes another.
+"""Many scenes shared out among teams of CPU threads: each takes a free one, advances it for a while, takes another.
 
-Scenes are handed out, not split in equal parts: a slow one keeps one thread busy, and no other waits for it.
+Scenes are handed out, not split in equal parts: a slow one keeps one team busy, and no other waits for it.
 No result depends on who advances a scene, or when: it reads and writes nothing but its own record.
 """
 
 from functools import cache
-from types import SimpleNamespace
 
 import warp as wp
 
-from . import step
-from .rebuild import stages as rebuild_stages
-from .record import SceneRecord
-from .step import SOLVED
-from .tally import add_step
-from .variant import OPTIONS, Variant
+from .fuse import fuse
+from .stages import OPTIONS
+from .step import step
+from .threads import Team, TeamRecord, barrier
+from .types import SOLVED, Scene, SceneRecord
 
 f64 = wp.float64
-UNPROVED = wp.constant(5)  # outcome of a step that is solved, as far as it can be
-TURN = wp.constant(f64(1.0e-3))  # seconds after which a thread looks for another scene
+TIME_SLICE = wp.constant(f64(1.0e-3))  # seconds after which a team looks for another scene
 
 
 @wp.struct
 class Queue:
     """What is left to do, by scene."""
 
-    cursor: wp.array(dtype=wp.int64)  # turns begun
-    taken: wp.array(dtype=wp.int32)  # whether a thread has the scene
+    cursor: wp.array(dtype=wp.int64)  # slices begun
+    taken: wp.array(dtype=wp.int32)  # whether a team has the scene
     left: wp.array(dtype=wp.int32)  # steps
     outcome: wp.array(dtype=wp.int32)  # of the last step
     seconds: wp.array(dtype=f64)  # spent
-    halt: wp.array(dtype=wp.int32)  # whether to begin no other turn
+    halt: wp.array(dtype=wp.int32)  # whether to begin no other step
 
 
 @wp.func_native("return __atomic_fetch_add(cursor.data, 1LL, __ATOMIC_RELAXED);")
-def next_turn(cursor: wp.array(dtype=wp.int64)) -> wp.int64:
-    """Number the turns of all threads."""
+def next_slice(cursor: wp.array(dtype=wp.int64)) -> wp.int64:
+    """Number the slices of all teams."""
     ...
 
 
 @wp.func_native("return __atomic_exchange_n(taken.data + k, 1, __ATOMIC_ACQUIRE) == 0;")
 def is_taken_now(taken: wp.array(dtype=wp.int32), k: int) -> bool:
-    """Take scene k, if no other thread has it; what that one wrote is seen."""
+    """Take scene k, if no other team has it; what that one wrote is seen."""
     ...
 
 
 @wp.func_native("__atomic_store_n(taken.data + k, 0, __ATOMIC_RELEASE);")
 def give_back(taken: wp.array(dtype=wp.int32), k: int):
-    """Leave scene k to the next thread."""
+    """Leave scene k to the next team."""
     ...
 
 
@@ -62,7 +59,7 @@ def give_back(taken: wp.array(dtype=wp.int32), k: int):
     return time;
 """)
 def seconds() -> f64:
-    """Read a clock that never goes back; where there is none, all turns last to the end."""
+    """Read a clock that never goes back; where there is none, all slices last to the end."""
     ...
 
 
@@ -74,11 +71,11 @@ def has_work(queue: Queue, k: int) -> bool:
 
 @wp.func
 def take(queue: Queue) -> int:
-    """Take a scene that has steps left and that no other thread has; -1 if there is none."""
+    """Take a scene that has steps left and that no other team has; -1 if there is none."""
     scenes = queue.left.shape[0]
     found = int(-1)
     if queue.halt[0] == 0:
-        first = int(next_turn(queue.cursor) % wp.int64(scenes))
+        first = int(next_slice(queue.cursor) % wp.int64(scenes))
         look = int(0)
         while look < scenes and found < 0:
             k = (first + look) % scenes
@@ -93,43 +90,67 @@ def take(queue: Queue) -> int:
     return found
 
 
+@wp.func
+def count_step(s: Scene, queue: Queue, k: int):
+    """Count a step, if it was solved."""
+    if s.control.accepted != 0:
+        queue.left[k] = queue.left[k] - 1
+    queue.outcome[k] = s.step.outcome
+
+
+@wp.func
+def slice_goes_on(queue: Queue, k: int, begun: f64) -> int:
+    """Whether the team goes on with scene k; what it has spent is counted when not."""
+    spent = seconds() - begun
+    if has_work(queue, k) and queue.halt[0] == 0 and spent < TIME_SLICE:
+        return 1
+    queue.seconds[k] = queue.seconds[k] + spent
+    return 0
+
+
 @cache
-def kernels(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the kernels for one kind of scene, in a module of their own."""
-    module = wp.get_module(f"{variant.module.name}_batch")
+def kernel(method: str, threaded: bool) -> wp.Kernel:
+    """Return the kernel that advances scenes, in a module of its own: one thread's launch.
+
+    Parameters
+    ----------
+    method : str
+        By which the steps are solved.
+    threaded : bool
+        Whether threads have strips of their own.
+    """
+    name = f"warpgrains.kernels_{method.replace('-', '_')}{'_threaded' if threaded else ''}"
+    module = wp.get_module(name)
     wp.set_module_options(OPTIONS, module)
-    solve, put_in_order = step.stages(variant).solve, rebuild_stages(variant).put_in_order
+    solve = fuse(step(method, threaded))
 
-    @wp.func
-    def advance_scene(s: SceneRecord, queue: Queue, k: int):
-        """Advance a scene until it is done, cannot go on, or its turn is over."""
-        start = seconds()
-        spent = f64(0.0)
-        left = queue.left[k]
-        outcome = int(SOLVED)
-        while left > 0 and outcome == SOLVED and spent < TURN:
-            outcome = solve(s)
-            if outcome == SOLVED:
-                left = left - 1
-                if add_step(s):
-                    outcome = UNPROVED
-            spent = seconds() - start
-        queue.left[k] = left
-        queue.outcome[k] = outcome
-        queue.seconds[k] = queue.seconds[k] + spent
+    @wp.func(inline=False)
+    def advance_scene(team: Team, s: Scene, queue: Queue, k: int):
+        """Advance a scene until it is done, cannot go on, or its time is over."""
+        begun = seconds()
+        going_on = int(1)
+        while going_on != 0:
+            solve(team, s)
+            if team.rank == 0:
+                count_step(s, queue, k)
+                team.going_on[0] = slice_goes_on(queue, k, begun)
+            barrier(team)
+            going_on = team.going_on[0]
+            barrier(team)
 
     @wp.kernel(module=module)
-    def advance(records: wp.array(dtype=SceneRecord), queue: Queue):
-        """Advance scenes as long as one is free: one thread's launch."""
-        k = take(queue)
+    def advance(records: wp.array(dtype=SceneRecord), queue: Queue, team: TeamRecord):
+        """Advance scenes as long as one is free."""
+        k = int(0)
         while k >= 0:
-            advance_scene(records[k], queue, k)
-            give_back(queue.taken, k)
-            k = take(queue)
+            if team.rank == 0:
+                team.scene[0] = take(queue)
+            barrier(team)
+            k = team.scene[0]
+            if k >= 0:
+                advance_scene(team, records[k], queue, k)
+                if team.rank == 0:
+                    give_back(queue.taken, k)
+            barrier(team)
 
-    @wp.kernel(module=module)
-    def order_list(records: wp.array(dtype=SceneRecord), k: int):
-        """Put a list that the host has written in order."""
-        put_in_order(records[k])
-
-    return SimpleNamespace(advance=advance, order_list=order_list)
+    return advance

@@ -14,7 +14,7 @@ list has changed.
 
 import warp as wp
 
-from .types import Contacts, Ints, NeighborList, SceneRecord, grain_count, pair_count
+from .types import Ints, NeighborList, Scene, grain_count, pair_count
 
 MASK_COLORS = wp.constant(64)
 
@@ -65,16 +65,16 @@ def colors(rows: NeighborList, used: wp.array(dtype=wp.uint64), group: Ints):
 
 
 @wp.func
-def place(rows: NeighborList, group: Ints, merge: int, contacts: Contacts, sweep_index: Ints):
+def place_pairs(s: Scene):
     """Give every pair its place, sorted by set and in lexicographic order within one.
 
-    With `merge` the sets are told as one: a single thread sweeps the pairs in order anyway.
+    Where sets are merged they are told as one: a single thread sweeps the pairs in order anyway.
     """
-    pairs = rows.start[rows.start.shape[0] - 1]
+    pairs = s.neighbors.start[grain_count(s)]
+    start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
     sets = int(0)
     for k in range(pairs):
         sets = wp.max(sets, group[k] + 1)
-    start = contacts.set_start
     for g in range(sets + 1):
         start[g] = 0
     for k in range(pairs):
@@ -87,33 +87,32 @@ def place(rows: NeighborList, group: Ints, merge: int, contacts: Contacts, sweep
     for g in range(sets):
         start[sets - g] = start[sets - g - 1]
     start[0] = 0
-    contacts.count[0].pairs = pairs
-    contacts.count[0].sets = sets
-    if merge != 0:
+    if s.merge != 0:
         start[1] = pairs
-        contacts.count[0].sets = 1
+        sets = 1
+    s.contacts.count.pairs = pairs
+    s.contacts.count.sets = sets
+    s.control.tiled = 1 if s.merge != 0 and pairs > s.tuning.tile else 0
 
 
 @wp.func
-def order_pairs(s: SceneRecord):
-    """Give every pair its set, and its place in the sweep."""
+def group_pairs(s: Scene):
+    """Give every pair its set."""
     if s.by_color != 0:
         colors(s.neighbors, s.workspace.used_colors, s.workspace.group)
     else:
         levels(s.neighbors, s.workspace.next_level, s.workspace.group)
-    place(s.neighbors, s.workspace.group, s.merge, s.contacts, s.workspace.sweep_index)
-    s.control.tiled[0] = 1 if s.merge != 0 and pair_count(s) > s.tuning.tile else 0
 
 
 @wp.func
-def gather(s: SceneRecord, i: int):
+def gather(s: Scene, i: int):
     """Write the pairs of grain i, (i, j, place in the neighbor list), where they come in the sweep."""
     for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
         s.workspace.sequence[s.workspace.sweep_index[k]] = wp.vec3i(i, s.neighbors.neighbor[k], k)
 
 
 @wp.func
-def tile_pairs(s: SceneRecord):
+def tile_pairs(s: Scene):
     """Sweep tile after tile of the rows, each in the order given: close by in time and in memory.
 
     A pair waits for the tile of every pair before it on its grains, so that it finds what it would have

@@ -4,13 +4,13 @@ import warp as wp
 
 from . import law
 from .neighbors import is_at, place_in_row
-from .types import WITHOUT_ROOM, Pair, SceneRecord, grain_count
+from .types import WITHOUT_ROOM, Pair, Scene, grain_count
 
 f64 = wp.float64
 
 
 @wp.func
-def save_pairs(s: SceneRecord, i: int):
+def save_pairs(s: Scene, i: int):
     """Keep a grain's pairs, and their corrections at the start of the step."""
     s.workspace.old.start[i] = s.neighbors.start[i]
     s.workspace.wall_dv[i] = f64(0.0)
@@ -20,30 +20,30 @@ def save_pairs(s: SceneRecord, i: int):
 
 
 @wp.func
-def save_wall(s: SceneRecord, c: int):
+def save_wall(s: Scene, c: int):
     """Keep a wall's correction at the start of the step, by grain."""
     s.workspace.wall_dv[s.contacts.walls[c].i] = s.contacts.wall_dv_start[c]
 
 
 @wp.func
-def expire(s: SceneRecord):
+def expire(s: Scene):
     """Ask for a new list, in the same step."""
     n = grain_count(s)
     s.workspace.old.start[n] = s.neighbors.start[n]
-    s.step[0].rebuilds = s.step[0].rebuilds + 1
-    if s.step[0].iterations > 0:
-        s.step[0].redos = s.step[0].redos + 1
-    s.control.unlisted[0] = 1
+    s.step.rebuilds = s.step.rebuilds + 1
+    if s.step.iterations > 0:
+        s.step.redos = s.step.redos + 1
+    s.control.unlisted = 1
 
 
 @wp.func
-def begin_list(s: SceneRecord):
+def begin_list(s: Scene):
     """Search, at least once."""
-    s.control.searching[0] = 1
+    s.control.searching = 1
 
 
 @wp.func
-def keep_active_pairs(s: SceneRecord, i: int):
+def keep_active_pairs(s: Scene, i: int):
     """A pair that carries a correction must stay listed: where it is lost, widen its skins and search again."""
     k = s.neighbors.start[i]
     for k_old in range(s.workspace.old.start[i], s.workspace.old.start[i + 1]):
@@ -53,21 +53,21 @@ def keep_active_pairs(s: SceneRecord, i: int):
             half = f64(0.5) * wp.length(s.grains.position[j] - s.grains.position[i])
             wp.atomic_max(s.verlet.skin, i, half)
             wp.atomic_max(s.verlet.skin, j, half)
-            s.control.searching[0] = 1
+            s.control.searching = 1
 
 
 @wp.func
-def end_list(s: SceneRecord):
+def end_list(s: Scene):
     """Go on with the pairs found, or leave the step until there is room for them."""
-    s.control.unlisted[0] = 1 - s.control.roomy[0]
-    s.control.unordered[0] = s.control.roomy[0]
-    if s.control.roomy[0] == 0:
-        s.step[0].outcome = WITHOUT_ROOM
-        s.control.unsolved[0] = 0
+    s.control.unlisted = 1 - s.control.roomy
+    s.control.unordered = s.control.roomy
+    if s.control.roomy == 0:
+        s.step.outcome = WITHOUT_ROOM
+        s.control.unsolved = 0
 
 
 @wp.func
-def transfer_warm_start(s: SceneRecord, i: int):
+def transfer_warm_start(s: Scene, i: int):
     """Write a grain's pairs where they are swept, with the corrections of the old list, or zero."""
     k_old = s.workspace.old.start[i]
     for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
@@ -90,7 +90,7 @@ def transfer_warm_start(s: SceneRecord, i: int):
 
 
 @wp.func
-def find_row_sums(s: SceneRecord):
+def find_row_sums(s: Scene):
     """The largest sum of a grain's shares of its contacts, one for the walls included."""
     n = grain_count(s)
     for i in range(n):
@@ -106,5 +106,5 @@ def find_row_sums(s: SceneRecord):
     largest = f64(0.0)
     for i in range(n):
         largest = wp.max(largest, s.workspace.row_sum[i] + f64(1.0))
-    s.verlet.numbers[0].max_row_sum = largest
-    s.control.unordered[0] = 0
+    s.verlet.numbers.max_row_sum = largest
+    s.control.unordered = 0

@@ -23,7 +23,7 @@ from .access import (
 from .segments import pairs_of, walls_of
 from .stopping import decide_to_stop
 from .threads import Team, partial_index
-from .types import Contacts, SceneRecord, Vectors
+from .types import Contacts, Scene, Vectors
 from .verlet import monitor, monitor_next
 from .walls import has_inner, wall_projection
 
@@ -73,45 +73,47 @@ def correct_wall(velocity: Vectors, contacts: Contacts, c: int, inner: bool) -> 
 
 
 @wp.func
-def sweep_pairs(team: Team, s: SceneRecord, k: int):
+def sweep_pairs(team: Team, s: Scene, k: int):
     """Correct the pairs of a set."""
     zeta = f64(0.0)
     velocity = s.grains.next_velocity
+    contacts = s.contacts
     begin, end = pairs_of(team, s, k)
-    if s.verlet.flags[0].monitored == 0:
+    if s.verlet.flags.monitored == 0:
         c = begin
         while c < end:
-            zeta = wp.max(zeta, correct_pair(velocity, s.contacts, c))
+            zeta = wp.max(zeta, correct_pair(velocity, contacts, c))
             c += 1
     else:
         for c in range(begin, end):
-            change = correct_pair(velocity, s.contacts, c)
+            change = correct_pair(velocity, contacts, c)
             if change > f64(0.0):
                 zeta = wp.max(zeta, change)
-                monitor(velocity, s.verlet, first_of(s.contacts.pairs, c))
-                monitor(velocity, s.verlet, second_of(s.contacts.pairs, c))
+                monitor(s, first_of(contacts.pairs, c))
+                monitor(s, second_of(contacts.pairs, c))
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 
 
 @wp.func
-def sweep_walls(team: Team, s: SceneRecord):
+def sweep_walls(team: Team, s: Scene):
     """Correct the grains that may reach a wall."""
     zeta = f64(0.0)
     velocity = s.grains.next_velocity
+    contacts = s.contacts
     inner = has_inner(s.walls)
     begin, end = walls_of(team, s)
     c = begin
     while c < end:
-        zeta = wp.max(zeta, correct_wall(velocity, s.contacts, c, inner))
+        zeta = wp.max(zeta, correct_wall(velocity, contacts, c, inner))
         c += 1
-    if s.verlet.flags[0].monitored != 0:
+    if s.verlet.flags.monitored != 0:
         for k in range(begin, end):
-            monitor(velocity, s.verlet, grain_of(s.contacts.walls, k))
+            monitor(s, grain_of(contacts.walls, k))
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 
 
 @wp.func
-def decide(s: SceneRecord):
+def decide(s: Scene):
     """What follows on a sweep."""
     decide_to_stop(s)
-    monitor_next(s, s.verlet.numbers[0].max_row_sum * s.step[0].zeta)
+    monitor_next(s, s.verlet.numbers.max_row_sum * s.step.zeta)

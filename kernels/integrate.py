@@ -4,28 +4,28 @@ import warp as wp
 
 from . import law
 from .threads import Team, partial_index, thread_range
-from .types import SceneRecord, pair_count, wall_count
+from .types import Scene, pair_count, wall_count
 from .walls import wall_overlap
 
 f64 = wp.float64
 
 
 @wp.func
-def begin_step(s: SceneRecord):
+def begin_step(s: Scene):
     """Count lists and attempts anew."""
-    s.step[0].rebuilds = 0
-    s.step[0].redos = 0
+    s.step.rebuilds = 0
+    s.step.redos = 0
 
 
 @wp.func
-def free_velocity(s: SceneRecord, i: int):
+def free_velocity(s: Scene, i: int):
     """v* (eq. 2)."""
     v = s.grains.velocity[i]
     s.grains.free_velocity[i] = law.free_velocity(v, s.gravity, s.drag, s.grains.mass[i], s.dt)
 
 
 @wp.func
-def move(s: SceneRecord, i: int):
+def move(s: Scene, i: int):
     """x += dt v, with the velocities that the contacts have corrected (eq. 3)."""
     x = s.grains.position[i]
     v = s.grains.next_velocity[i]
@@ -36,7 +36,7 @@ def move(s: SceneRecord, i: int):
 
 
 @wp.func
-def overlaps(team: Team, s: SceneRecord):
+def overlaps(team: Team, s: Scene):
     """Worst overlap [m] of the listed contacts, and how many are active: those not listed have stayed silent."""
     worst = f64(0.0)
     active = int(0)
@@ -58,7 +58,7 @@ def overlaps(team: Team, s: SceneRecord):
 
 
 @wp.func
-def report(s: SceneRecord):
+def report(s: Scene):
     """Gather what the threads have measured."""
     worst = f64(0.0)
     active = int(0)
@@ -67,5 +67,5 @@ def report(s: SceneRecord):
         active += s.partial.active[k]
         s.partial.overlap[k] = f64(0.0)
         s.partial.active[k] = 0
-    s.step[0].overlap = worst
-    s.step[0].active = active
+    s.step.overlap = worst
+    s.step.active = active

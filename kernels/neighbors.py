@@ -7,7 +7,7 @@ the pair, so that few large grains among many small ones cost no more than the c
 
 import warp as wp
 
-from .types import Ints, NeighborList, SceneRecord, grain_count
+from .types import Ints, NeighborList, Scene, grain_count
 from .walls import WallContact, is_near_wall
 
 f64 = wp.float64
@@ -27,7 +27,7 @@ def bucket_of(cx: int, cy: int, width: int) -> int:
 
 
 @wp.func
-def bucket_at(s: SceneRecord, x: wp.vec2d) -> int:
+def bucket_at(s: Scene, x: wp.vec2d) -> int:
     """The bucket of a place."""
     return bucket_of(cell_of(x[0], s.grid.size), cell_of(x[1], s.grid.size), s.grid.width)
 
@@ -42,36 +42,36 @@ def starts(count: Ints, start: Ints):
 
 
 @wp.func
-def bucket_count(s: SceneRecord) -> int:
+def bucket_count(s: Scene) -> int:
     """How many buckets there are, and one."""
     return s.grid.cell_cursor.shape[0]
 
 
 @wp.func
-def clear_cell(s: SceneRecord, b: int):
+def clear_cell(s: Scene, b: int):
     """Empty a bucket."""
     s.grid.cell_cursor[b] = 0
 
 
 @wp.func
-def count_in_cell(s: SceneRecord, i: int):
+def count_in_cell(s: Scene, i: int):
     """The extent of every grain, and how many grains every bucket holds, in cell_cursor."""
-    w = s.verlet.reference_velocity[i] - s.verlet.numbers[0].mean_velocity
-    path = s.verlet.numbers[0].lifetime * wp.length(w)
+    w = s.verlet.reference_velocity[i] - s.verlet.numbers.mean_velocity
+    path = s.verlet.numbers.lifetime * wp.length(w)
     s.grid.extent[i] = s.grains.radius[i] + s.verlet.skin[i] + path
     wp.atomic_add(s.grid.cell_cursor, bucket_at(s, s.grains.position[i]), 1)
     s.neighbors.cursor[i] = 0
 
 
 @wp.func
-def start_cells(s: SceneRecord):
+def start_cells(s: Scene):
     """Where every bucket starts; no pair is found yet."""
     starts(s.grid.cell_cursor, s.grid.cell_start)
     s.neighbors.total[0] = 0
 
 
 @wp.func
-def fill_cell(s: SceneRecord, i: int):
+def fill_cell(s: Scene, i: int):
     """Put a grain in its bucket; cell_cursor counts down to zero."""
     b = bucket_at(s, s.grains.position[i])
     place = wp.atomic_sub(s.grid.cell_cursor, b, 1) - 1
@@ -79,18 +79,18 @@ def fill_cell(s: SceneRecord, i: int):
 
 
 @wp.func
-def is_within_reach(s: SceneRecord, a: int, b: int) -> bool:
+def is_within_reach(s: Scene, a: int, b: int) -> bool:
     """The criterion of verlet.py, and before it that of the extents, which is quicker and wider."""
     distance = wp.length(s.grains.position[b] - s.grains.position[a])
     if distance > (s.grid.extent[a] + s.grid.extent[b]) * TOO_WIDE:
         return False
     w = s.verlet.reference_velocity[b] - s.verlet.reference_velocity[a]
-    reach = s.verlet.skin[a] + s.verlet.skin[b] + s.verlet.numbers[0].lifetime * wp.length(w)
+    reach = s.verlet.skin[a] + s.verlet.skin[b] + s.verlet.numbers.lifetime * wp.length(w)
     return distance <= (s.grains.radius[a] + s.grains.radius[b] + reach) * TOO_WIDE
 
 
 @wp.func
-def try_pair(s: SceneRecord, a: int, b: int):
+def try_pair(s: Scene, a: int, b: int):
     """Take a pair within reach, if a is the one to find it: the larger, or, of equals, the first.
 
     It is counted in the row of its first grain, and written down if there is room.
@@ -107,7 +107,7 @@ def try_pair(s: SceneRecord, a: int, b: int):
 
 
 @wp.func
-def find_pairs(s: SceneRecord, a: int):
+def find_pairs(s: Scene, a: int):
     """Find a grain's pairs in the cells around it, or among all grains where that is less to look at."""
     x = s.grains.position[a]
     radius = f64(2.0) * s.grid.extent[a] * TOO_WIDE
@@ -125,22 +125,22 @@ def find_pairs(s: SceneRecord, a: int):
 
 
 @wp.func
-def see_whether_roomy(s: SceneRecord):
+def see_whether_roomy(s: Scene):
     """Whether the pairs found have room; where they start, if they do."""
-    s.control.searching[0] = 0
-    s.control.roomy[0] = 1 if s.neighbors.total[0] <= s.neighbors.found.shape[0] else 0
-    if s.control.roomy[0] != 0:
+    s.control.searching = 0
+    s.control.roomy = 1 if s.neighbors.total[0] <= s.neighbors.found.shape[0] else 0
+    if s.control.roomy != 0:
         starts(s.neighbors.cursor, s.neighbors.start)
 
 
 @wp.func
-def found_count(s: SceneRecord) -> int:
+def found_count(s: Scene) -> int:
     """How many pairs were found."""
     return s.neighbors.total[0]
 
 
 @wp.func
-def fill_row(s: SceneRecord, k: int):
+def fill_row(s: Scene, k: int):
     """Put a pair in its row; the cursors count down to zero."""
     pair = s.neighbors.found[k]
     place = wp.atomic_sub(s.neighbors.cursor, pair[0], 1) - 1
@@ -148,7 +148,7 @@ def fill_row(s: SceneRecord, k: int):
 
 
 @wp.func
-def sort_row(s: SceneRecord, i: int):
+def sort_row(s: Scene, i: int):
     """Sort a row (shell sort: rows are short, but a large grain may touch thousands)."""
     first = s.neighbors.start[i]
     count = s.neighbors.start[i + 1] - first
@@ -167,12 +167,12 @@ def sort_row(s: SceneRecord, i: int):
 
 
 @wp.func
-def list_walls(s: SceneRecord):
+def list_walls(s: Scene):
     """List the grains that may reach a wall, or are held by one, with the corrections that they carry."""
     listed = int(0)
     for i in range(grain_count(s)):
-        path = s.verlet.numbers[0].lifetime * wp.length(s.verlet.reference_velocity[i])
-        reach = (s.verlet.skin[i] + s.verlet.numbers[0].frame_skin + path) * TOO_WIDE
+        path = s.verlet.numbers.lifetime * wp.length(s.verlet.reference_velocity[i])
+        reach = (s.verlet.skin[i] + s.verlet.numbers.frame_skin + path) * TOO_WIDE
         dv = s.workspace.wall_dv[i]
         if is_near_wall(s.grains.position[i], s.grains.radius[i], s.walls, reach) or dv != f64(0.0):
             contact = WallContact()
@@ -181,7 +181,7 @@ def list_walls(s: SceneRecord):
             s.contacts.walls[listed] = contact
             s.contacts.wall_dv_start[listed] = dv
             listed = listed + 1
-    s.contacts.count[0].walls = listed
+    s.contacts.count.walls = listed
 
 
 @wp.func

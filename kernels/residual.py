@@ -12,7 +12,7 @@ import warp as wp
 from . import law
 from .segments import pairs_of, walls_of
 from .threads import Team, partial_index, thread_range
-from .types import Contacts, SceneRecord, Vectors, pair_count
+from .types import Contacts, Scene, Vectors, pair_count
 from .walls import has_inner, wall_residual
 
 f64 = wp.float64
@@ -31,13 +31,13 @@ def apply_pair(velocity: Vectors, contacts: Contacts, c: int, impulse: wp.vec2d)
 
 
 @wp.func
-def begin_rebuild(s: SceneRecord, i: int):
+def begin_rebuild(s: Scene, i: int):
     """Begin with the free velocity."""
     s.grains.rebuilt_velocity[i] = s.grains.free_velocity[i]
 
 
 @wp.func
-def rebuild_from_pairs(team: Team, s: SceneRecord, k: int):
+def rebuild_from_pairs(team: Team, s: Scene, k: int):
     """Apply the corrections of a set's pairs."""
     begin, end = pairs_of(team, s, k)
     for c in range(begin, end):
@@ -46,7 +46,7 @@ def rebuild_from_pairs(team: Team, s: SceneRecord, k: int):
 
 
 @wp.func
-def rebuild_from_walls(team: Team, s: SceneRecord):
+def rebuild_from_walls(team: Team, s: Scene):
     """Apply the corrections at the walls."""
     begin, end = walls_of(team, s)
     for c in range(begin, end):
@@ -55,7 +55,7 @@ def rebuild_from_walls(team: Team, s: SceneRecord):
 
 
 @wp.func
-def measure_residual(team: Team, s: SceneRecord):
+def measure_residual(team: Team, s: Scene):
     """The largest residual of this thread's share of the contacts."""
     worst = f64(0.0)
     v = s.grains.rebuilt_velocity

@@ -9,7 +9,7 @@ swept one by one in the common order.
 import warp as wp
 
 from .threads import Team, barrier, thread_range, wait_until
-from .types import SceneRecord, wall_count
+from .types import Scene, wall_count
 
 
 @wp.func_native("""
@@ -34,7 +34,7 @@ def count_own_segment(ended: wp.array(dtype=wp.int64), rank: int):
 
 
 @wp.func
-def wait_for_others(team: Team, s: SceneRecord, segment: int):
+def wait_for_others(team: Team, s: Scene, segment: int):
     """Wait until every other thread has ended the segments, in this pass, that this one depends on."""
     segments_of_a_pass = wp.int64(1) << wp.int64(32)
     begun = team.ended[8 * team.rank] / segments_of_a_pass * segments_of_a_pass
@@ -45,10 +45,10 @@ def wait_for_others(team: Team, s: SceneRecord, segment: int):
 
 
 @wp.func
-def begin_pass(team: Team, s: SceneRecord):
+def begin_pass(team: Team, s: Scene):
     """Begin a pass over the pairs. Returns this thread's first set, or segment, and the one after its last."""
     first = int(0)
-    last = s.contacts.count[0].sets
+    last = s.contacts.count.sets
     if s.has_strips != 0:
         begin_own_segments(team.ended, team.rank)
         first = s.strips.first_segment[team.rank]
@@ -57,7 +57,7 @@ def begin_pass(team: Team, s: SceneRecord):
 
 
 @wp.func
-def end_set(team: Team, s: SceneRecord):
+def end_set(team: Team, s: Scene):
     """Let others go on with what this set, or segment, has changed."""
     if s.has_strips != 0:
         count_own_segment(team.ended, team.rank)
@@ -66,7 +66,7 @@ def end_set(team: Team, s: SceneRecord):
 
 
 @wp.func
-def pairs_of(team: Team, s: SceneRecord, k: int):
+def pairs_of(team: Team, s: Scene, k: int):
     """The pairs that this thread sweeps of a set, or of its segment, which may have to wait."""
     begin = s.contacts.set_start[k]
     end = s.contacts.set_start[k + 1]
@@ -78,10 +78,17 @@ def pairs_of(team: Team, s: SceneRecord, k: int):
 
 
 @wp.func
-def walls_of(team: Team, s: SceneRecord):
+def walls_of(team: Team, s: Scene):
     """The grains at the walls that this thread sweeps."""
     begin, end = thread_range(team, 0, wall_count(s))
     if s.has_strips != 0:
         begin = s.strips.first_wall[team.rank]
         end = s.strips.first_wall[team.rank + 1]
     return begin, end
+
+
+@wp.func
+def end_pass(team: Team, s: Scene):
+    """End a pass: no thread goes on before all have ended their segments."""
+    if s.has_strips != 0:
+        barrier(team)

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .types import SceneRecord, grain_count
+from .types import Scene, grain_count
 
 f64 = wp.float64
 FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(1.6))  # skin over need, before and after a miss
@@ -11,20 +11,20 @@ LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
 
 
 @wp.func
-def adapt_base_skin(s: SceneRecord):
+def adapt_base_skin(s: Scene):
     """Widen the base skin [m] after a list that did not last, narrow it after one that did."""
     radius = s.tuning.smallest_radius
-    skin = s.verlet.numbers[0].base_skin
-    steps = s.verlet.numbers[0].elapsed / s.dt
-    if s.step[0].iterations == 0 and steps < f64(4.5):
+    skin = s.verlet.numbers.base_skin
+    steps = s.verlet.numbers.elapsed / s.dt
+    if s.step.iterations == 0 and steps < f64(4.5):
         skin = wp.min(f64(1.25) * skin, WIDEST * radius)
     elif steps > f64(20.5):
         skin = wp.max(f64(0.7) * skin, NARROWEST * radius)
-    s.verlet.numbers[0].base_skin = skin
+    s.verlet.numbers.base_skin = skin
 
 
 @wp.func
-def renew_skin(s: SceneRecord, i: int):
+def renew_skin(s: Scene, i: int):
     """Choose w_i, and skin_i: the base skin, and somewhat more than what this step, or the last, has needed.
 
     A step that is solved again keeps its w_i and its peaks; otherwise w_i is what the grain has now.
@@ -32,19 +32,19 @@ def renew_skin(s: SceneRecord, i: int):
     needed = s.verlet.recent_deviation[i]
     margin = FORESEEN
     w = s.grains.next_velocity[i]
-    if s.step[0].iterations > 0:
+    if s.step.iterations > 0:
         margin = FOUND_OUT
-        seen = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers[0].unmonitored_change
+        seen = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
         needed = wp.max(needed, seen)
-        w = s.verlet.reference_velocity[i] + s.verlet.numbers[0].frame_velocity
+        w = s.verlet.reference_velocity[i] + s.verlet.numbers.frame_velocity
     s.verlet.recent_deviation[i] = needed
-    s.verlet.skin[i] = s.verlet.numbers[0].base_skin + margin * s.dt * needed
+    s.verlet.skin[i] = s.verlet.numbers.base_skin + margin * s.dt * needed
     s.verlet.reference_position[i] = s.grains.position[i]
     s.verlet.reference_velocity[i] = w
 
 
 @wp.func
-def find_lifetime(s: SceneRecord):
+def find_lifetime(s: Scene):
     """As many steps as let no grain come further than the room that the scene leaves beside the others.
 
     The frame's skin lets it fall for as long with the gravity's acceleration.
@@ -59,9 +59,9 @@ def find_lifetime(s: SceneRecord):
     steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * spread)), f64(1.0), LONGEST)
     lifetime = steps * s.dt
     fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)
-    s.verlet.numbers[0].frame_shift = wp.vec2d(f64(0.0), f64(0.0))
-    s.verlet.numbers[0].elapsed = f64(0.0)
-    s.verlet.numbers[0].mean_velocity = mean
-    s.verlet.numbers[0].spread = spread
-    s.verlet.numbers[0].lifetime = lifetime
-    s.verlet.numbers[0].frame_skin = s.verlet.numbers[0].base_skin + fall
+    s.verlet.numbers.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
+    s.verlet.numbers.elapsed = f64(0.0)
+    s.verlet.numbers.mean_velocity = mean
+    s.verlet.numbers.spread = spread
+    s.verlet.numbers.lifetime = lifetime
+    s.verlet.numbers.frame_skin = s.verlet.numbers.base_skin + fall

@@ -1,124 +1,204 @@
-"""One whole step of one scene by one worker: what warpgrains/solver.py launches, in one go."""
+"""One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
-from functools import cache
-from types import SimpleNamespace
+Whatever runs it asks the host for nothing but room for a list that has grown, and tells it the outcome.
+"""
 
-import warp as wp
+from .accelerated import begin_momentum, sweep_pairs_ahead, sweep_walls_ahead
+from .coloring import gather, group_pairs, place_pairs, tile_pairs
+from .conditions import (
+    accepted,
+    attempting,
+    iterating,
+    measuring,
+    rebuilding,
+    rejected,
+    roomy,
+    sampling,
+    searching,
+    starting,
+    tiled,
+    unlisted,
+    unordered,
+    unsolved,
+)
+from .contact_list import (
+    begin_list,
+    end_list,
+    expire,
+    find_row_sums,
+    keep_active_pairs,
+    save_pairs,
+    save_wall,
+    transfer_warm_start,
+)
+from .gauss_seidel import decide, sweep_pairs, sweep_walls
+from .integrate import begin_step, free_velocity, move, overlaps, report
+from .neighbors import (
+    bucket_count,
+    clear_cell,
+    count_in_cell,
+    fill_cell,
+    fill_row,
+    find_pairs,
+    found_count,
+    list_walls,
+    see_whether_roomy,
+    sort_row,
+    start_cells,
+)
+from .residual import begin_rebuild, measure_residual, rebuild_from_pairs, rebuild_from_walls
+from .restart import (
+    decide_ahead,
+    extrapolate,
+    roll_back_pair,
+    roll_back_velocity,
+    roll_back_wall,
+    take_rebuilt_velocity,
+)
+from .skins import adapt_base_skin, find_lifetime, renew_skin
+from .stages import Each, If, Serial, Sets, Shared, Stage, While
+from .statistics import add_step
+from .stopping import begin, begin_iterating, judge, see_whether_listed, stop_on_residual
+from .strips import make_strips
+from .types import grain_count, pair_count, wall_count
+from .verlet import begin_check, clear_check, find_frame, foresee, remember, sample, shift_frame, verify
+from .warm_start import begin_attempt, start_pairs, start_walls
 
-from . import iterate, iteration, measure, momentum, motion, rebuild, residual, sweep, watch
-from .crew import Crew
-from .data import BAD_GRAIN, GROUPS, ITERATIONS, PAIRS, WALLS, ZETA
-from .record import LISTING, REBUILDS, REDOS, SceneRecord
-from .variant import Variant
+SEARCH = [
+    Each(bucket_count, clear_cell),
+    Each(grain_count, count_in_cell, adds_up=True),
+    Serial(start_cells),
+    Each(grain_count, fill_cell, adds_up=True),
+    Each(grain_count, find_pairs, adds_up=True),
+    Serial(see_whether_roomy),
+    If(
+        roomy,
+        [
+            Each(found_count, fill_row, adds_up=True),
+            Each(grain_count, sort_row),
+            Each(grain_count, keep_active_pairs, adds_up=True),
+        ],
+    ),
+]
 
-f64 = wp.float64
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, MISSING = (wp.constant(k) for k in range(5))
+NEW_LIST = [
+    Serial(begin_list),
+    While(searching, SEARCH),
+    If(roomy, [Serial(list_walls)]),
+    Serial(end_list),
+]
+
+DEAL_OUT = [Each(grain_count, gather), Serial(make_strips)]
 
 
-@wp.func
-def revert(s: SceneRecord):
-    """Take back what an unfinished step did to the corrections."""
-    for c in range(s.contacts.count[PAIRS]):
-        s.contacts.pair_dv[c] = s.contacts.pair_dv_start[c]
-    for c in range(s.contacts.count[WALLS]):
-        s.contacts.walls[c].dv = s.contacts.wall_dv_start[c]
+def sweeping_order(threaded: bool) -> list[Stage]:
+    """Put the list in the order in which it is swept, and its corrections with it."""
+    return [
+        Serial(group_pairs), Serial(place_pairs),
+        If(tiled, [Each(grain_count, gather), Serial(tile_pairs)]),
+        *(DEAL_OUT if threaded else []),
+        Each(grain_count, transfer_warm_start),
+        Serial(find_row_sums),
+    ]
 
 
-@wp.func
-def has_converged(s: SceneRecord, residual: f64) -> bool:
-    """Whether the step, solved to this residual [m/s], has met its tolerance."""
-    error = s.progress.report[ZETA]
-    if s.stop.on_residual != 0:
-        error = residual
-    return error <= s.stop.tolerance
+WARM_START = [
+    Each(grain_count, begin_attempt),
+    Sets(start_pairs),
+    Shared(start_walls),
+    Serial(clear_check), Serial(find_frame),
+    Each(grain_count, begin_check),
+    Each(grain_count, foresee),
+    Serial(begin_iterating),
+]
+
+MEASURE = [
+    Each(grain_count, begin_rebuild),
+    Sets(rebuild_from_pairs),
+    Shared(rebuild_from_walls),
+    Shared(measure_residual),
+    Serial(stop_on_residual),
+]
+
+GAUSS_SEIDEL = [
+    While(
+        iterating,
+        [
+            Sets(sweep_pairs),
+            Shared(sweep_walls),
+            Serial(decide),
+            If(sampling, [Each(grain_count, sample)]),
+            If(measuring, MEASURE),
+        ],
+    ),
+]
+
+ACCELERATED = [
+    Shared(begin_momentum),
+    While(
+        iterating,
+        [
+            Sets(sweep_pairs_ahead),
+            Shared(sweep_walls_ahead),
+            Serial(decide_ahead),
+            If(sampling, [Each(grain_count, sample)]),
+            If(
+                rejected,
+                [
+                    Each(pair_count, roll_back_pair),
+                    Each(wall_count, roll_back_wall),
+                    Each(grain_count, roll_back_velocity),
+                ],
+            ),
+            If(measuring, MEASURE),
+            If(rebuilding, [Each(grain_count, take_rebuilt_velocity)]),
+            If(iterating, [Shared(extrapolate)]),
+        ],
+    ),
+]
+
+METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED}
+
+FINISH = [
+    Each(grain_count, move),
+    Each(grain_count, remember),
+    Serial(shift_frame),
+    Shared(overlaps),
+    Serial(report),
+    Serial(add_step),
+]
+
+EXPIRE = [
+    Each(grain_count, save_pairs),
+    Each(wall_count, save_wall),
+    Serial(expire), Serial(adapt_base_skin),
+    Each(grain_count, renew_skin),
+    Serial(find_lifetime),
+]
 
 
-@cache
-def stages(variant: Variant) -> SimpleNamespace:
-    """Compile-time selection of the stages for one kind of scene."""
-    moving, contact, watching = motion.stages(variant), sweep.stages(variant), watch.stages(variant)
-    free_velocity, reset, move = moving.free_velocity, moving.reset, moving.move
-    start_pairs, start_walls = contact.start_pairs, contact.start_walls
-    clear, find_frame, first_look = watching.clear, watching.find_frame, watching.first_look
-    verify, remember, shift_frame = watching.verify, watching.remember, watching.shift_frame
-    deciding, loop = iteration.stages(variant), iterate.stages(variant).iterate
-    start, judge, gather = deciding.start, deciding.judge, deciding.gather
-    begin_momentum, measure_all = momentum.stages(variant).begin, residual.stages(variant).measure_all
-    overlaps, listing = measure.stages(variant).overlaps, rebuild.stages(variant)
-    set_old_aside, renew_reaches = listing.set_old_aside, listing.renew_reaches
-    list_contacts = listing.list_contacts
-
-    @wp.func
-    def warm_start(crew: Crew, s: SceneRecord):
-        """Freeze normals and gaps, and re-apply the corrections of the previous step (iteration 0)."""
-        reset(crew, 0, s.grains)
-        start_pairs(crew, 0, s.grains, s.contacts, s.dt, 0, s.contacts.count[GROUPS])
-        start_walls(crew, 0, s.grains, s.contacts, s.radius_in, s.radius_out, s.dt)
-        clear(s.watch)
-        for i in range(s.grains.position.shape[0]):
-            find_frame(i, s.grains, s.watch)
-        first_look(crew, 0, s.grains, s.watch, s.dt)
-
-    @wp.func
-    def finish(crew: Crew, s: SceneRecord):
-        """Move, and measure what the report tells."""
-        move(crew, 0, s.grains, s.dt)
-        remember(crew, 0, s.watch)
-        shift_frame(s.watch, s.dt)
-        overlaps(crew, 0, s.grains, s.contacts, s.progress, s.radius_in, s.radius_out)
-        gather(s.progress)
-
-    @wp.func
-    def attempt(crew: Crew, s: SceneRecord) -> int:
-        """Solve the step for the listed contacts, and take it if none was missing."""
-        warm_start(crew, s)
-        verify(crew, 0, s.grains, s.watch, s.dt, s.rounding, s.reserve, f64(1.0))
-        start(s.watch, s.progress)
-        if wp.static(variant.accelerated):
-            begin_momentum(crew, 0, s.grains, s.contacts, s.momentum)
-        loop(crew, 0, s.grains, s.contacts, s.watch, s.progress, s.momentum, s.stop)
-        verify(crew, 0, s.grains, s.watch, s.dt, s.rounding, f64(0.0), f64(0.0))
-        judge(s.watch, s.progress)
-        outcome = int(SOLVED)
-        if s.progress.accepted[0] != 0:
-            measure_all(crew, 0, s.grains, s.contacts, s.progress)
-            if s.holds_back != 0 and not has_converged(s, s.progress.residual[0]):
-                outcome = NOT_CONVERGED
-            else:
-                finish(crew, s)
-        elif s.watch.flag[BAD_GRAIN] >= 0:
-            revert(s)
-            outcome = NOT_FINITE
-        else:
-            outcome = MISSING
-        return outcome
-
-    @wp.func
-    def solve(s: SceneRecord) -> int:
-        """Advance by one time step; stop before it if it fails, and amid it if a list must grow."""
-        crew = Crew()
-        crew.workers = 1
-        s.contacts.own_turns = 0
-        if s.flag[LISTING] == 0:
-            s.flag[REBUILDS] = 0
-            s.flag[REDOS] = 0
-            free_velocity(crew, 0, s.grains, s.gravity, s.drag, s.dt)
-        outcome = int(MISSING)
-        while outcome == MISSING:
-            if s.flag[LISTING] != 0:
-                if list_contacts(s):
-                    s.flag[LISTING] = 0
-                else:
-                    outcome = WITHOUT_ROOM
-            if s.flag[LISTING] == 0:
-                outcome = attempt(crew, s)
-                if outcome == MISSING:
-                    if s.progress.report[ITERATIONS] > f64(0.0):
-                        s.flag[REDOS] = s.flag[REDOS] + 1
-                    s.flag[REBUILDS] = s.flag[REBUILDS] + 1
-                    set_old_aside(s)
-                    renew_reaches(s)
-                    s.flag[LISTING] = 1
-        return outcome
-
-    return SimpleNamespace(solve=solve)
+def step(method: str, threaded: bool = False) -> list[Stage]:
+    """Return the stages of one step by a method; `threaded` where threads have strips of their own."""
+    return [
+        Serial(begin),
+        If(starting, [Serial(begin_step), Each(grain_count, free_velocity)]),
+        While(
+            unsolved,
+            [
+                If(unlisted, NEW_LIST),
+                If(unordered, sweeping_order(threaded)),
+                Serial(see_whether_listed),
+                If(
+                    attempting,
+                    [
+                        *WARM_START,
+                        *METHODS[method],
+                        Each(grain_count, verify),
+                        Serial(judge),
+                        If(accepted, FINISH),
+                        If(unlisted, EXPIRE),
+                    ],
+                ),
+            ],
+        ),
+    ]

@@ -2,14 +2,7 @@
 
 import warp as wp
 
-from .types import (
-    EXPIRED,
-    NOT_CONVERGED,
-    NOT_FINITE,
-    SOLVED,
-    Floats,
-    SceneRecord,
-)
+from .types import EXPIRED, NOT_CONVERGED, SOLVED, Floats, Scene
 from .verlet import check_all, outcome_of_check, reserve
 
 f64 = wp.float64
@@ -34,81 +27,83 @@ def gathered(partial: Floats) -> f64:
 
 
 @wp.func
-def begin(s: SceneRecord):
+def begin(s: Scene):
     """Begin a step, or go on with one that waited for room."""
-    s.control.unsolved[0] = 1
-    s.control.starting[0] = 1 - s.control.unlisted[0]
+    s.control.unsolved = 1
+    s.control.accepted = 0
+    s.control.starting = 1 - s.control.unlisted
 
 
 @wp.func
-def see_whether_listed(s: SceneRecord):
+def see_whether_listed(s: Scene):
     """Solve the step if there is a list to do so with."""
-    s.control.attempting[0] = 1 - s.control.unlisted[0]
+    s.control.attempting = 1 - s.control.unlisted
 
 
 @wp.func
-def begin_iterating(s: SceneRecord):
+def begin_iterating(s: Scene):
     """Iterate if the list is likely to hold for the velocities before the first iteration."""
     check_all(s, reserve(s))
-    s.step[0].iterations = 0
-    s.control.iterating[0] = 1 if outcome_of_check(s) == SOLVED else 0
-    s.control.measuring[0] = 0
-    s.control.sampling[0] = 0
-    s.control.rejected[0] = 0
+    s.step.iterations = 0
+    s.control.iterating = 1 if outcome_of_check(s) == SOLVED else 0
+    s.control.measuring = 0
+    s.control.sampling = 0
+    s.control.rejected = 0
 
 
 @wp.func
-def decide_to_stop(s: SceneRecord):
+def decide_to_stop(s: Scene):
     """Stop after the first iteration with zeta <= tolerance, or at max_iterations; or ask for the residual.
 
     An attempt in which a contact may have been missing is given up, but not at once, so that it shows how far
     all grains must reach. The residual is measured after the last iteration in any case.
     """
     zeta = gathered(s.partial.zeta)
-    iterations = s.step[0].iterations + 1
+    iterations = s.step.iterations + 1
     stopping = s.stopping
     going_on = iterations < stopping.max_iterations
     checking = False
-    if s.control.rejected[0] == 0:
+    if s.control.rejected == 0:
         if stopping.on_residual != 0:
             sparse = iterations == 1 or iterations % CHECK_EVERY == 0
             checking = sparse and zeta <= NEARLY * stopping.tolerance
         else:
             going_on = going_on and zeta > stopping.tolerance
-    if s.verlet.flags[0].list_expired != 0 and is_power_of_two(iterations):
+    if s.verlet.flags.list_expired != 0 and is_power_of_two(iterations):
         going_on = False
-    s.step[0].zeta = zeta
-    s.step[0].iterations = iterations
-    s.control.iterating[0] = 1 if going_on else 0
-    s.control.measuring[0] = 1 if checking or not going_on else 0
+    s.step.zeta = zeta
+    s.step.iterations = iterations
+    s.control.iterating = 1 if going_on else 0
+    s.control.measuring = 1 if checking or not going_on else 0
+    s.control.rebuilding = 1 if checking else 0
 
 
 @wp.func
-def stop_on_residual(s: SceneRecord):
+def stop_on_residual(s: Scene):
     """Stop on residual <= tolerance."""
     residual = gathered(s.partial.residual)
-    s.step[0].residual = residual
+    s.step.residual = residual
     if s.stopping.on_residual != 0 and residual <= s.stopping.tolerance:
-        s.control.iterating[0] = 0
+        s.control.iterating = 0
 
 
 @wp.func
-def has_converged(s: SceneRecord) -> bool:
+def has_converged(s: Scene) -> bool:
     """Whether the step has met its tolerance."""
-    error = s.step[0].zeta
+    error = s.step.zeta
     if s.stopping.on_residual != 0:
-        error = s.step[0].residual
+        error = s.step.residual
     return error <= s.stopping.tolerance
 
 
 @wp.func
-def judge(s: SceneRecord):
+def judge(s: Scene):
     """Take the step, try again with a new list, or give it up."""
     check_all(s, s.tuning.rounding)
     outcome = outcome_of_check(s)
     if outcome == SOLVED and s.stopping.raise_on_unconverged != 0 and not has_converged(s):
         outcome = NOT_CONVERGED
-    s.step[0].outcome = outcome
-    s.control.accepted[0] = 1 if outcome == SOLVED else 0
-    s.control.unlisted[0] = 1 if outcome == EXPIRED else 0
-    s.control.unsolved[0] = s.control.unlisted[0]
+    s.step.outcome = outcome
+    s.control.accepted = 1 if outcome == SOLVED else 0
+    s.control.unlisted = 1 if outcome == EXPIRED else 0
+    s.control.unsolved = s.control.unlisted

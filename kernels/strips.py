@@ -12,14 +12,14 @@ The strips decide who sweeps a pair, and not what it finds: no result depends on
 
 import warp as wp
 
-from .types import SceneRecord, grain_count, pair_count, wall_count
+from .types import Scene, grain_count, pair_count, wall_count
 
 f64 = wp.float64
 LAG = wp.constant(1024)
 
 
 @wp.func
-def bin_of(s: SceneRecord, x: f64) -> int:
+def bin_of(s: Scene, x: f64) -> int:
     """The bin of a coordinate, between the outer walls."""
     bins = s.strips.bins.shape[0]
     place = f64(0.5) * (f64(1.0) + x / s.walls.radius_out) * f64(bins)
@@ -27,7 +27,7 @@ def bin_of(s: SceneRecord, x: f64) -> int:
 
 
 @wp.func
-def crossing_axis(s: SceneRecord) -> int:
+def crossing_axis(s: Scene) -> int:
     """The axis that the numbering of the grains follows least: a strip across it has grains of all numbers.
 
     Contacts are swept in the order of their grains' numbers, so every thread soon has something to do.
@@ -48,7 +48,7 @@ def crossing_axis(s: SceneRecord) -> int:
 
 
 @wp.func
-def cut_into_strips(s: SceneRecord):
+def cut_into_strips(s: Scene):
     """Give every grain a strip, so that all strips have about as many pairs."""
     axis = crossing_axis(s)
     bins = s.strips.bins
@@ -69,7 +69,7 @@ def cut_into_strips(s: SceneRecord):
 
 
 @wp.func
-def begin_walk(s: SceneRecord):
+def begin_walk(s: Scene):
     """Forget what came last on every grain, and find where every strip begins."""
     count = s.strips.cursor.shape[0]
     for i in range(grain_count(s)):
@@ -89,7 +89,7 @@ def begin_walk(s: SceneRecord):
 
 
 @wp.func
-def wait_of(s: SceneRecord, w: int, i: int):
+def wait_of(s: Scene, w: int, i: int):
     """Whom strip w must wait for on grain i, up to which pair of it; or (-1, 0) if it already does."""
     before = s.strips.last[i]
     other = before[0]
@@ -104,7 +104,7 @@ def wait_of(s: SceneRecord, w: int, i: int):
 
 
 @wp.func
-def walk_on(s: SceneRecord, c: int):
+def walk_on(s: Scene, c: int):
     """Go on from place c of the common order to the next."""
     pair = s.workspace.sequence[c]
     w = s.strips.strip[pair[0]]
@@ -118,7 +118,7 @@ def walk_on(s: SceneRecord, c: int):
 
 
 @wp.func
-def deal_pairs(s: SceneRecord):
+def deal_pairs(s: Scene):
     """Give every pair its place, strip by strip, and mark where segments begin."""
     pairs = pair_count(s)
     count = s.strips.cursor.shape[0]
@@ -144,7 +144,7 @@ def deal_pairs(s: SceneRecord):
 
 
 @wp.func
-def number_segments(s: SceneRecord):
+def number_segments(s: Scene):
     """Number the segments from pair to pair, and tell where each, and each strip, begins."""
     pairs = pair_count(s)
     count = s.strips.cursor.shape[0]
@@ -155,7 +155,7 @@ def number_segments(s: SceneRecord):
             segments += 1
         s.strips.segment[c] = segments - 1
     s.contacts.set_start[segments] = pairs
-    s.contacts.count[0].sets = segments
+    s.contacts.count.sets = segments
     for w in range(count):
         begin = s.strips.first_segment[w]
         s.strips.first_segment[w] = segments
@@ -165,10 +165,10 @@ def number_segments(s: SceneRecord):
 
 
 @wp.func
-def find_dependencies(s: SceneRecord):
+def find_dependencies(s: Scene):
     """Tell after how many segments of each other strip a segment comes."""
     count = s.strips.cursor.shape[0]
-    for t in range(s.contacts.count[0].sets * count):
+    for t in range(s.contacts.count.sets * count):
         s.strips.dependencies[t] = 0
     begin_walk(s)
     for c in range(pair_count(s)):
@@ -184,7 +184,7 @@ def find_dependencies(s: SceneRecord):
 
 
 @wp.func
-def deal_walls(s: SceneRecord):
+def deal_walls(s: Scene):
     """Sort the grains at the walls by strip: strip after strip is brought to the front."""
     walls = wall_count(s)
     done = int(0)
@@ -203,7 +203,7 @@ def deal_walls(s: SceneRecord):
 
 
 @wp.func
-def make_strips(s: SceneRecord):
+def make_strips(s: Scene):
     """Deal the pairs and walls of a list out to the threads."""
     cut_into_strips(s)
     deal_pairs(s)

@@ -8,14 +8,26 @@ import warp as wp
 
 
 @wp.struct
-class Team:
-    """One thread of a team, as it sees it."""
+class TeamRecord:
+    """A team, as one of its threads sees it."""
 
     rank: wp.int32
     size: wp.int32
     arrivals: wp.array(dtype=wp.int64)  # how often a thread has come to the barrier
     ended: wp.array(dtype=wp.int64)  # every eighth: a thread's passes and segments (strips.py)
     scene: wp.array(dtype=wp.int32)  # that the team works on (batch.py)
+    going_on: wp.array(dtype=wp.int32)  # whether it goes on with it
+
+
+Team = wp.ref[TeamRecord]
+
+
+@wp.func
+def member(team: TeamRecord, rank: int) -> TeamRecord:
+    """The team as its thread of this rank sees it."""
+    one = team
+    one.rank = rank
+    return one
 
 
 @wp.func

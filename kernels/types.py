@@ -1,6 +1,7 @@
 """A scene as the kernels see it: contacts as records, arrays bundled by purpose, and the numbers of a step.
 
-Arrays of length 1 hold what changes while a kernel runs; all else is constant during a launch.
+The numbers of a record change while a kernel runs, as the contents of its arrays do; lengths and parameters do
+not.
 """
 
 import warp as wp
@@ -61,7 +62,7 @@ class Contacts:
     set_start: Ints  # first pair of every independent set, or segment, and the end of the last
     walls: wp.array(dtype=WallContact)
     wall_dv_start: Floats
-    count: wp.array(dtype=ContactCount)
+    count: ContactCount
 
 
 @wp.struct
@@ -123,8 +124,8 @@ class Verlet:
     skin: Floats  # how far it may stray without meeting an absent contact [m]
     reference_position: Vectors  # when the list was built [m]
     reference_velocity: Vectors  # w_i [m/s]
-    numbers: wp.array(dtype=VerletNumbers)
-    flags: wp.array(dtype=VerletFlags)
+    numbers: VerletNumbers
+    flags: VerletFlags
 
 
 @wp.struct
@@ -143,23 +144,24 @@ class StepState:
 
 @wp.struct
 class Control:
-    """What is to be done next: the conditions of `step.py`, each an array of length 1 (nonzero: yes)."""
+    """What is to be done next (conditions.py): a GPU's graph reads it as well."""
 
-    starting: Ints  # a step begins
-    unsolved: Ints  # it goes on
-    unlisted: Ints  # it needs a new list
-    searching: Ints  # pairs are to be searched, with the skins as they are now
-    roomy: Ints  # the pairs found have room
-    unordered: Ints  # the list is not in sweeping order yet
-    tiled: Ints  # the list is long enough to be swept tile after tile
-    attempting: Ints  # there is a list to solve the step with
-    iterating: Ints
-    measuring: Ints  # the residual is asked for
-    sampling: Ints  # velocities that were not monitored are to be looked at
-    rejected: Ints  # the last sweep is taken back
-    accepted: Ints  # the step is taken
-    sweeping: Ints  # sets are left (where every set is a launch of its own)
-    set: Ints  # that is swept now (likewise)
+    starting: wp.int32
+    unsolved: wp.int32
+    unlisted: wp.int32
+    searching: wp.int32
+    roomy: wp.int32
+    unordered: wp.int32
+    tiled: wp.int32
+    attempting: wp.int32
+    iterating: wp.int32
+    sampling: wp.int32
+    rejected: wp.int32
+    measuring: wp.int32
+    rebuilding: wp.int32
+    accepted: wp.int32
+    sweeping: wp.int32
+    set: wp.int32  # that is swept now, where every set is a launch of its own
 
 
 @wp.struct
@@ -191,7 +193,7 @@ class Momentum:
     pair_part: Vectors  # cost in phi less gain, and slope of phi along the momentum
     wall_part: Vectors
     grain_part: wp.array(dtype=wp.vec3d)  # sums of m s.(v + y) and m v.v, largest s.s, where y = v + beta s
-    state: wp.array(dtype=MomentumState)
+    state: MomentumState
 
 
 @wp.struct
@@ -277,8 +279,8 @@ class SceneRecord:
     strips: Strips
     control: Control
     partial: Partial
-    step: wp.array(dtype=StepState)
-    statistics: wp.array(dtype=RunStatistics)
+    step: StepState
+    statistics: RunStatistics
     stopping: StoppingCriterion
     tuning: Tuning
     walls: Walls
@@ -290,19 +292,23 @@ class SceneRecord:
     has_strips: wp.int32  # whether threads have strips of their own, or share every set out
 
 
+Scene = wp.ref[SceneRecord]
+"""A stage is handed the record itself: what it writes, the next one reads."""
+
+
 @wp.func
-def grain_count(s: SceneRecord) -> int:
+def grain_count(s: Scene) -> int:
     """How many grains there are."""
     return s.grains.position.shape[0]
 
 
 @wp.func
-def pair_count(s: SceneRecord) -> int:
+def pair_count(s: Scene) -> int:
     """How many pairs are listed."""
-    return s.contacts.count[0].pairs
+    return s.contacts.count.pairs
 
 
 @wp.func
-def wall_count(s: SceneRecord) -> int:
+def wall_count(s: Scene) -> int:
     """How many grains are listed at the walls."""
-    return s.contacts.count[0].walls
+    return s.contacts.count.walls

@@ -22,22 +22,23 @@ contacts; these changes add up to `unmonitored_change`, with which all grains ar
 import warp as wp
 
 from .access import velocity_of
-from .types import EXPIRED, NOT_FINITE, SOLVED, SceneRecord, Vectors, Verlet, grain_count
+from .types import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
 
 f64 = wp.float64
 
 
 @wp.func
-def deviation(velocity: wp.vec2d, verlet: Verlet, i: int) -> wp.vec2d:
+def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
     """v_i - w_i - u [m/s]."""
-    return velocity - verlet.reference_velocity[i] - verlet.numbers[0].frame_velocity
+    return velocity - s.verlet.reference_velocity[i] - s.verlet.numbers.frame_velocity
 
 
 @wp.func
-def displacement(position: wp.vec2d, verlet: Verlet, i: int) -> f64:
+def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
     """s_i [m]."""
-    straight = verlet.reference_position[i] + verlet.numbers[0].elapsed * verlet.reference_velocity[i]
-    return wp.length(position - straight - verlet.numbers[0].frame_shift)
+    verlet = s.verlet.numbers
+    straight = s.verlet.reference_position[i] + verlet.elapsed * s.verlet.reference_velocity[i]
+    return wp.length(position - straight - verlet.frame_shift)
 
 
 @wp.func
@@ -47,133 +48,133 @@ def is_finite(x: wp.vec2d) -> bool:
 
 
 @wp.func
-def monitor(velocity: Vectors, verlet: Verlet, i: int):
+def monitor(s: Scene, i: int):
     """Keep the peak deviation of grain i, and see whether its skin still allows it."""
-    peak = wp.length_sq(deviation(velocity_of(velocity, i), verlet, i))
-    if peak > verlet.peak_deviation[i]:
-        verlet.peak_deviation[i] = peak
-        if peak > verlet.peak_limit[i]:
-            verlet.flags[0].list_expired = 1
+    peak = wp.length_sq(deviation(s, velocity_of(s.grains.next_velocity, i), i))
+    if peak > s.verlet.peak_deviation[i]:
+        s.verlet.peak_deviation[i] = peak
+        if peak > s.verlet.peak_limit[i]:
+            s.verlet.flags.list_expired = 1
 
 
 @wp.func
-def sample(s: SceneRecord, i: int):
+def sample(s: Scene, i: int):
     """Take what grain i may have reached unmonitored, on the way to its velocity, into its peak."""
     v = velocity_of(s.grains.next_velocity, i)
-    peak = wp.length(deviation(v, s.verlet, i)) + s.verlet.numbers[0].sampled_change
+    peak = wp.length(deviation(s, v, i)) + s.verlet.numbers.sampled_change
     s.verlet.peak_deviation[i] = wp.max(s.verlet.peak_deviation[i], peak * peak)
 
 
 @wp.func
-def clear_check(s: SceneRecord):
+def clear_check(s: Scene):
     """Forget what was seen; the first iteration is monitored."""
-    s.verlet.numbers[0].frame_velocity = wp.vec2d(f64(0.0), f64(0.0))
-    s.verlet.numbers[0].unmonitored_change = f64(0.0)
-    s.verlet.flags[0].monitored = 1
-    s.verlet.flags[0].list_expired = 0
-    s.verlet.flags[0].bad_grain = -1
+    s.verlet.numbers.frame_velocity = wp.vec2d(f64(0.0), f64(0.0))
+    s.verlet.numbers.unmonitored_change = f64(0.0)
+    s.verlet.flags.monitored = 1
+    s.verlet.flags.list_expired = 0
+    s.verlet.flags.bad_grain = -1
 
 
 @wp.func
-def find_frame(s: SceneRecord):
+def find_frame(s: Scene):
     """u, the mean of v_i - w_i: what all grains do together, such as falling, displaces nobody."""
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
     for i in range(n):
         u = u + (s.grains.next_velocity[i] - s.verlet.reference_velocity[i]) / f64(n)
-    s.verlet.numbers[0].frame_velocity = u
+    s.verlet.numbers.frame_velocity = u
 
 
 @wp.func
-def begin_check(s: SceneRecord, i: int):
+def begin_check(s: Scene, i: int):
     """The peak deviation before the first iteration, and what the skin still allows."""
-    s.verlet.peak_deviation[i] = wp.length_sq(deviation(s.grains.next_velocity[i], s.verlet, i))
-    allowed = (s.verlet.skin[i] - displacement(s.grains.position[i], s.verlet, i)) / s.dt
+    s.verlet.peak_deviation[i] = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
+    allowed = (s.verlet.skin[i] - displacement(s, s.grains.position[i], i)) / s.dt
     s.verlet.peak_limit[i] = wp.max(f64(0.0), allowed) * allowed
 
 
 @wp.func
-def check_skin(s: SceneRecord, i: int, least: f64, foreseen: f64):
+def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     """See whether a skin suffices with `least` [m] to spare, for so many times the last step's deviation."""
     x = s.grains.position[i]
-    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers[0].unmonitored_change
+    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
     peak = wp.max(peak, foreseen * s.verlet.recent_deviation[i])
-    used = displacement(x, s.verlet, i) + s.dt * peak
+    used = displacement(s, x, i) + s.dt * peak
     if not is_finite(x + s.dt * s.grains.next_velocity[i]):
-        s.verlet.flags[0].bad_grain = 0
+        s.verlet.flags.bad_grain = 0
     elif not (used + least <= s.verlet.skin[i]):
-        s.verlet.flags[0].list_expired = 1
+        s.verlet.flags.list_expired = 1
 
 
 @wp.func
-def reserve(s: SceneRecord) -> f64:
+def reserve(s: Scene) -> f64:
     """What is to be left of a skin before the iteration [m]."""
-    return s.tuning.rounding + s.tuning.reserve * s.verlet.numbers[0].base_skin
+    return s.tuning.rounding + s.tuning.reserve * s.verlet.numbers.base_skin
 
 
 @wp.func
-def foresee(s: SceneRecord, i: int):
+def foresee(s: Scene, i: int):
     """Before the iteration: whether the list is likely to hold."""
     check_skin(s, i, reserve(s), f64(1.0))
 
 
 @wp.func
-def verify(s: SceneRecord, i: int):
+def verify(s: Scene, i: int):
     """After the iteration: whether the list has held."""
     check_skin(s, i, s.tuning.rounding, f64(0.0))
 
 
 @wp.func
-def check_all(s: SceneRecord, least: f64):
+def check_all(s: Scene, least: f64):
     """See whether the frame's skin suffices and the list has not outlived its time; name a bad grain."""
-    numbers = s.verlet.numbers[0]
+    numbers = s.verlet.numbers
     path = wp.length(numbers.frame_shift) + s.dt * wp.length(numbers.frame_velocity)
     if not (path + least <= numbers.frame_skin):
-        s.verlet.flags[0].list_expired = 1
+        s.verlet.flags.list_expired = 1
     if not (numbers.elapsed + f64(0.5) * s.dt <= numbers.lifetime):
-        s.verlet.flags[0].list_expired = 1
-    if s.verlet.flags[0].bad_grain >= 0:
+        s.verlet.flags.list_expired = 1
+    if s.verlet.flags.bad_grain >= 0:
         for i in range(grain_count(s)):
             if not is_finite(s.grains.position[i] + s.dt * s.grains.next_velocity[i]):
-                s.verlet.flags[0].bad_grain = i
+                s.verlet.flags.bad_grain = i
 
 
 @wp.func
-def outcome_of_check(s: SceneRecord) -> int:
+def outcome_of_check(s: Scene) -> int:
     """SOLVED where no contact was missing and every number is finite."""
-    if s.verlet.flags[0].bad_grain >= 0:
+    if s.verlet.flags.bad_grain >= 0:
         return NOT_FINITE
-    if s.verlet.flags[0].list_expired != 0:
+    if s.verlet.flags.list_expired != 0:
         return EXPIRED
     return SOLVED
 
 
 @wp.func
-def monitor_next(s: SceneRecord, change: f64):
+def monitor_next(s: Scene, change: f64):
     """Monitor the next sweep if the last was not calm; sample all grains when unmonitored ones have added up.
 
     The change is the most that the velocity of a grain has changed by [m/s].
     """
-    threshold = s.tuning.monitor_threshold * s.verlet.numbers[0].base_skin
-    if s.verlet.flags[0].monitored == 0:
-        s.verlet.numbers[0].unmonitored_change = s.verlet.numbers[0].unmonitored_change + change
-    s.verlet.flags[0].monitored = 1 if change > threshold else 0
-    s.control.sampling[0] = 1 if s.verlet.numbers[0].unmonitored_change > threshold else 0
-    if s.control.sampling[0] != 0:
-        s.verlet.numbers[0].sampled_change = s.verlet.numbers[0].unmonitored_change
-        s.verlet.numbers[0].unmonitored_change = f64(0.0)
+    threshold = s.tuning.monitor_threshold * s.verlet.numbers.base_skin
+    if s.verlet.flags.monitored == 0:
+        s.verlet.numbers.unmonitored_change = s.verlet.numbers.unmonitored_change + change
+    s.verlet.flags.monitored = 1 if change > threshold else 0
+    s.control.sampling = 1 if s.verlet.numbers.unmonitored_change > threshold else 0
+    if s.control.sampling != 0:
+        s.verlet.numbers.sampled_change = s.verlet.numbers.unmonitored_change
+        s.verlet.numbers.unmonitored_change = f64(0.0)
 
 
 @wp.func
-def remember(s: SceneRecord, i: int):
+def remember(s: Scene, i: int):
     """Keep what the step needed, for the skins of the next list."""
-    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers[0].unmonitored_change
+    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
     s.verlet.recent_deviation[i] = peak
 
 
 @wp.func
-def shift_frame(s: SceneRecord):
+def shift_frame(s: Scene):
     """The frame moves with the grains."""
-    numbers = s.verlet.numbers[0]
-    s.verlet.numbers[0].frame_shift = numbers.frame_shift + s.dt * numbers.frame_velocity
-    s.verlet.numbers[0].elapsed = numbers.elapsed + s.dt
+    numbers = s.verlet.numbers
+    s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * numbers.frame_velocity
+    s.verlet.numbers.elapsed = numbers.elapsed + s.dt

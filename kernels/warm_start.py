@@ -6,18 +6,18 @@ from . import law
 from .residual import apply_pair
 from .segments import pairs_of, walls_of
 from .threads import Team
-from .types import SceneRecord
+from .types import Scene
 from .walls import frozen_wall
 
 
 @wp.func
-def begin_attempt(s: SceneRecord, i: int):
+def begin_attempt(s: Scene, i: int):
     """The velocities to correct are the free ones."""
     s.grains.next_velocity[i] = s.grains.free_velocity[i]
 
 
 @wp.func
-def start_pairs(team: Team, s: SceneRecord, k: int):
+def start_pairs(team: Team, s: Scene, k: int):
     """Freeze the pairs of a set (eq. 4), and apply their corrections."""
     begin, end = pairs_of(team, s, k)
     for c in range(begin, end):
@@ -33,7 +33,7 @@ def start_pairs(team: Team, s: SceneRecord, k: int):
 
 
 @wp.func
-def start_walls(team: Team, s: SceneRecord):
+def start_walls(team: Team, s: Scene):
     """Freeze the walls, and apply their corrections."""
     begin, end = walls_of(team, s)
     for c in range(begin, end):

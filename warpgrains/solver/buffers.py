@@ -1,156 +1,228 @@
-"""The buffers behind a list of contacts: counted first, grown, and read and written by the host."""
+"""The memory of scenes: one table of how long every array is, and the records that point to them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
-from warpgrains.arrays import IntArray
-from warpgrains.kernels.data import Contacts, Pair, Wall
-from warpgrains.kernels.detect import Rows
-from warpgrains.kernels.momentum import Momentum
-from warpgrains.kernels.variant import Variant
-from warpgrains.scene.state import Corrections
-from warpgrains.solver.host_list import HostList
-from warpgrains.solver.launch import Replay, reader
-from warpgrains.solver.memory import require_memory
+from warpgrains.kernels.accelerated import CHUNK
+from warpgrains.kernels.types import SceneRecord
+from warpgrains.scene.scene import Scene
+
+Counts = NDArray[np.int64]
+ALIGNMENT = 16  # bytes
+LINE = 128  # bytes that cores pass on together
+BINS = 4096  # of the coordinate that is cut into strips
 
 
-class ContactBuffers:
-    """Contacts in sweeping order, and the same pairs in lexicographic order.
-
-    Parameters
-    ----------
-    grains : int
-    variant : Variant
-        What the scene's kernels are compiled for.
-    momentum : Momentum
-        What the accelerated method keeps of every pair grows with the list.
-    replay : Replay
-        Forgets its graphs when buffers have grown.
+@dataclass(frozen=True)
+class Sizes:
+    """What the lengths of a scene's arrays follow from; every entry has shape (scenes,), or is one for all.
 
     Attributes
     ----------
-    contacts : Contacts
-        In sweeping order.
-    rows, old_rows : Rows
-        The listed pairs by first grain, and those of the list before.
-    slot, group : array of int
-        Place of every pair in sweeping order, and the group that it is swept with.
-    sequence : array of vec3i
-        The pairs in sweeping order, see `order.line_up`.
-    old_pair_dv, wall_dv : array of float
-        Corrections of the pairs of the list before, and by grain those of the walls [m/s].
+    grains, pairs : ndarray
+        Grains, and candidate pairs that there is room for.
+    weighted : ndarray
+        1 where masses differ, 0 elsewhere.
+    accelerated : int
+        1 where the method accelerates, 0 elsewhere.
+    team : int
+        Threads that share a scene.
     """
 
-    def __init__(self, grains: int, variant: Variant, momentum: Momentum, replay: Replay):
-        self._grains, self._replay, self._capacity = grains, replay, 0
-        self.rows, self.old_rows = self._empty_rows(), self._empty_rows()
-        self.contacts = contacts = Contacts()
-        contacts.pairs = self._zeros(0, Pair)
-        contacts.pair_dv = self._zeros(0, wp.float64)
-        contacts.weights = self._zeros(0, wp.vec2d)
-        contacts.pair_dv_start = self._zeros(0, wp.float64)
-        contacts.group_start = self._zeros(2, wp.int32)
-        contacts.own_turns = 0
-        for name in ("lane_turn", "turn_after", "lane_wall"):
-            setattr(contacts, name, self._zeros(0, wp.int32))
-        contacts.walls = self._zeros(grains, Wall)
-        contacts.wall_dv_start = self._zeros(grains, wp.float64)
-        contacts.count = self._zeros(3, wp.int32)
-        self._read_count = reader(contacts.count)
-        self.slot, self.group = self._zeros(0, wp.int32), self._zeros(0, wp.int32)
-        self.sequence = self._zeros(0, wp.vec3i)
-        self.old_pair_dv, self.wall_dv = self._zeros(0, wp.float64), self._zeros(grains, wp.float64)
-        self._growing = [
-            (contacts, "pairs"),
-            (contacts, "pair_dv"),
-            (contacts, "pair_dv_start"),
-            (contacts, "group_start"),
-            (self.rows, "found"),
-            (self.rows, "neighbor"),
-            (self.old_rows, "neighbor"),
-            (self, "old_pair_dv"),
-            (self, "slot"),
-            (self, "group"),
-            (self, "sequence"),
-        ]
-        if variant.distinct_masses:
-            self._growing.append((contacts, "weights"))
-        if variant.accelerated:
-            self._growing += [(momentum, "pair_last"), (momentum, "pair_part")]
+    grains: Counts
+    pairs: Counts
+    weighted: Counts
+    accelerated: int
+    team: int
 
-    def _zeros(self, count: int, dtype: type) -> wp.array:
-        return wp.zeros(count, dtype=dtype, device=self._replay.device)
-
-    def _empty_rows(self) -> Rows:
-        rows = Rows()
-        rows.start, rows.cursor = (
-            self._zeros(self._grains + 1, wp.int32),
-            self._zeros(self._grains + 1, wp.int32),
-        )
-        rows.neighbor, rows.found = self._zeros(0, wp.int32), self._zeros(0, wp.vec2i)
-        rows.total = self._zeros(1, wp.int32)
-        return rows
+    @classmethod
+    def first(cls, scenes: Sequence[Scene], team: int) -> "Sizes":
+        """Return the sizes that scenes of one method have at first: a list mostly needs fewer pairs."""
+        n = np.array([scene.n for scene in scenes])
+        pairs = np.maximum(1, np.minimum(n * (n - 1) // 2, 5 * n))
+        weighted = np.array([bool(np.any(scene.mass != scene.mass[0])) for scene in scenes], np.int64)
+        return cls(n, pairs, weighted, int(scenes[0].method == "accelerated"), team)
 
     @property
-    def counts(self) -> tuple[int, int, int]:
-        """Listed pairs, groups that they are swept in, and listed grains at the walls."""
-        pairs, groups, walls = self._read_count().tolist()
-        return pairs, groups, walls
+    def has_strips(self) -> bool:
+        """Whether threads have strips of their own."""
+        return self.team > 1 and not self.accelerated
 
-    def reserve(self, pairs: int) -> bool:
-        """Make room for so many pairs, keeping what the buffers hold. Returns whether they have grown."""
-        if pairs <= self._capacity:
-            return False
-        capacity = pairs + pairs // 4
-        require_memory(0, capacity, self._replay.device)
-        self._capacity = capacity
-        for owner, name in self._growing:
-            old = getattr(owner, name)
-            new = self._zeros(self._capacity + 2, old.dtype)
-            if old.shape[0] > 0:
-                wp.copy(new, old, count=old.shape[0])
-            setattr(owner, name, new)
-        self._replay.forget()
-        return True
+    def of(self, k: int) -> "Sizes":
+        """Return the sizes of scene k alone."""
+        one = slice(k, k + 1)
+        return Sizes(self.grains[one], self.pairs[one], self.weighted[one], self.accelerated, self.team)
 
-    def host(self) -> HostList:
-        """Return the list as the host sees it: on a CPU the arrays themselves, elsewhere copies."""
-        return HostList(**{name: array.numpy() for name, array in self._listed().items()})
 
-    def _listed(self) -> dict[str, wp.array]:
-        contacts = self.contacts
-        return {
-            "start": self.rows.start,
-            "neighbor": self.rows.neighbor,
-            "old_start": self.old_rows.start,
-            "old_neighbor": self.old_rows.neighbor,
-            "slot": self.slot,
-            "pair_dv": contacts.pair_dv,
-            "pair_dv_start": contacts.pair_dv_start,
-            "walls": contacts.walls,
-            "wall_dv_start": contacts.wall_dv_start,
-            "count": contacts.count,
-            "old_pair_dv": self.old_pair_dv,
-        }
+def lengths(size: Sizes) -> dict[str, Any]:
+    """Return the length of every array of a record, by struct and name: the one table of them."""
+    n, pairs = size.grains, size.pairs
+    cells = grid_width(n) ** 2 + 1
+    rows = {"start": n + 1, "cursor": n + 1, "neighbor": pairs, "found": pairs, "total": 1}
+    ahead, strips = size.accelerated, size.team * size.has_strips
+    has_strips = int(size.has_strips)
+    return {
+        "grains": {
+            **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
+            **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity", "radius", "mass"), n),
+        },
+        "contacts": {
+            **dict.fromkeys(("pairs", "pair_dv", "pair_dv_start"), pairs),
+            "weights": pairs * size.weighted,
+            "set_start": pairs + 2,
+            **dict.fromkeys(("walls", "wall_dv_start"), n),
+        },
+        "verlet": {
+            **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
+            **dict.fromkeys(("reference_position", "reference_velocity"), n),
+        },
+        "momentum": {
+            "pair_last": ahead * pairs,
+            "pair_part": ahead * (pairs + pairs // CHUNK + 1),
+            **dict.fromkeys(("wall_last", "wall_part", "last_velocity", "grain_part"), ahead * n),
+        },
+        "grid": {"cell_start": cells, "cell_cursor": cells, "cell_grain": n, "extent": n},
+        "neighbors": rows,
+        "workspace": {
+            "old": rows | {"cursor": 0, "found": 0, "total": 0},
+            **dict.fromkeys(("old_pair_dv", "sweep_index", "sequence"), pairs),
+            "group": pairs + 1,
+            **dict.fromkeys(("wall_dv", "row_sum", "next_level", "used_colors"), n),
+        },
+        "strips": {
+            "bins": BINS * has_strips,
+            **dict.fromkeys(("strip", "last"), n * has_strips),
+            **dict.fromkeys(("cursor", "late_cursor"), strips),
+            "seen": strips**2,
+            "segment": pairs * has_strips,
+            **dict.fromkeys(("first_segment", "first_wall"), strips + 1),
+            "dependencies": (pairs + 1) * strips,
+        },
+        "partial": dict.fromkeys(("zeta", "residual", "overlap", "active"), size.team),
+    }
 
-    def _write(self, host: HostList) -> None:
-        """Take over what the host has written."""
-        for name, array in self._listed().items():
-            array.assign(getattr(host, name))
 
-    def load(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
-        """List pairs, in lexicographic order, and walls, as of before they were put in sweeping order."""
-        self.reserve(len(pair))
-        host = self.host()
-        host.load(pair, wall, corrections)
-        self._write(host)
-        self.contacts.lane_turn.zero_()
-        lane_wall = np.full(self.contacts.lane_wall.shape, len(wall))  # the first worker takes them all
-        lane_wall[:1] = 0
-        self.contacts.lane_wall.assign(lane_wall)
+def grid_width(n: Any) -> Any:
+    """Return how many cells a side the grid for n grains has."""
+    return 1 << np.ceil(np.log2(n) / 2).astype(np.int64)
 
-    def revert(self) -> None:
-        """Take back what an unfinished step did to the corrections."""
-        host = self.host()
-        host.revert()
-        self._write(host)
+
+@dataclass(frozen=True)
+class Field:
+    """An array of the record.
+
+    Attributes
+    ----------
+    path : tuple of str
+        Names of the structs that it is in, and its own.
+    dtype, shape : np.dtype, tuple of int
+        Of one element, as NumPy sees it.
+    """
+
+    path: tuple[str, ...]
+    dtype: np.dtype
+    shape: tuple[int, ...]
+
+    @property
+    def name(self) -> str:
+        """The path in one word."""
+        return ".".join(self.path)
+
+    @property
+    def bytes(self) -> int:
+        """Size of one element."""
+        return self.dtype.itemsize * int(np.prod(self.shape, dtype=np.int64))
+
+    def of(self, record: Any) -> Any:
+        """Return what stands in the field's place in records, or in nested dictionaries."""
+        for name in self.path:
+            record = record[name]
+        return record
+
+
+@cache
+def fields() -> tuple[Field, ...]:
+    """Return all arrays of the record."""
+    return tuple(_fields_of(SceneRecord, ()))
+
+
+def _fields_of(struct: Any, path: tuple[str, ...]) -> Iterator[Field]:
+    for name, variable in struct.vars.items():
+        if isinstance(variable.type, wp.array):
+            element = wp.empty(0, dtype=variable.type.dtype, device="cpu").numpy()
+            yield Field((*path, name), element.dtype, element.shape[1:])
+        elif hasattr(variable.type, "vars"):
+            yield from _fields_of(variable.type, (*path, name))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where arrays of scenes lie in the scenes' blocks of memory.
+
+    Attributes
+    ----------
+    length, offset : ndarray
+        Elements of the array, and bytes before it, shape (fields, scenes).
+    size : ndarray
+        Bytes of a block, shape (scenes,).
+    """
+
+    length: Counts
+    offset: Counts
+    size: Counts
+
+    @classmethod
+    def of(cls, size: Sizes) -> "Layout":
+        """Lay out scenes of some sizes."""
+        table = lengths(size)
+        length = np.stack([np.broadcast_to(field.of(table), size.grains.shape) for field in fields()])
+        item = np.array([field.bytes for field in fields()])[:, None]
+        end = np.cumsum(-(-length * item // ALIGNMENT) * ALIGNMENT, axis=0)
+        offset = np.concatenate([np.zeros_like(end[:1]), end[:-1]])
+        return cls(length, offset, end[-1])
+
+
+def bytes_needed(size: Sizes) -> Counts:
+    """Return what scenes take in memory [bytes], shape (scenes,)."""
+    return Layout.of(size).size + SceneRecord.numpy_dtype()["itemsize"]
+
+
+class Block:
+    """The memory of all arrays of one scene: on a CPU the arrays themselves, else a copy for the host.
+
+    Parameters
+    ----------
+    size : int
+        [bytes]
+    device : wp.Device
+
+    Attributes
+    ----------
+    host : ndarray
+        Bytes, in lines of their own: a line that two threads write to is slow for both.
+    pointer : int
+        Where the device has them.
+    """
+
+    def __init__(self, size: int, device: wp.Device):
+        memory = np.zeros((size // LINE + 2) * LINE, np.uint8)
+        first = -memory.__array_interface__["data"][0] % LINE
+        self.host = memory[first : first + size]
+        self._device = None if device.is_cpu else wp.array(self.host, dtype=wp.uint8, device=device)
+        self.pointer = self.host.__array_interface__["data"][0] if device.is_cpu else self._device.ptr
+
+    def pull(self) -> None:
+        """Let the host see what the device has written."""
+        if self._device is not None:
+            self.host[:] = self._device.numpy()
+
+    def push(self) -> None:
+        """Let the device see what the host has written."""
+        if self._device is not None:
+            self._device.assign(self.host)

@@ -6,17 +6,16 @@ import warp as wp
 
 from warpgrains.errors import SimulationError
 
-BYTES_PER_GRAIN = 300
-BYTES_PER_PAIR = 144
 
-
-def require_memory(grains: int, pairs: int, device: wp.Device) -> None:
+def require_memory(needed: int, grains: int, pairs: int, device: wp.Device) -> None:
     """Refuse what does not fit.
 
     Parameters
     ----------
+    needed : int
+        [bytes]
     grains, pairs : int
-        How many grains, and candidate pairs of them, need room.
+        For how many grains, and candidate pairs of them.
     device : wp.Device
 
     Raises
@@ -24,7 +23,6 @@ def require_memory(grains: int, pairs: int, device: wp.Device) -> None:
     SimulationError
         They need more memory than the device has free.
     """
-    needed = grains * BYTES_PER_GRAIN + pairs * BYTES_PER_PAIR
     free = free_memory(device)
     if needed > free:
         raise SimulationError(

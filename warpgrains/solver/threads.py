@@ -4,12 +4,30 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 
+import warp as wp
+
+from warpgrains.kernels.threads import TeamRecord
+
 GLANCE = 0.1  # seconds between two looks at how far they are
 
 
 def cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def team_of(size: int) -> list[TeamRecord]:
+    """Return a team of so many CPU threads, as each of them sees it."""
+    shared = {name: wp.zeros(count, dtype=wp.int64, device="cpu") for name, count in (("arrivals", 1), ("ended", 8 * size))}
+    shared |= {name: wp.zeros(1, dtype=wp.int32, device="cpu") for name in ("scene", "going_on")}
+    team = []
+    for rank in range(size):
+        record = TeamRecord()
+        record.rank, record.size = rank, size
+        for name, array in shared.items():
+            setattr(record, name, array)
+        team.append(record)
+    return team
 
 
 def side_by_side(

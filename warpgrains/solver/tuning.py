@@ -1,10 +1,16 @@
-"""Lengths of a scene that its lists of contacts are made with."""
+"""What a scene's lists are made with, and how many threads pay for it: numbers chosen by measuring."""
 
 import numpy as np
 
 from warpgrains.scene.scene import Scene
+from warpgrains.solver.threads import cores
 
-SLACK = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
+BASE_SKIN = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
+RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteration starts
+MONITOR_THRESHOLD = 0.3  # of a base skin: what a grain may stray in a step without being monitored
+TILE = {"sequential": 32768, "color": 1024}  # pairs interleaved: many hide latency, few fit in cache
+STRIP_GRAINS = 20_000  # from which threads with strips of their own gain far more than they wait
+SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gain more than they wait
 
 
 def smallest_radius(scene: Scene) -> float:
@@ -18,14 +24,14 @@ def typical_radius(scene: Scene) -> float:
     return 0.5 * float(ascending[half] + ascending[-half - 1])
 
 
-def first_slack(scene: Scene) -> float:
+def first_skin(scene: Scene) -> float:
     """Return how far grains may at first stray before a list is built anew [m]."""
-    return SLACK * smallest_radius(scene)
+    return BASE_SKIN * smallest_radius(scene)
 
 
 def cell_size(scene: Scene) -> float:
     """Return the side of a cell [m]: about the diameter of the grains that are most frequent."""
-    return 2.0 * (typical_radius(scene) + first_slack(scene))
+    return 2.0 * (typical_radius(scene) + first_skin(scene))
 
 
 def room(scene: Scene) -> float:
@@ -41,3 +47,24 @@ def acceleration(scene: Scene) -> float:
 def rounding(scene: Scene) -> float:
     """Return what may be lost in the digits of a position [m]."""
     return 16.0 * float(np.finfo(float).eps) * scene.radius_out
+
+
+def monitor_threshold(scene: Scene) -> float:
+    """Return the change of a velocity that need not be monitored, in base skins [1/s]."""
+    return MONITOR_THRESHOLD / scene.dt
+
+
+def tile(scene: Scene) -> int:
+    """Return how many pairs are interleaved."""
+    return TILE[scene.order]
+
+
+def paying_threads(scene: Scene) -> int:
+    """Return how many threads pay for one scene: all cores, if there is enough to sweep between two waits.
+
+    A pile has about 3 contacts a grain; they fall in about 12 colors, or in 7 sqrt(n) levels.
+    """
+    if scene.method == "accelerated":
+        sets = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
+        return cores() if 3.0 * scene.n / sets > SHARED_SET else 1
+    return cores() if scene.n >= STRIP_GRAINS else 1

@@ -1,0 +1,179 @@
+"""Accelerated Gauss-Seidel: momentum around a sweep that goes a little too far.
+
+A sweep is coordinate descent on the dual objective of the step (MODEL.md, eq. 14),
+
+    phi = 1/2 sum_i m_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = m_i m_j / (m_i + m_j), m_i at a wall.
+
+Between two sweeps, corrections x and velocities go on along the line from the last ones,
+y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13). With
+beta grows the over-relaxation of the sweep (Young 1954). Here is the sweep from y, with what it has done to
+phi; restart.py accepts or rejects it, stops momentum, and goes on.
+
+The sums that decide this are taken over chunks of fixed length and then in order, so that they, too, are
+the same for any number of threads.
+"""
+
+import warp as wp
+
+from . import law
+from .access import (
+    dv_of,
+    first_of,
+    gap_rate_of,
+    normal_of,
+    second_of,
+    set_dv,
+    set_velocity,
+    velocity_of,
+)
+from .gauss_seidel import weights_of
+from .threads import Team, partial_index, thread_range
+from .types import Contacts, Grains, Momentum, Scene, grain_count, pair_count, wall_count
+from .verlet import monitor
+from .walls import has_inner, wall_cost, wall_projection
+
+f64 = wp.float64
+CHUNK = wp.constant(128)
+ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
+RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta = 1, at first
+
+
+@wp.func
+def chunks_in(count: int) -> int:
+    """How many chunks hold so many elements."""
+    return (count + CHUNK - 1) // CHUNK
+
+
+@wp.func
+def part_count(s: Scene) -> int:
+    """How many parts the sums over pairs have: a chunk may lie in several sets."""
+    return chunks_in(pair_count(s)) + s.contacts.count.sets
+
+
+@wp.func
+def mass_in_phi(grains: Grains, contacts: Contacts, i: int) -> f64:
+    """Mass of a grain; where all masses are equal, phi is by unit mass."""
+    if contacts.weights.shape[0] > 0:
+        return grains.mass[i]
+    return f64(1.0)
+
+
+@wp.func
+def relaxation_factor(s: Scene) -> f64:
+    """How many times its own correction a contact is given."""
+    return f64(1.0) + s.momentum.state.relaxation * s.momentum.state.beta
+
+
+@wp.func
+def correct_pair(
+    grains: Grains, contacts: Contacts, momentum: Momentum, c: int, beta: f64, relaxation: f64
+) -> wp.vec3d:
+    """One pair's correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
+    i = first_of(contacts.pairs, c)
+    j = second_of(contacts.pairs, c)
+    n = normal_of(contacts.pairs, c)
+    gap_rate = gap_rate_of(contacts.pairs, c)
+    weight = weights_of(contacts, c)
+    x = dv_of(contacts.pair_dv, c)
+    ahead = beta * (x - dv_of(momentum.pair_last, c))
+    vi = velocity_of(grains.next_velocity, i)
+    vj = velocity_of(grains.next_velocity, j)
+    excess = wp.dot(vi - vj, n) - gap_rate
+    dv = law.pair_correction(relaxation * excess, x + ahead, f64(0.0))
+    set_velocity(grains.next_velocity, i, vi - dv * n * weight[0])
+    set_velocity(grains.next_velocity, j, vj + dv * n * weight[1])
+    set_dv(momentum.pair_last, c, x)
+    set_dv(contacts.pair_dv, c, x + ahead + dv)
+    mu = mass_in_phi(grains, contacts, i) * weight[0]
+    rise = gap_rate * ahead - ENOUGH * dv * (excess - f64(0.5) * dv)
+    return wp.vec3d(wp.abs(dv), mu * rise, -mu * dv * (ahead + dv))
+
+
+@wp.func
+def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
+    """One grain's wall correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
+    wall = s.contacts.walls[c]
+    y = wall.dv + beta * (wall.dv - s.momentum.wall_last[c])
+    vn = wp.dot(s.grains.next_velocity[wall.i], wall.n)
+    gap_out, gap_in = wall.gap_rate_out, wall.gap_rate_in
+    inner = has_inner(s.walls)
+    new = wall_projection(relaxation * vn, y, relaxation * gap_out, relaxation * gap_in, inner)
+    dv = new - y
+    s.grains.next_velocity[wall.i] = s.grains.next_velocity[wall.i] - dv * wall.n
+    s.momentum.wall_last[c] = wall.dv
+    s.contacts.walls[c].dv = new
+    cost_y = wall_cost(y, gap_out, gap_in)
+    gain = dv * (vn - f64(0.5) * dv) - (wall_cost(new, gap_out, gap_in) - cost_y)
+    rise = cost_y - wall_cost(wall.dv, gap_out, gap_in) - ENOUGH * gain
+    mu = mass_in_phi(s.grains, s.contacts, wall.i)
+    return wp.vec3d(wp.abs(dv), mu * rise, -mu * dv * (new - wall.dv))
+
+
+@wp.func
+def sweep_pairs_ahead(team: Team, s: Scene, k: int):
+    """Correct the pairs of a set."""
+    zeta = f64(0.0)
+    grains, contacts, momentum = s.grains, s.contacts, s.momentum
+    beta = s.momentum.state.beta
+    relaxation = relaxation_factor(s)
+    monitored = s.verlet.flags.monitored
+    start = s.contacts.set_start[k]
+    stop = s.contacts.set_start[k + 1]
+    begin, end = thread_range(team, start // CHUNK, chunks_in(stop))
+    for chunk in range(begin, end):
+        part = wp.vec2d(f64(0.0), f64(0.0))
+        c = wp.max(start, chunk * CHUNK)
+        last = wp.min(stop, (chunk + 1) * CHUNK)
+        while c < last:
+            result = correct_pair(grains, contacts, momentum, c, beta, relaxation)
+            zeta = wp.max(zeta, result[0])
+            part = part + wp.vec2d(result[1], result[2])
+            if monitored != 0:
+                monitor(s, first_of(contacts.pairs, c))
+                monitor(s, second_of(contacts.pairs, c))
+            c += 1
+        s.momentum.pair_part[chunk + k] = part
+    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
+
+
+@wp.func
+def sweep_walls_ahead(team: Team, s: Scene):
+    """Correct the grains that may reach a wall."""
+    zeta = f64(0.0)
+    beta = s.momentum.state.beta
+    relaxation = relaxation_factor(s)
+    begin, end = thread_range(team, 0, chunks_in(wall_count(s)))
+    for chunk in range(begin, end):
+        part = wp.vec2d(f64(0.0), f64(0.0))
+        for c in range(chunk * CHUNK, wp.min(wall_count(s), (chunk + 1) * CHUNK)):
+            result = correct_wall(s, c, beta, relaxation)
+            zeta = wp.max(zeta, result[0])
+            part = part + wp.vec2d(result[1], result[2])
+            if s.verlet.flags.monitored != 0:
+                monitor(s, s.contacts.walls[c].i)
+        s.momentum.wall_part[chunk] = part
+    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
+
+
+@wp.func
+def begin_momentum(team: Team, s: Scene):
+    """Start without momentum; parts of chunks that no set has stay zero."""
+    first, last = thread_range(team, 0, grain_count(s))
+    for i in range(first, last):
+        s.momentum.last_velocity[i] = s.grains.next_velocity[i]
+    first, last = thread_range(team, 0, chunks_in(grain_count(s)))
+    for k in range(first, last):
+        s.momentum.grain_part[k] = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
+    first, last = thread_range(team, 0, pair_count(s))
+    for c in range(first, last):
+        s.momentum.pair_last[c] = s.contacts.pair_dv[c]
+    first, last = thread_range(team, 0, wall_count(s))
+    for c in range(first, last):
+        s.momentum.wall_last[c] = s.contacts.walls[c].dv
+    first, last = thread_range(team, 0, part_count(s))
+    for k in range(first, last):
+        s.momentum.pair_part[k] = wp.vec2d(f64(0.0), f64(0.0))
+    if team.rank == 0:
+        s.momentum.state.t = f64(1.0)
+        s.momentum.state.beta = f64(0.0)
+        s.momentum.state.relaxation = RELAXATION

@@ -1,0 +1,130 @@
+"""Stages launched on a GPU: each is a launch of its own, loops and conditions are nodes of the captured graph.
+
+The stages are those of the CPU's kernel, wrapped the same way (fuse.py); the end of a launch is the barrier.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+
+import warp as wp
+
+from .conditions import sweeping
+from .fuse import fuse
+from .stages import OPTIONS, Each, If, Serial, Sets, Shared, Stage, While
+from .threads import TeamRecord, member
+from .types import Scene, SceneRecord
+
+GPU_THREADS = 1 << 16
+GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
+
+
+@wp.func
+def begin_sets(s: Scene):
+    """Begin with the first set."""
+    s.control.set = 0
+    s.control.sweeping = 1 if s.contacts.count.sets > 0 else 0
+
+
+@wp.func
+def next_set(s: Scene):
+    """Go on with the next set."""
+    s.control.set = s.control.set + 1
+    s.control.sweeping = 1 if s.control.set < s.contacts.count.sets else 0
+
+
+@cache
+def stage_kernel(stage: Serial | Each | Shared | Sets, module: wp.Module) -> wp.Kernel:
+    """Return the kernel of one stage; of a set, it is the one that `Control` names."""
+    run = _one_set(stage.stage) if isinstance(stage, Sets) else fuse([stage])
+
+    @wp.kernel(module=module)
+    def launched(records: wp.array(dtype=SceneRecord), k: int, team: TeamRecord):
+        one = member(team, wp.tid())
+        run(one, records[k])
+
+    return launched
+
+
+def _one_set(stage: wp.Function) -> wp.Function:
+    @wp.func
+    def one_set(team: wp.ref[TeamRecord], s: Scene):
+        stage(team, s, s.control.set)
+
+    return one_set
+
+
+def leaves(stages: Sequence[Stage]) -> list[Serial | Each | Shared | Sets]:
+    """Return all that is launched, as a GPU does it: elements that add up may do so side by side there."""
+    found: list[Serial | Each | Shared | Sets] = []
+    for stage in stages:
+        match stage:
+            case If(_, inner) | While(_, inner):
+                found += leaves(inner)
+            case Each():
+                found.append(replace(stage, adds_up=False))
+            case Sets():
+                found += [Serial(begin_sets), stage, Serial(next_set)]
+            case _:
+                found.append(stage)
+    return found
+
+
+class Launcher:
+    """Launches stages for one scene on one device.
+
+    Parameters
+    ----------
+    module : wp.Module
+        Where the kernels of the stages are compiled.
+    records : array of SceneRecord
+    k : int
+        The scene.
+    threads : int
+        Of a launch.
+    """
+
+    def __init__(self, module: wp.Module, records: wp.array, k: int, threads: int = GPU_THREADS):
+        self._module, self._records, self._k = module, records, k
+        wp.set_module_options(OPTIONS, module)
+        self._team = TeamRecord()
+        self._team.size = threads
+
+    def __call__(self, stages: Sequence[Stage]) -> None:
+        """Launch stages, or add them to the graph that is being captured."""
+        for stage in stages:
+            match stage:
+                case If(condition, inner):
+                    wp.capture_if(self._control(condition), self._later(inner))
+                case While(condition, inner):
+                    wp.capture_while(self._control(condition), self._later(inner))
+                case Each():
+                    self._launch(replace(stage, adds_up=False), self._team.size)
+                case Serial():
+                    self._launch(stage, 1)
+                case Shared():
+                    self._launch(stage, self._team.size)
+                case Sets():
+                    self._launch(Serial(begin_sets), 1)
+                    wp.capture_while(self._control(sweeping), lambda stage=stage: self._next_set(stage))
+
+    def _later(self, stages: Sequence[Stage]) -> Callable[[], None]:
+        return lambda: self(stages)
+
+    def _next_set(self, stage: Sets) -> None:
+        self._launch(stage, self._team.size)
+        self._launch(Serial(next_set), 1)
+
+    def _launch(self, stage: Serial | Each | Shared | Sets, threads: int) -> None:
+        kernel = stage_kernel(stage, self._module)
+        inputs = (self._records, self._k, self._team)
+        wp.launch(kernel, dim=threads, inputs=inputs, device=self._records.device)
+
+    def _control(self, condition: wp.Function) -> wp.array:
+        """Return the number that a condition reads, where the record has it."""
+        dtype = SceneRecord.numpy_dtype()
+        control = dict(zip(dtype["names"], dtype["offsets"], strict=True))["control"]
+        inner = dtype["formats"][dtype["names"].index("control")]
+        offset = control + inner["offsets"][inner["names"].index(condition.func.__name__)]
+        pointer = self._records.ptr + self._k * dtype["itemsize"] + offset
+        return wp.array(ptr=pointer, dtype=wp.int32, shape=(1,), device=self._records.device)

@@ -1,0 +1,128 @@
+"""What comes between two accelerated sweeps (accelerated.py): restart, monotone safeguard, extrapolation.
+
+Momentum stops when it points up the gradient (O'Donoghue and Candes 2015), but t is only halved: the speed is
+gone, the friction stays low, and the next run is soon as fast (Liang, Luo and Schoenlieb 2022). A sweep that
+does not make good what going on to y has cost in phi is rejected, which stops momentum as well; so phi falls
+from sweep to sweep. Over-relaxation is what most often raises it, and is worn down each time.
+
+Velocities that are corrected in place gather rounding errors, and momentum carries these on. Now and then
+they are rebuilt from the corrections, and the last ones moved by as much: without that, the difference of
+the two would hold a push that no correction has, and that every sweep repeats.
+"""
+
+import warp as wp
+
+from .access import set_velocity, velocity_of
+from .accelerated import CHUNK, chunks_in, mass_in_phi, part_count
+from .stopping import decide_to_stop
+from .threads import Team, thread_range
+from .types import Scene, grain_count, pair_count, wall_count
+from .verlet import monitor, monitor_next
+
+f64 = wp.float64
+ROUNDING = wp.constant(f64(2.0e-15))
+RELAXATION_BACKOFF = wp.constant(f64(0.8))  # what a rejected sweep leaves of the over-relaxation
+MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # what a stop leaves of t
+REBUILD_EVERY = wp.constant(100)  # iterations between two times that velocities are rebuilt
+
+
+@wp.func
+def accept_or_reject(s: Scene) -> f64:
+    """Reject a sweep after which phi has risen; choose how far to go on after the others.
+
+    Returns the largest change of a velocity [m/s] on the way to this sweep's y.
+    """
+    part = wp.vec2d(f64(0.0), f64(0.0))
+    for k in range(part_count(s)):
+        part = part + s.momentum.pair_part[k]
+    for k in range(chunks_in(wall_count(s))):
+        part = part + s.momentum.wall_part[k]
+    energy = f64(0.0)
+    size = f64(0.0)
+    farthest = f64(0.0)
+    for k in range(chunks_in(grain_count(s))):
+        energy = energy + s.momentum.grain_part[k][0]
+        size = size + s.momentum.grain_part[k][1]
+        farthest = wp.max(farthest, s.momentum.grain_part[k][2])
+    t = s.momentum.state.t
+    beta = s.momentum.state.beta
+    rejected = beta > f64(0.0) and part[0] + beta * (f64(0.5) * energy - ROUNDING * size) > f64(0.0)
+    if rejected:
+        s.momentum.state.relaxation = RELAXATION_BACKOFF * s.momentum.state.relaxation
+    if rejected or part[1] > f64(0.0):
+        s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * t)
+        s.momentum.state.beta = f64(0.0)
+    else:
+        s.momentum.state.t = f64(0.5) * (f64(1.0) + wp.sqrt(f64(1.0) + f64(4.0) * t * t))
+        s.momentum.state.beta = (t - f64(1.0)) / s.momentum.state.t
+    s.control.rejected = 1 if rejected else 0
+    return beta * wp.sqrt(farthest)
+
+
+@wp.func
+def decide_ahead(s: Scene):
+    """What follows on an accelerated sweep."""
+    change = accept_or_reject(s)
+    decide_to_stop(s)
+    if s.control.rejected == 0 and s.step.iterations % REBUILD_EVERY == 0:
+        s.control.measuring = 1
+        s.control.rebuilding = 1
+    monitor_next(s, s.verlet.numbers.max_row_sum * s.step.zeta + change)
+
+
+@wp.func
+def roll_back_pair(s: Scene, c: int):
+    """Take back a rejected correction."""
+    s.contacts.pair_dv[c] = s.momentum.pair_last[c]
+
+
+@wp.func
+def roll_back_wall(s: Scene, c: int):
+    """Take back a rejected correction at a wall."""
+    s.contacts.walls[c].dv = s.momentum.wall_last[c]
+
+
+@wp.func
+def roll_back_velocity(s: Scene, i: int):
+    """Give a grain the velocity that it had before a rejected sweep."""
+    set_velocity(s.grains.next_velocity, i, velocity_of(s.momentum.last_velocity, i))
+
+
+@wp.func
+def take_rebuilt_velocity(s: Scene, i: int):
+    """Give a grain the velocity that its corrections make, and move the last one by as much."""
+    rebuilt = velocity_of(s.grains.rebuilt_velocity, i)
+    last = velocity_of(s.momentum.last_velocity, i)
+    set_velocity(s.momentum.last_velocity, i, last + (rebuilt - velocity_of(s.grains.next_velocity, i)))
+    set_velocity(s.grains.next_velocity, i, rebuilt)
+
+
+@wp.func
+def extrapolate(team: Team, s: Scene):
+    """Take the velocities on to y."""
+    n = grain_count(s)
+    grains, contacts = s.grains, s.contacts
+    last_velocity = s.momentum.last_velocity
+    beta = s.momentum.state.beta
+    monitored = s.verlet.flags.monitored
+    begin, end = thread_range(team, 0, chunks_in(n))
+    for k in range(begin, end):
+        energy = f64(0.0)
+        size = f64(0.0)
+        farthest = f64(0.0)
+        i = k * CHUNK
+        stop = wp.min(n, (k + 1) * CHUNK)
+        while i < stop:
+            v = velocity_of(grains.next_velocity, i)
+            change = v - velocity_of(last_velocity, i)
+            y = v + beta * change
+            set_velocity(last_velocity, i, v)
+            set_velocity(grains.next_velocity, i, y)
+            m = mass_in_phi(grains, contacts, i)
+            energy = energy + m * wp.dot(change, v + y)
+            size = size + m * wp.dot(v, v)
+            farthest = wp.max(farthest, wp.dot(change, change))
+            if monitored != 0:
+                monitor(s, i)
+            i += 1
+        s.momentum.grain_part[k] = wp.vec3d(energy, size, farthest)

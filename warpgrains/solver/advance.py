@@ -1,0 +1,56 @@
+"""Scenes advanced by threads, and what they wait for done by the thread that called."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from warpgrains.solver.engine import Engine
+from warpgrains.solver.threads import side_by_side
+
+OnProgress = Callable[[int], object]
+"""Told now and then how many steps more have been done."""
+
+
+def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | None = None) -> None:
+    """Do the steps that were submitted; a scene that fails stops, and the others go on.
+
+    Parameters
+    ----------
+    engines : sequence of Engine
+    threads : int
+        On a CPU; teams of more than one must be as large.
+    on_progress : callable, optional
+        Without it, a single thread works in the caller's place, and cannot be interrupted.
+    """
+    left = _left(engines)
+
+    def glance() -> None:
+        nonlocal left
+        before, left = left, _left(engines)
+        if on_progress is not None:
+            on_progress(before - left)
+
+    def halt() -> None:
+        for engine in engines:
+            engine.halt()
+
+    try:
+        going_on = True
+        while going_on:
+            works = [partial(_do, each) for each in zip(*(engine.works(threads) for engine in engines))]
+            if len(works) == 1 and on_progress is None:
+                works[0]()
+            else:
+                side_by_side(works, glance, halt)
+            going_on = sum(engine.service() for engine in engines) > 0
+    finally:
+        for engine in engines:
+            engine.finish_open_steps()
+
+
+def _left(engines: Sequence[Engine]) -> int:
+    return sum(int(engine.left.sum()) for engine in engines)
+
+
+def _do(works: Sequence[Callable[[], None]]) -> None:
+    for work in works:
+        work()
