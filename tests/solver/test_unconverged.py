@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from same_bits import contents
-from test_infeasible import chain
+from sample_scenes import chain
 
 from warpgrains import Scene, Simulation, SimulationError
 from warpgrains.cli.main import main
