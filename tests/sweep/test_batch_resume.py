@@ -180,7 +180,7 @@ class TestKilled:
 
     def steps_kept(self, out: Path) -> int:
         kept = (out / "runs").glob("*/checkpoint.npz")
-        return sum(read_checkpoint(path).tally.steps for path in kept)
+        return sum(read_checkpoint(path).statistics.steps for path in kept)
 
     def test_resumed(self, tmp_path, undisturbed):
         self.kill_and_resume(tmp_path, undisturbed, [], [1_000, 5_000])

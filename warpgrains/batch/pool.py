@@ -27,10 +27,10 @@ from warpgrains.scene.state import Lists, State
 from warpgrains.solver import tuning as scales
 from warpgrains.solver.failures import not_converged, not_finite
 from warpgrains.solver.host_list import HostList
-from warpgrains.solver.infeasible import find_certificate, iterations_worth_a_search
+from warpgrains.solver.infeasible import find_infeasibility_proof, iterations_worth_a_search
 from warpgrains.solver.launch import CAPTURING
 from warpgrains.solver.scene_records import SceneRecords
-from warpgrains.solver.statistics import StepReport, Tally
+from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.step_report import gap_error, read_step_report
 
 PLACES = {
@@ -159,7 +159,9 @@ class ScenePool:
     def _look_for_proof(self, k: int) -> None:
         """Name the grains that cannot fit after an unconverged step, as `Simulation` does."""
         position, velocity = self._array(k, "grains.last_position"), self._array(k, "grains.velocity")
-        certificate = find_certificate(self.scenes[k], position, velocity, self._list(k).corrections())
+        certificate = find_infeasibility_proof(
+            self.scenes[k], position, velocity, self._list(k).corrections()
+        )
         wait = 0 if certificate else iterations_worth_a_search(self.scenes[k].n)
         self._array(k, "flag")[TO_SEARCH] = wait
         if certificate:
@@ -199,7 +201,7 @@ class ScenePool:
             return not_finite(grain, velocity[grain].tolist())
         scene, contacts, report = self.scenes[k], self._list(k), self._array(k, "progress.report")
         position, residual = self._array(k, "grains.position"), self._array(k, "progress.residual").item()
-        certificate = find_certificate(scene, position, velocity, contacts.corrections())
+        certificate = find_infeasibility_proof(scene, position, velocity, contacts.corrections())
         contacts.revert()
         return not_converged(scene, int(report[ITERATIONS]), report[ZETA].item(), residual, certificate)
 
@@ -210,12 +212,12 @@ class ScenePool:
         report = read_step_report(scene, smallest, told, counts, int(flag[REBUILDS]), int(flag[REDOS]))
         return replace(report, infeasible=dict(self._proofs[k]).get(self._done(k), ()))
 
-    def tally(self, k: int) -> Tally:
+    def tally(self, k: int) -> RunStatistics:
         """Return what scene k has done since it was asked."""
         sums, scene = self._array(k, "tally"), self.scenes[k]
         residual = sums[WORST_RESIDUAL].item()
         counts = sums.astype(np.int64).tolist()
-        return Tally(
+        return RunStatistics(
             steps=counts[STEPS],
             iterations=counts[SUM],
             iterations_max=counts[MOST],

@@ -12,7 +12,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.grains import variant_of
-from warpgrains.solver.statistics import StepReport, Tally
+from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.threads import side_by_side
 
 Advanced = Callable[[int], object]
@@ -31,7 +31,7 @@ class Wave(Protocol):
     def work(self, steps: Mapping[int, int], advanced: Advanced) -> None:
         """Do so many steps of each scene; one that fails stops, and the others go on."""
 
-    def tally(self, k: int) -> Tally:
+    def tally(self, k: int) -> RunStatistics:
         """Return what scene k has done of the last work."""
 
     def report(self, k: int) -> StepReport:
@@ -104,7 +104,7 @@ class SmallScenes:
         for pool in self._pools:
             pool.halt()
 
-    def tally(self, k: int) -> Tally:
+    def tally(self, k: int) -> RunStatistics:
         """Return what scene k has done of the last work."""
         pool, place = self._place[k]
         return pool.tally(place)
@@ -137,7 +137,7 @@ class LargeScene:
 
     def __init__(self, scene: Scene, device: str, threads: int):
         self._simulation = Simulation(scene, device, threads)
-        self._tally = Tally()
+        self._tally = RunStatistics()
         self._error: str | None = None
         self._report: StepReport
 
@@ -152,7 +152,7 @@ class LargeScene:
     def work(self, steps: Mapping[int, int], advanced: Advanced) -> None:
         """Do so many steps."""
         (count,) = steps.values()
-        start, self._tally, self._error = perf_counter(), Tally(), None
+        start, self._tally, self._error = perf_counter(), RunStatistics(), None
         try:
             while self._tally.steps < count:
                 self._report = self._simulation.step()
@@ -162,7 +162,7 @@ class LargeScene:
             self._error = str(error)
         self._tally.seconds = perf_counter() - start
 
-    def tally(self, k: int) -> Tally:
+    def tally(self, k: int) -> RunStatistics:
         """Return what was done of the last work."""
         return self._tally
 

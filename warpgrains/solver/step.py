@@ -21,7 +21,11 @@ from warpgrains.solver.grains import (
     allocate_watch,
     variant_of,
 )
-from warpgrains.solver.infeasible import Certificate, find_certificate, iterations_worth_a_search
+from warpgrains.solver.infeasible import (
+    InfeasibilityProof,
+    find_infeasibility_proof,
+    iterations_worth_a_search,
+)
 from warpgrains.solver.launch import Replay, reader
 from warpgrains.solver.memory import require_memory
 from warpgrains.solver.statistics import StepReport
@@ -232,10 +236,10 @@ class StepSolver:
         iterations = int(report[ITERATIONS])
         raise SimulationError(not_converged(self._scene, iterations, zeta, residual, certificate))
 
-    def _search(self, position: wp.array, velocity: wp.array) -> Certificate | None:
+    def _search(self, position: wp.array, velocity: wp.array) -> InfeasibilityProof | None:
         """Look for a proof that the step has no solution."""
         corrections = self.contacts.corrections()
-        return find_certificate(self._scene, position.numpy(), velocity.numpy(), corrections)
+        return find_infeasibility_proof(self._scene, position.numpy(), velocity.numpy(), corrections)
 
     def name_grains_that_cannot_fit(self, report: StepReport) -> StepReport:
         """Search for them after an unconverged step; a search that finds none waits until the next pays."""
