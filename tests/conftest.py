@@ -2,21 +2,14 @@
 
 import ctypes
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import pytest
+from simulate import WAYS, Simulate
 
-from warpgrains import Scene, Simulation
+from warpgrains import Scene
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning as scales
-
-WAYS = [
-    pytest.param((1, True), id="1 thread"),
-    pytest.param((2, True), id="2 threads", marks=pytest.mark.slow),
-    pytest.param((1, False), id="1 thread, a list every step", marks=pytest.mark.slow),
-    pytest.param((2, False), id="2 threads, a list every step", marks=pytest.mark.slow),
-]
 
 
 @pytest.fixture(scope="session")
@@ -36,20 +29,6 @@ def reference(c_library: ctypes.CDLL) -> Callable[..., Reference]:
         return Reference(c_library, scene, state)
 
     return make
-
-
-@dataclass(frozen=True)
-class Simulate:
-    """A way to simulate a scene; all but the first are tested for fewer steps."""
-
-    threads: int
-    use_again: bool
-
-    def __call__(self, scene: Scene) -> Simulation:
-        return Simulation(scene, threads=self.threads)
-
-    def of(self, steps: int) -> int:
-        return steps if (self.threads, self.use_again) == (1, True) else steps // 5
 
 
 @pytest.fixture(params=WAYS)

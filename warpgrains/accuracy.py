@@ -4,9 +4,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from warpgrains.analysis.accuracy import Certificate, certify
+    from warpgrains.analysis.accuracy import ErrorBound, certify
 
-__all__ = ["Certificate", "certify"]
+__all__ = ["ErrorBound", "certify"]
 
 
 def __getattr__(name: str) -> Any:

@@ -7,7 +7,7 @@ import numpy as np
 
 from warpgrains import Scene, Simulation
 
-from ..same_bits import assert_same_bits
+from ..support.same_bits import assert_same_bits
 from .compiled import COMPILER, CReference, sweep_in_c
 from .inside import Sweeps
 from .options import Options

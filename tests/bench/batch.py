@@ -1,6 +1,6 @@
 """Measure how fast a batch is, beside the C reference in a loop, and how its cost is made up, as CSV.
 
-python -m tests.bench.batch -o tests/bench/batch.csv
+python -m tests.bench.batch -o tests/bench/results/batch.csv
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """A dask cluster of two local workers against two threads of one process, on the same sweep: CSV, medians.
 
-    python -m tests.bench.cluster -o tests/bench/cluster.csv
+    python -m tests.bench.cluster -o tests/bench/results/cluster.csv
 
 Each time is that of the whole command, from its start; the cluster is there before, its workers are new.
 """

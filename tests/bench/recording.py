@@ -1,6 +1,6 @@
 """How long recording takes, how much memory, how large the file: one CSV line a case, median of three runs.
 
-    python tests/bench/recording.py > recording.csv
+    python tests/bench/recording.py > tests/bench/results/recording.csv
 
 Only `record` and `close` are timed; each run is a process of its own, so that its peak memory is its own.
 """

@@ -22,6 +22,7 @@ COLUMNS = (
     "repeats",
 )
 SLOWDOWN, SPEEDUP = "median / its median", "its median / median"
+RESULTS = Path(__file__).with_name("results")
 
 
 @dataclass(frozen=True)

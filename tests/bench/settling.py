@@ -1,6 +1,6 @@
 """Accelerated against plain Gauss-Seidel while 1,000 grains settle from rows: sweeps, and the true error.
 
-    python -m tests.bench.settling -o tests/bench/settling.csv --steps 200
+    python -m tests.bench.settling -o tests/bench/results/settling.csv --steps 200
 
 No time is measured, so the machine may be busy. All 200 steps, 2 s, take several minutes, nearly all of it in
 plain Gauss-Seidel; the default is a part of them, in which the first grains have landed.

@@ -1,6 +1,6 @@
 """How fast a step is, beside what it is compared with, in one run: CSV, medians.
 
-    python -m tests.bench.step -o tests/bench/step.csv
+    python -m tests.bench.step -o tests/bench/results/step.csv
 
 Wants a machine with nothing else to do, Linux, and gcc.
 """

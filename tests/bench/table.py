@@ -1,12 +1,12 @@
 """Print a benchmark's CSV as a Markdown table, losses included.
 
-python -m tests.bench.table tests/bench/step.csv
+python -m tests.bench.table tests/bench/results/step.csv
 """
 
 import argparse
 from pathlib import Path
 
-from .rows import SPEEDUP, is_reached, read
+from .rows import RESULTS, SPEEDUP, is_reached, read
 
 HEAD = ["what", "n", "order", "threads", "median", "against", "its median", "ratio", "target", "reached"]
 
@@ -45,7 +45,7 @@ def markdown(rows: list[dict[str, str]]) -> str:
 def main() -> None:
     """Read one CSV file."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench.table")
-    parser.add_argument("csv", type=Path, nargs="?", default=Path(__file__).with_name("step.csv"))
+    parser.add_argument("csv", type=Path, nargs="?", default=RESULTS / "step.csv")
     print(markdown(read(parser.parse_args().csv)))
 
 

@@ -9,7 +9,7 @@ from warpgrains.simulation.simulation import Simulation
 
 
 @dataclass(frozen=True)
-class Certificate:
+class ErrorBound:
     """How far the velocities of a step are from the exact ones.
 
     Attributes
@@ -29,7 +29,7 @@ class Certificate:
     at_most: float
 
 
-def certify(simulation: Simulation) -> Certificate:
+def certify(simulation: Simulation) -> ErrorBound:
     """Measure the true error of a simulation's last step.
 
     The step's convex problem (SPEC.md, "Why it is hard") is set up from the positions and velocities at its
@@ -56,7 +56,7 @@ def certify(simulation: Simulation) -> Certificate:
     velocity = simulation.velocity
     exact = solve_exactly(StepProblem(simulation.scene, *simulation.last_start()), velocity)
     difference = float(np.abs(velocity - exact.velocity).max())
-    return Certificate(
+    return ErrorBound(
         error=difference if difference > exact.error else None,
         solver_error=exact.error,
         at_most=difference + exact.error,

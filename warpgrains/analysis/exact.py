@@ -17,7 +17,7 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
-from warpgrains.analysis.problem import Constraints, StepProblem
+from warpgrains.analysis.problem import LinearConstraints, StepProblem
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SimulationError
 
@@ -71,7 +71,7 @@ def solve_exactly(problem: StepProblem, velocity: FloatArray) -> ExactStep:
         speed = np.maximum(speed, REACH * found)
 
 
-def _solve(problem: StepProblem, constraints: Constraints) -> ExactStep:
+def _solve(problem: StepProblem, constraints: LinearConstraints) -> ExactStep:
     """Solve a step for given constraints."""
     root = np.sqrt(np.repeat(problem.scene.mass, 2))
     free = problem.free_velocity.ravel()

@@ -16,7 +16,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.scene import Scene
 
 
-class Constraints(NamedTuple):
+class LinearConstraints(NamedTuple):
     """Rows of J v <= b."""
 
     rows: sparse.csr_array
@@ -46,7 +46,7 @@ class StepProblem:
         scene, v = self.scene, self.velocity
         return v + scene.dt * (np.array(scene.gravity) - (scene.drag / scene.mass)[:, np.newaxis] * v)
 
-    def constraints(self, speed: FloatArray) -> Constraints:
+    def constraints(self, speed: FloatArray) -> LinearConstraints:
         """Return all constraints that velocities can violate, if no grain is faster than its speed.
 
         Parameters
@@ -59,9 +59,9 @@ class StepProblem:
         if self.scene.radius_in > 0.0:
             sides.append(self._wall(speed, outer=False))
         rows = sparse.vstack([pairs.rows, *(side.rows for side in sides)], format="csr")
-        return Constraints(rows, np.concatenate([pairs.bound, *(side.bound for side in sides)]))
+        return LinearConstraints(rows, np.concatenate([pairs.bound, *(side.bound for side in sides)]))
 
-    def _pairs(self, speed: FloatArray) -> Constraints:
+    def _pairs(self, speed: FloatArray) -> LinearConstraints:
         """Between grains (v_i - v_j) . n <= gap / dt."""
         scene, position = self.scene, self.position
         i, j = pairs_within(position, scene.radius, scene.dt * speed).T
@@ -69,15 +69,15 @@ class StepProblem:
         distance = np.hypot(*d.T)
         normal = d / distance[:, np.newaxis]
         gap = distance - (scene.radius[i] + scene.radius[j])
-        return Constraints(_rows(scene.n, i, normal) - _rows(scene.n, j, normal), gap / scene.dt)
+        return LinearConstraints(_rows(scene.n, i, normal) - _rows(scene.n, j, normal), gap / scene.dt)
 
-    def _wall(self, speed: FloatArray, outer: bool) -> Constraints:
+    def _wall(self, speed: FloatArray, outer: bool) -> LinearConstraints:
         """At the outer wall v . n <= gap / dt, at the inner one -v . n <= gap / dt."""
         scene, rho = self.scene, np.hypot(*self.position.T)
         gap = scene.radius_out - rho - scene.radius if outer else rho - scene.radius_in - scene.radius
         i = np.flatnonzero(gap <= scene.dt * speed).astype(np.int64)
         normal = (1.0 if outer else -1.0) * self.position[i] / rho[i, np.newaxis]
-        return Constraints(_rows(scene.n, i, normal), gap[i] / scene.dt)
+        return LinearConstraints(_rows(scene.n, i, normal), gap[i] / scene.dt)
 
 
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:

@@ -14,7 +14,7 @@ from warpgrains.solver.grains import variant_of
 from warpgrains.solver.launch import CAPTURING
 from warpgrains.solver.memory import free_memory, require_memory
 from warpgrains.solver.record_layout import Counts, first_room, record_bytes
-from warpgrains.solver.statistics import StepReport, Tally
+from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.step import PAIRS_PER_GRAIN, paying_threads
 
 SHARE = 0.5  # of the free memory that a wave may take
@@ -24,7 +24,7 @@ class Done(NamedTuple):
     """What became of scene k: what it has done, its last report, and why it stopped early, if it did."""
 
     k: int
-    tally: Tally
+    tally: RunStatistics
     report: StepReport | None
     error: str | None
 

@@ -15,7 +15,7 @@ from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder
 from warpgrains.scene import checks
 from warpgrains.sweep.folder import SweepFolder
-from warpgrains.sweep.options import Means
+from warpgrains.sweep.options import ExecutionOptions
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.tables import Row
 
@@ -49,7 +49,7 @@ def run(arguments: Namespace) -> bool:
     try:
         folder.copy_grain_files(sweep)
         with stdout_kept_clean():
-            _carry_out(folder, left, len(share), arguments)
+            _finish(folder, left, len(share), arguments)
     finally:
         rows = folder.write_tables(sweep)
     numbers = {str(one.number) for one in share}
@@ -94,10 +94,10 @@ def _left(folder: SweepFolder, share: list[Run], resume: bool) -> list[Run]:
     return [one for one in share if not folder.is_finished(one)]
 
 
-def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> None:
+def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> None:
     """Finish what is left, here or on a cluster."""
     files = [SweepFolder(folder.path.absolute()).of(one) for one in left]
-    means = _means(arguments)
+    execution = _execution(arguments)
     with tqdm(
         total=total,
         initial=total - len(left),
@@ -110,15 +110,15 @@ def _carry_out(folder: SweepFolder, left: list[Run], total: int, arguments: Name
             from warpgrains.simulation.simulation import find_device
             from warpgrains.sweep.runner import finish_runs
 
-            find_device(means.device)
-            finish_runs(files, means, bar.update)
+            find_device(execution.device)
+            finish_runs(files, execution, bar.update)
         else:
             from warpgrains.sweep.cluster import finish_on_cluster
 
-            finish_on_cluster(files, means, bar.update, arguments.scheduler, arguments.slurm)
+            finish_on_cluster(files, execution, bar.update, arguments.scheduler, arguments.slurm)
 
 
-def _means(arguments: Namespace) -> Means:
+def _execution(arguments: Namespace) -> ExecutionOptions:
     """Return with what the runs are carried out."""
     if arguments.threads is not None:
         checks.whole_number("--threads", arguments.threads)
@@ -127,7 +127,7 @@ def _means(arguments: Namespace) -> Means:
     if arguments.fps is not None and not arguments.usd:
         raise SceneError("--fps needs --usd")
     fps = DEFAULT_FPS if arguments.fps is None else checks.positive("--fps", arguments.fps)
-    return Means(arguments.device, arguments.threads, fps if arguments.usd else None)
+    return ExecutionOptions(arguments.device, arguments.threads, fps if arguments.usd else None)
 
 
 def _lines(folder: SweepFolder, share: list[Run], left: list[Run], done: list[Row], seconds: float) -> str:

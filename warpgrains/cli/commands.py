@@ -8,9 +8,9 @@ from warpgrains.errors import missing_extra
 
 def run(arguments: Namespace) -> bool:
     """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
-    from warpgrains.cli.run import run
+    from warpgrains.cli.run import run_command
 
-    return run(arguments)
+    return run_command(arguments)
 
 
 def batch(arguments: Namespace) -> bool:

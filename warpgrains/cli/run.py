@@ -18,9 +18,9 @@ from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state_checks import first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint
-from warpgrains.simulation.options import Plan
-from warpgrains.simulation.run import carry_out, open_outputs
-from warpgrains.solver.statistics import Summary, Tally, named
+from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.run import open_outputs, run
+from warpgrains.solver.statistics import RunStatistics, Summary, named
 
 # What a resumed run takes from its checkpoint: the option of each argument.
 KEPT = {
@@ -36,42 +36,44 @@ KEPT = {
 }
 
 
-def run(arguments: Namespace) -> bool:
+def run_command(arguments: Namespace) -> bool:
     """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
-    start, plan = _begin(arguments) if arguments.resume is None else _resume(arguments)
-    if arguments.every is not None and plan.checkpoint is None:
+    start, options = _begin(arguments) if arguments.resume is None else _resume(arguments)
+    if arguments.every is not None and options.checkpoint is None:
         raise SceneError("--every needs --checkpoint")
-    open_outputs(plan, start.scene, start.tally)  # refuse bad ones before Warp starts and compiles kernels
+    open_outputs(
+        options, start.scene, start.statistics
+    )  # refuse bad ones before Warp starts and compiles kernels
     with stdout_kept_clean():
-        summary = _simulate(start, plan, arguments.device, arguments.threads)
+        summary = _simulate(start, options, arguments.device, arguments.threads)
     results = _results(start.scene, summary)
     print(json.dumps(results) if arguments.json else _lines(results))
     return False
 
 
-def _begin(arguments: Namespace) -> tuple[Checkpoint, Plan]:
+def _begin(arguments: Namespace) -> tuple[Checkpoint, RunOptions]:
     """Return the start of a new run, and what it is to do."""
     if arguments.scene is None:
         raise SceneError("SCENE is missing, or --resume FILE")
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
     scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
     given = _given(arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "every")
-    plan = Plan(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
-    return Checkpoint(scene, first_state(scene), plan, Tally()), plan
+    options = RunOptions(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
+    return Checkpoint(scene, first_state(scene), options, RunStatistics()), options
 
 
-def _resume(arguments: Namespace) -> tuple[Checkpoint, Plan]:
+def _resume(arguments: Namespace) -> tuple[Checkpoint, RunOptions]:
     """Return where a run was when it left its checkpoint, and what it is to do in all."""
     for name in _given(arguments, *KEPT):
         raise SceneError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
     start = read_checkpoint(Path(arguments.resume))
-    begun_at = start.state.steps - start.tally.steps
-    planned = start.scene.steps if start.plan is None else begun_at + start.plan.steps
+    begun_at = start.state.steps - start.statistics.steps
+    planned = start.scene.steps if start.options is None else begun_at + start.options.steps
     end = _steps(start.scene, arguments) or planned
     if end < start.state.steps:
         raise SceneError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
-    plan = start.plan or Plan(steps=planned)
-    return start, replace(plan, steps=end - begun_at, **_given(arguments, "checkpoint", "every"))
+    options = start.options or RunOptions(steps=planned)
+    return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint", "every"))
 
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
@@ -89,7 +91,7 @@ def _steps(scene: Scene, arguments: Namespace) -> int | None:
     return None
 
 
-def _simulate(start: Checkpoint, plan: Plan, device: str, threads: int | None) -> Summary:
+def _simulate(start: Checkpoint, options: RunOptions, device: str, threads: int | None) -> Summary:
     start_warp()
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.kernel_cache import load_kernels
@@ -99,7 +101,7 @@ def _simulate(start: Checkpoint, plan: Plan, device: str, threads: int | None) -
     load_kernels(start.scene, device)
     with warnings.catch_warnings():
         warnings.showwarning = _tell
-        return carry_out(simulation, plan, start.tally, progress=sys.stderr.isatty())
+        return run(simulation, options, start.statistics, progress=sys.stderr.isatty())
 
 
 def _tell(

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from warpgrains.report.frontier import COSTS, FrontierRow
-from warpgrains.report.steps import StepRow, Way
+from warpgrains.report.steps import Configuration, StepRow
 from warpgrains.report.trajectories import PathRow, fitted_order
 
 # Okabe and Ito, Color Universal Design: told apart by everyone, and by their lightness in print.
@@ -29,11 +29,11 @@ def draw_steps(rows: Sequence[StepRow]) -> Figure:
         first = here[0]
         title = f"{moment}: t = {first.time:.4g} s, {first.contacts} contacts"
         over_iterations.set_title(title, fontsize="medium")
-        for way, curve in _by_way(here):
+        for configuration, curve in _by_configuration(here):
             errors = [row.error for row in curve]
-            if way.code == "warpgrains" and way.threads == 1:
-                over_iterations.plot([row.iterations for row in curve], errors, **_style(way))
-            over_time.plot([1e3 * row.wall_time for row in curve], errors, **_style(way))
+            if configuration.code == "warpgrains" and configuration.threads == 1:
+                over_iterations.plot([row.iterations for row in curve], errors, **_style(configuration))
+            over_time.plot([1e3 * row.wall_time for row in curve], errors, **_style(configuration))
         over_iterations.set_xlabel("iterations")
         over_time.set_xlabel("wall time of the step [ms]")
         for axes in (over_iterations, over_time):
@@ -49,26 +49,27 @@ def draw_steps(rows: Sequence[StepRow]) -> Figure:
     return figure
 
 
-def _by_way(rows: Iterable[StepRow]) -> list[tuple[Way, list[StepRow]]]:
-    ways: dict[Way, list[StepRow]] = {}
+def _by_configuration(rows: Iterable[StepRow]) -> list[tuple[Configuration, list[StepRow]]]:
+    configurations: dict[Configuration, list[StepRow]] = {}
     for row in rows:
-        ways.setdefault(row.way, []).append(row)
-    return list(ways.items())
+        configurations.setdefault(row.configuration, []).append(row)
+    return list(configurations.items())
 
 
-def _style(way: Way) -> dict[str, Any]:
+def _style(configuration: Configuration) -> dict[str, Any]:
     """Color says the method, dashes the order, marks the threads."""
-    if way.code != "warpgrains":
-        return {"color": "black", "linewidth": 1.2, "marker": "x", "markersize": 4, "label": way.code}
-    two = way.threads > 1
+    code, method, order, threads = configuration
+    if code != "warpgrains":
+        return {"color": "black", "linewidth": 1.2, "marker": "x", "markersize": 4, "label": code}
+    two = threads > 1
     return {
-        "color": _COLOR[way.method],
-        "linestyle": _DASHES[way.order],
+        "color": _COLOR[method],
+        "linestyle": _DASHES[order],
         "linewidth": 0.8 if two else 1.5,
         "marker": "o" if two else None,
         "markersize": 3,
         "markerfacecolor": "white",
-        "label": f"{way.method}, {way.order}, {way.threads} thread{'s' * two}",
+        "label": f"{method}, {order}, {threads} thread{'s' * two}",
     }
 
 

@@ -1,4 +1,4 @@
-"""One step, solved with ever more iterations: its wall time and its true error, by every way to solve it."""
+"""One step, solved with ever more iterations: its wall time and its true error, in every configuration."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from warpgrains.analysis.exact import solve_exactly
 from warpgrains.analysis.problem import StepProblem
 from warpgrains.arrays import FloatArray
 from warpgrains.report.c_reference import MOST_GRAINS, find_c_reference
-from warpgrains.report.course import Moment
-from warpgrains.report.options import Effort
+from warpgrains.report.history import Snapshot
+from warpgrains.report.options import Budget
 from warpgrains.scene.scene import METHODS, ORDERS, Scene
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import StepReport
@@ -26,8 +26,8 @@ CHECK_ITERATIONS = 30_000  # of the solution that the exact one is compared with
 Result = TypeVar("Result")
 
 
-class Way(NamedTuple):
-    """A way to solve a step."""
+class Configuration(NamedTuple):
+    """What solves a step."""
 
     code: str
     """warpgrains, or C reference."""
@@ -38,7 +38,7 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True)
 class StepRow:
-    """One step by one way: a row of steps.csv.
+    """One step in one configuration: a row of steps.csv.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class StepRow:
     grains, contacts : int
         Contacts that carry a correction after the step.
     code, method, order, threads
-        The way it was solved, see `Way`.
+        What solved it, see `Configuration`.
     iterations : int
     wall_time : float
         Median of the repeats [s].
@@ -77,13 +77,13 @@ class StepRow:
     error_of_nothing: float
 
     @property
-    def way(self) -> Way:
+    def configuration(self) -> Configuration:
         """How it was solved."""
-        return Way(self.code, self.method, self.order, self.threads)
+        return Configuration(self.code, self.method, self.order, self.threads)
 
 
-class Try(NamedTuple):
-    """A step with some budget of iterations."""
+class Measurement(NamedTuple):
+    """A step with some limit on its iterations."""
 
     iterations: int
     wall_time: float
@@ -92,33 +92,33 @@ class Try(NamedTuple):
     """Whether more iterations would be of no use."""
 
 
-def measure_steps(scene: Scene, moment: Moment, effort: Effort) -> Iterator[StepRow]:
-    """Solve the step of a moment by every way and every budget of iterations."""
-    problem = StepProblem(scene, moment.state.position, moment.state.velocity)
-    converged = _converged(scene, moment)
+def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[StepRow]:
+    """Solve the step after a snapshot in every configuration, with ever more iterations."""
+    problem = StepProblem(scene, snapshot.state.position, snapshot.state.velocity)
+    converged = _converged(scene, snapshot)
     exact = solve_exactly(problem, converged).velocity
     error_of_exact = _difference(converged, exact)
-    for way, solve in _ways(scene, moment, effort):
-        for budget in effort.budgets:
-            tried = solve(budget)
+    for configuration, solve in _configurations(scene, snapshot, budget):
+        for limit in budget.iterations:
+            measured = solve(limit)
             yield StepRow(
                 scene=scene.name,
-                moment=moment.name,
-                time=moment.state.steps * scene.dt,
+                moment=snapshot.name,
+                time=snapshot.state.steps * scene.dt,
                 grains=scene.n,
-                contacts=moment.contacts,
-                **way._asdict(),
-                iterations=tried.iterations,
-                wall_time=tried.wall_time,
-                error=_difference(tried.velocity, exact),
+                contacts=snapshot.contacts,
+                **configuration._asdict(),
+                iterations=measured.iterations,
+                wall_time=measured.wall_time,
+                error=_difference(measured.velocity, exact),
                 error_of_exact=error_of_exact,
                 error_of_nothing=_difference(problem.free_velocity, exact),
             )
-            if tried.done or tried.iterations < budget or tried.wall_time > effort.longest:
+            if measured.done or measured.iterations < limit or measured.wall_time > budget.longest:
                 break
 
 
-def _converged(scene: Scene, moment: Moment) -> FloatArray:
+def _converged(scene: Scene, snapshot: Snapshot) -> FloatArray:
     """Return the velocities that the accelerated method finds when it goes on for long [m/s]."""
     simulation = Simulation(
         scene,
@@ -128,7 +128,7 @@ def _converged(scene: Scene, moment: Moment) -> FloatArray:
         tolerance=CONVERGED,
         max_iterations=CHECK_ITERATIONS,
     )
-    simulation.restore(moment.state)
+    simulation.restore(snapshot.state)
     simulation.step()
     return simulation.velocity
 
@@ -137,56 +137,65 @@ def _difference(velocity: FloatArray, other: FloatArray) -> float:
     return float(np.abs(velocity - other).max())
 
 
-def _ways(scene: Scene, moment: Moment, effort: Effort) -> Iterator[tuple[Way, Callable[[int], Try]]]:
-    """Yield every way to solve a step, and what solves it with a budget of iterations."""
+def _configurations(
+    scene: Scene, snapshot: Snapshot, budget: Budget
+) -> Iterator[tuple[Configuration, Callable[[int], Measurement]]]:
+    """Yield every configuration, and what solves a step in it with a limit on the iterations."""
     for method in METHODS:
         for order in ORDERS:
             for threads in THREADS:
-                way = Way("warpgrains", method, order, threads)
-                yield way, partial(_solve, scene, moment, effort, way)
+                configuration = Configuration("warpgrains", method, order, threads)
+                yield configuration, partial(_solve, scene, snapshot, budget, configuration)
     if find_c_reference().start is not None and scene.n <= MOST_GRAINS:
-        way = Way("C reference", "gauss-seidel", "sequential", 1)
-        yield way, partial(_solve_in_c, scene, moment, effort)
+        configuration = Configuration("C reference", "gauss-seidel", "sequential", 1)
+        yield configuration, partial(_solve_in_c, scene, snapshot, budget)
 
 
-def _solve(scene: Scene, moment: Moment, effort: Effort, way: Way, budget: int) -> Try:
-    """Take the step with a simulation that does not stop before its budget is spent.
+def _solve(
+    scene: Scene, snapshot: Snapshot, budget: Budget, configuration: Configuration, limit: int
+) -> Measurement:
+    """Take the step with a simulation that does not stop before its limit.
 
     Its solver takes the step: a simulation would go on to search for a proof that it has no solution.
     """
     simulation = Simulation(
-        scene, threads=way.threads, method=way.method, order=way.order, tolerance=0.0, max_iterations=budget
+        scene,
+        threads=configuration.threads,
+        method=configuration.method,
+        order=configuration.order,
+        tolerance=0.0,
+        max_iterations=limit,
     )
 
     def step() -> tuple[float, StepReport]:
-        simulation.restore(moment.state)
+        simulation.restore(snapshot.state)
         start = perf_counter()
         report = simulation._solver.solve()
         return perf_counter() - start, report
 
     step()  # once, so that the launches are captured
-    wall_time, report = _median(step, effort)
-    return Try(report.iterations, wall_time, simulation.velocity, report.residual <= CONVERGED)
+    wall_time, report = _median(step, budget)
+    return Measurement(report.iterations, wall_time, simulation.velocity, report.residual <= CONVERGED)
 
 
-def _solve_in_c(scene: Scene, moment: Moment, effort: Effort, budget: int) -> Try:
+def _solve_in_c(scene: Scene, snapshot: Snapshot, budget: Budget, limit: int) -> Measurement:
     """Take the step with the C reference, which does not tell how many iterations it did."""
     begin = find_c_reference().start
     assert begin is not None
-    spending = scene.replace(tolerance=0.0, max_iterations=budget)
+    spending = scene.replace(tolerance=0.0, max_iterations=limit)
 
     def step() -> tuple[float, FloatArray]:
-        reference = begin(spending, moment.state)
+        reference = begin(spending, snapshot.state)
         start = perf_counter()
         reference.update()
         return perf_counter() - start, reference.velocity
 
-    return Try(budget, *_median(step, effort), done=False)
+    return Measurement(limit, *_median(step, budget), done=False)
 
 
-def _median(step: Callable[[], tuple[float, Result]], effort: Effort) -> tuple[float, Result]:
+def _median(step: Callable[[], tuple[float, Result]], budget: Budget) -> tuple[float, Result]:
     """Return the median of the times of a step, and what it gave; one that takes too long is taken once."""
     taken = [step()]
-    while len(taken) < effort.repeats and taken[0][0] <= effort.longest:
+    while len(taken) < budget.repeats and taken[0][0] <= budget.longest:
         taken.append(step())
     return median(time for time, _ in taken), taken[0][1]

@@ -13,7 +13,7 @@ import numpy as np
 from warpgrains import __version__
 from warpgrains.report.c_reference import find_c_reference
 from warpgrains.report.frontier import FrontierRow
-from warpgrains.report.options import Effort
+from warpgrains.report.options import Budget
 from warpgrains.report.steps import StepRow
 from warpgrains.report.trajectories import PathRow, fitted_order
 from warpgrains.scene.scene import METHODS
@@ -59,14 +59,14 @@ def csv_text(rows: Sequence[Any]) -> str:
     return text.getvalue()
 
 
-def markdown(found: Findings, effort: Effort) -> str:
+def markdown(found: Findings, budget: Budget) -> str:
     """Return the report."""
     head = _HEAD.format(
         version=__version__,
         machine=platform.machine(),
         cores=os.cpu_count(),
-        repeats=effort.repeats,
-        longest=effort.longest,
+        repeats=budget.repeats,
+        longest=budget.longest,
         reference=find_c_reference().status,
     )
     sections = [head]
@@ -84,25 +84,25 @@ def markdown(found: Findings, effort: Effort) -> str:
 
 
 def _step_table(rows: Sequence[StepRow]) -> str:
-    """Return a table with a line a way, and for each moment the iterations and the time that it needs."""
+    """Return a table with a line a configuration, and for each moment the iterations and time it needs."""
     moments = list(dict.fromkeys(row.moment for row in rows))
     columns = [f"{moment}, to {name}" for moment in moments for name in RELATIVE]
     lines = [["code", "method", "order", "threads", *columns]]
-    for way in dict.fromkeys(row.way for row in rows):
-        cells = [str(part) for part in way]
+    for configuration in dict.fromkeys(row.configuration for row in rows):
+        cells = [str(part) for part in configuration]
         for moment in moments:
-            tried = [row for row in rows if (row.way, row.moment) == (way, moment)]
-            cells += [_first_below(tried, relative) for relative in RELATIVE.values()]
+            measured = [row for row in rows if (row.configuration, row.moment) == (configuration, moment)]
+            cells += [_first_below(measured, relative) for relative in RELATIVE.values()]
         lines.append(cells)
     return table(lines)
 
 
-def _first_below(tried: Sequence[StepRow], relative: float) -> str:
+def _first_below(measured: Sequence[StepRow], relative: float) -> str:
     """Return iterations and time of the first step whose error is small enough, or how far it came."""
-    for row in tried:
+    for row in measured:
         if row.error <= relative * row.error_of_nothing:
             return f"{row.iterations}: {1e3 * row.wall_time:.3g} ms"
-    last = tried[-1]
+    last = measured[-1]
     return f"{last.error / last.error_of_nothing:.0e} after {last.iterations}"
 
 

@@ -21,8 +21,8 @@ from warpgrains.files import require_writable_folder, write_whole
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, Lists, State
 from warpgrains.scene.state_checks import require_state
-from warpgrains.simulation.options import Plan
-from warpgrains.solver.statistics import Tally
+from warpgrains.simulation.options import RunOptions
+from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
 VERSION = 2
@@ -50,16 +50,16 @@ class Checkpoint:
     ----------
     scene : Scene
     state : State
-    plan : Plan or None
+    options : RunOptions or None
         What the run was to do, if it was a run that wrote the checkpoint.
-    tally : Tally
+    statistics : RunStatistics
         What the run had done.
     """
 
     scene: Scene
     state: State
-    plan: Plan | None
-    tally: Tally
+    options: RunOptions | None
+    statistics: RunStatistics
 
 
 def require_checkpoint_path(path: Path) -> None:
@@ -113,13 +113,13 @@ def read_checkpoint(path: Path) -> Checkpoint:
 
 def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
     """Return the entries of the file."""
-    state, plan = checkpoint.state, checkpoint.plan
+    state, options = checkpoint.state, checkpoint.options
     header: Header = {
         "format": FORMAT,
         "version": VERSION,
         "warpgrains": __version__,
-        "plan": None if plan is None else plan.stored(path),
-        "tally": asdict(checkpoint.tally),
+        "plan": None if options is None else options.stored(path),
+        "tally": asdict(checkpoint.statistics),
     }
     arrays: Arrays = {}
     for part, record in _parts(checkpoint.scene, state).items():
@@ -173,5 +173,5 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
     lists = Lists(**part("lists")) if "lists" in header else None
     state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
     require_state(state, scene.n)
-    plan = None if header["plan"] is None else Plan.restored(header["plan"], path)
-    return Checkpoint(scene, state, plan, Tally(**header["tally"]))
+    options = None if header["plan"] is None else RunOptions.restored(header["plan"], path)
+    return Checkpoint(scene, state, options, RunStatistics(**header["tally"]))

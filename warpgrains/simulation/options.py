@@ -9,7 +9,7 @@ from warpgrains.scene import checks
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class RunOptions:
     """How long a run is, and what it writes.
 
     Parameters
@@ -58,7 +58,7 @@ class Plan:
 
     @classmethod
     def restored(cls, stored: dict[str, Any], checkpoint: Path) -> Self:
-        """Return the plan that a checkpoint keeps; the next checkpoints are to replace it."""
+        """Return the options that a checkpoint keeps; the next checkpoints are to replace it."""
         record = stored["record"]
         if record is not None:
             record = os.path.normpath(checkpoint.parent / record)

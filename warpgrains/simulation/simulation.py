@@ -17,11 +17,11 @@ from warpgrains.simulation.checkpoint import (
     require_checkpoint_path,
     write_checkpoint,
 )
-from warpgrains.simulation.options import Plan
-from warpgrains.simulation.run import carry_out
+from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.run import run
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
 from warpgrains.solver.launch import CAPTURING
-from warpgrains.solver.statistics import StepReport, Summary, Tally
+from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.step import StepSolver
 
 
@@ -117,7 +117,7 @@ class Simulation:
         """
         if steps is None:
             steps = self.scene.steps if duration is None else self.scene.steps_in(duration)
-        plan = Plan(
+        options = RunOptions(
             steps=steps,
             record=None if record is None else str(record),
             fps=fps,
@@ -127,7 +127,7 @@ class Simulation:
             checkpoint=None if checkpoint is None else str(checkpoint),
             every=every,
         )
-        return carry_out(self, plan, Tally(), progress)
+        return run(self, options, RunStatistics(), progress)
 
     @property
     def time(self) -> float:
@@ -194,7 +194,7 @@ class Simulation:
             It cannot be written there.
         """
         require_checkpoint_path(Path(path))
-        write_checkpoint(Path(path), Checkpoint(self.scene, self.state(), None, Tally()))
+        write_checkpoint(Path(path), Checkpoint(self.scene, self.state(), None, RunStatistics()))
 
     @classmethod
     def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:

@@ -1,7 +1,7 @@
 """Why a step failed, in words."""
 
 from warpgrains.scene.scene import Scene
-from warpgrains.solver.infeasible import Certificate
+from warpgrains.solver.infeasible import InfeasibilityProof
 from warpgrains.solver.statistics import named
 
 
@@ -11,10 +11,10 @@ def not_finite(grain: int, velocity: list[float]) -> str:
 
 
 def not_converged(
-    scene: Scene, iterations: int, zeta: float, residual: float, certificate: Certificate | None
+    scene: Scene, iterations: int, zeta: float, residual: float, proof: InfeasibilityProof | None
 ) -> str:
     """Say how far a step came [m/s], and which grains cannot fit, if that is proved."""
-    reason = "" if certificate is None else f": {named(certificate.grains)} cannot fit, {certificate}"
+    reason = "" if proof is None else f": {named(proof.grains)} cannot fit, {proof}"
     return (
         f"not converged after {iterations} iterations: zeta {zeta:.3e} m/s, residual {residual:.3e} m/s,"
         f" tolerance {scene.tolerance:.3e} m/s{reason}"

@@ -40,7 +40,7 @@ Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class Certificate:
+class InfeasibilityProof:
     """Proof that a step has no solution.
 
     Attributes
@@ -59,7 +59,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, eq=False)
-class Constraints:
+class UnilateralConstraints:
     """J v <= b of the contacts that carry a correction, and of the walls that grains overlap.
 
     Attributes
@@ -150,9 +150,9 @@ def iterations_worth_a_search(grains: int) -> int:
     return 30_000 + 12_000_000 // (grains + 40)
 
 
-def find_certificate(
+def find_infeasibility_proof(
     scene: Scene, position: FloatArray, velocity: FloatArray, corrections: Corrections
-) -> Certificate | None:
+) -> InfeasibilityProof | None:
     """Look for a proof that a step has no solution; None if none is found, which proves nothing.
 
     Parameters
@@ -165,7 +165,7 @@ def find_certificate(
     corrections : Corrections
         What the contacts carry after it.
     """
-    contacts = Constraints.of(scene, position, corrections)
+    contacts = UnilateralConstraints.of(scene, position, corrections)
     if not (contacts.gap_rate < 0.0).any():
         return None  # at rest, every demand is met
     too_fast = 2.0 * scene.radius_out / scene.dt
@@ -203,7 +203,7 @@ def _least_along(excess: FloatArray, change: FloatArray) -> FloatArray:
     return excess + t * change
 
 
-def _smallest(contacts: Constraints, weight: FloatArray, too_fast: float) -> Certificate:
+def _smallest(contacts: UnilateralConstraints, weight: FloatArray, too_fast: float) -> InfeasibilityProof:
     """Return what is left of a proof when contacts of little weight are left out, as far as it stays one."""
     for share in SHARES:
         kept = np.where(weight >= share * weight.max(), weight, 0.0)
@@ -212,7 +212,7 @@ def _smallest(contacts: Constraints, weight: FloatArray, too_fast: float) -> Cer
             break
     carrying = kept > 0.0
     grains = np.union1d(contacts.first[carrying], contacts.second[carrying[: len(contacts.second)]])
-    return Certificate(tuple(grains.tolist()), speed)
+    return InfeasibilityProof(tuple(grains.tolist()), speed)
 
 
 def _complex(vectors: FloatArray) -> Complex:

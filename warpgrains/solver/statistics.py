@@ -102,7 +102,7 @@ class Summary:
 
 
 @dataclass
-class Tally:
+class RunStatistics:
     """Adds up what a run has done; a checkpoint keeps it, so that a resumed run tells of all its steps.
 
     Attributes

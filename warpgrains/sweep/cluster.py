@@ -1,6 +1,6 @@
-"""Runs on an existing dask cluster: dask schedules, watches and restarts; here runs are only put in chunks.
+"""Runs on an existing dask cluster: dask schedules, watches and restarts; here runs are only put in bundles.
 
-All machines must see the folder of the sweep: workers write there what a local process would. A chunk whose
+All machines must see the folder of the sweep: workers write there what a local process would. A bundle whose
 worker died is done by another one, from the checkpoints, without the runs that are finished.
 """
 
@@ -15,21 +15,25 @@ from typing import TYPE_CHECKING
 
 from warpgrains.console import start_warp
 from warpgrains.errors import SceneError
-from warpgrains.sweep.options import Means, Tell
+from warpgrains.sweep.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.run_folder import RunFolder
 
 if TYPE_CHECKING:
     from distributed import Client
 
-CHUNKS_A_THREAD = 16
-MOST_IN_A_CHUNK = 64
+BUNDLES_A_THREAD = 16
+MOST_IN_A_BUNDLE = 64
 CONNECT_WITHIN = 30.0  # s
 
 _one_at_a_time = Lock()
 
 
 def finish_on_cluster(
-    folders: list[RunFolder], means: Means, tell: Tell, scheduler: str | None, slurm_jobs: int | None
+    folders: list[RunFolder],
+    execution: ExecutionOptions,
+    on_progress: OnProgress,
+    scheduler: str | None,
+    slurm_jobs: int | None,
 ) -> None:
     """Carry runs out to their end on a cluster.
 
@@ -40,10 +44,10 @@ def finish_on_cluster(
     ----------
     folders
         The runs, none of them finished.
-    means
+    execution
         With what; without `threads`, with as many as a worker has.
-    tell
-        Is called when a chunk is finished.
+    on_progress
+        Is called when a bundle is finished.
     scheduler
         Address of a dask scheduler, such as "tcp://host:8786"; or
     slurm_jobs
@@ -56,35 +60,35 @@ def finish_on_cluster(
     """
     with _client(scheduler, slurm_jobs) as client:
         threads = sum(client.nthreads().values()) or slurm_jobs or 1
-        for run in _left_by_chunks(client, _chunks(folders, threads), means, tell):
-            future = client.submit(finish_chunk, [run], means, pure=False)
+        for run in _left_by_bundles(client, _bundles(folders, threads), execution, on_progress):
+            future = client.submit(finish_bundle, [run], execution, pure=False)
             reason = future.exception() or "its result is not seen here: all machines must see DIR"
             if run.is_finished:
-                tell(1.0)
+                on_progress(1.0)
             else:
                 print(f"run {run.labels['run']} is not finished: {reason}", file=sys.stderr)
 
 
-def _left_by_chunks(
-    client: Client, chunks: Iterable[list[RunFolder]], means: Means, tell: Tell
+def _left_by_bundles(
+    client: Client, bundles: Iterable[list[RunFolder]], execution: ExecutionOptions, on_progress: OnProgress
 ) -> list[RunFolder]:
-    """Have chunks carried out; return the runs that are not finished, since their chunk was given up."""
+    """Have bundles carried out; return the runs that are not finished, since their bundle was given up."""
     from distributed import as_completed
 
     left: list[RunFolder] = []
-    given = {client.submit(finish_chunk, chunk, means, pure=False): chunk for chunk in chunks}
+    given = {client.submit(finish_bundle, bundle, execution, pure=False): bundle for bundle in bundles}
     for future in as_completed(given):
-        chunk = given.pop(future)
-        lost = [run for run in chunk if not run.is_finished]
-        tell(len(chunk) - len(lost))
+        bundle = given.pop(future)
+        lost = [run for run in bundle if not run.is_finished]
+        on_progress(len(bundle) - len(lost))
         left += lost
     return left
 
 
-def finish_chunk(folders: list[RunFolder], means: Means) -> None:
-    """Carry out, on a worker, those runs of a chunk that an earlier worker has not finished.
+def finish_bundle(folders: list[RunFolder], execution: ExecutionOptions) -> None:
+    """Carry out, on a worker, those runs of a bundle that an earlier worker has not finished.
 
-    A worker with many threads is given many chunks at once: each in turn has all its threads.
+    A worker with many threads is given many bundles at once: each in turn has all its threads.
     """
     from distributed import get_worker
 
@@ -92,14 +96,14 @@ def finish_chunk(folders: list[RunFolder], means: Means) -> None:
         start_warp()
         from warpgrains.sweep.runner import finish_runs
 
-        threads = means.threads or get_worker().state.nthreads
+        threads = execution.threads or get_worker().state.nthreads
         left = [folder for folder in folders if not folder.is_finished]
-        finish_runs(left, replace(means, threads=threads), lambda runs: None)
+        finish_runs(left, replace(execution, threads=threads), lambda runs: None)
 
 
-def _chunks(folders: list[RunFolder], threads: int) -> Iterator[list[RunFolder]]:
+def _bundles(folders: list[RunFolder], threads: int) -> Iterator[list[RunFolder]]:
     """Split runs in parts, so many that no worker is idle for long at the end."""
-    size = min(MOST_IN_A_CHUNK, max(1, len(folders) // (CHUNKS_A_THREAD * threads)))
+    size = min(MOST_IN_A_BUNDLE, max(1, len(folders) // (BUNDLES_A_THREAD * threads)))
     for first in range(0, len(folders), size):
         yield folders[first : first + size]
 

@@ -1,15 +1,15 @@
-"""With what the runs of a sweep are carried out, wherever that is."""
+"""With what the runs of a sweep are executed, wherever that is."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-Tell = Callable[[float], None]
+OnProgress = Callable[[float], None]
 """Hears of progress, in runs."""
 
 
 @dataclass(frozen=True)
-class Means:
-    """With what runs are carried out.
+class ExecutionOptions:
+    """With what runs are executed.
 
     Attributes
     ----------

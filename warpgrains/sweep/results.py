@@ -61,7 +61,7 @@ def result(labels: Row, reached: Checkpoint) -> Row:
     reached : Checkpoint
         The end.
     """
-    scene, summary = reached.scene, reached.tally.summary(None)
+    scene, summary = reached.scene, reached.statistics.summary(None)
     values = {
         "grains": scene.n,
         "steps": summary.steps,

@@ -18,8 +18,8 @@ from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state_checks import first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.simulation.options import Plan
-from warpgrains.solver.statistics import Tally
+from warpgrains.simulation.options import RunOptions
+from warpgrains.solver.statistics import RunStatistics
 from warpgrains.tables import Row, table_text
 
 RESULT = "result.csv"
@@ -98,13 +98,13 @@ class RunFolder:
         if self.checkpoint.exists():
             return read_checkpoint(self.checkpoint)
         scene = Scene(**{**scene_fields(self.text, self.scene_file), "name": self.labels["scene"]})
-        plan = Plan(steps=scene.steps, checkpoint=str(self.checkpoint))
+        options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint))
         if fps is not None:
             from warpgrains.usd.recorder import chunks_of
 
             shutil.rmtree(chunks_of(self.recording), ignore_errors=True)
-            plan = replace(plan, record=str(self.recording), fps=fps)
-        return Checkpoint(scene, first_state(scene), plan, Tally())
+            options = replace(options, record=str(self.recording), fps=fps)
+        return Checkpoint(scene, first_state(scene), options, RunStatistics())
 
     def keep(self, reached: Checkpoint) -> None:
         """Save where the run is."""

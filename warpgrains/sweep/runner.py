@@ -12,10 +12,10 @@ from time import perf_counter
 
 from warpgrains.batch.batch import Batch
 from warpgrains.errors import SceneError, SimulationError
-from warpgrains.sweep.options import Means, Tell
+from warpgrains.sweep.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.results import failure
 from warpgrains.sweep.run_folder import RunFolder
-from warpgrains.sweep.sweep_run import Member
+from warpgrains.sweep.sweep_run import SweepRun
 
 SLICE = 1.0  # s
 FIRST_SLICE, GROWTH = 4, 8  # steps of the first slice, and by how much the next one may be longer
@@ -26,7 +26,7 @@ MOST_WAITING = 256  # runs that wait for others with as many steps left
 MOST_GRAINS = 2_000_000  # in a group
 
 
-def finish_runs(folders: Iterable[RunFolder], means: Means, tell: Tell) -> None:
+def finish_runs(folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress) -> None:
     """Carry runs out to their end, each from where it is.
 
     A run that fails gets a result that says why, and the others go on.
@@ -35,48 +35,50 @@ def finish_runs(folders: Iterable[RunFolder], means: Means, tell: Tell) -> None:
     ----------
     folders
         The runs, none of them finished.
-    means
+    execution
         With what.
-    tell
-        Is called with every advance.
+    on_progress
+        Is called with every advance, in runs.
 
     Raises
     ------
     OSError
         A file cannot be written.
     """
-    for group in _groups(folders, means, tell):
-        _finish(group, means, tell)
+    for group in _groups(folders, execution, on_progress):
+        _finish(group, execution, on_progress)
 
 
-def _groups(folders: Iterable[RunFolder], means: Means, tell: Tell) -> Iterator[list[Member]]:
+def _groups(
+    folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress
+) -> Iterator[list[SweepRun]]:
     """Gather runs with as many steps left; a run whose scene is none has failed."""
-    waiting: dict[int, list[Member]] = {}
-    width, widest = FIRST_WIDTH, WIDTH if means.fps is None else RECORDED_WIDTH
-    for folder, future in _ahead(folders, means.fps):
+    waiting: dict[int, list[SweepRun]] = {}
+    width, widest = FIRST_WIDTH, WIDTH if execution.fps is None else RECORDED_WIDTH
+    for folder, future in _ahead(folders, execution.fps):
         try:
-            member = future.result()
+            run = future.result()
         except SceneError as error:
             folder.finish(failure(folder.labels, str(error)))
-            tell(1.0)
+            on_progress(1.0)
             continue
-        group = waiting.setdefault(member.left, [])
-        group.append(member)
-        if len(group) >= width or sum(member.scene.n for member in group) >= MOST_GRAINS:
-            yield waiting.pop(member.left)
+        group = waiting.setdefault(run.left, [])
+        group.append(run)
+        if len(group) >= width or sum(run.scene.n for run in group) >= MOST_GRAINS:
+            yield waiting.pop(run.left)
             width = min(2 * width, widest)
         elif sum(map(len, waiting.values())) == MOST_WAITING:
             yield waiting.pop(max(waiting, key=lambda left: len(waiting[left])))
     yield from waiting.values()
 
 
-def _ahead(folders: Iterable[RunFolder], fps: float | None) -> Iterator[tuple[RunFolder, Future[Member]]]:
+def _ahead(folders: Iterable[RunFolder], fps: float | None) -> Iterator[tuple[RunFolder, Future[SweepRun]]]:
     """Begin runs on another thread, while groups before them are carried out: some layouts take long."""
-    begun: deque[tuple[RunFolder, Future[Member]]] = deque()
+    begun: deque[tuple[RunFolder, Future[SweepRun]]] = deque()
     executor = ThreadPoolExecutor(1)
     try:
         for folder in folders:
-            begun.append((folder, executor.submit(Member, folder, fps)))
+            begun.append((folder, executor.submit(SweepRun, folder, fps)))
             if len(begun) == WIDTH:
                 yield begun.popleft()
         yield from begun
@@ -84,46 +86,46 @@ def _ahead(folders: Iterable[RunFolder], fps: float | None) -> Iterator[tuple[Ru
         executor.shutdown(cancel_futures=True)
 
 
-def _finish(group: list[Member], means: Means, tell: Tell) -> None:
+def _finish(group: list[SweepRun], execution: ExecutionOptions, on_progress: OnProgress) -> None:
     """Carry a group out to its end; the recordings are whole before there is a result."""
     with ExitStack() as outputs:
-        for member in group:
-            member.open(outputs)
-            tell(1.0 - member.left / member.plan.steps)
+        for run in group:
+            run.open(outputs)
+            on_progress(1.0 - run.left / run.options.steps)
         if group[0].left > 0:
-            _advance(group, means, tell)
-    _write(Member.finish, group)
+            _advance(group, execution, on_progress)
+    _write(SweepRun.finish, group)
 
 
-def _advance(group: list[Member], means: Means, tell: Tell) -> None:
+def _advance(group: list[SweepRun], execution: ExecutionOptions, on_progress: OnProgress) -> None:
     """Advance a group to its end; a run that does not fit in memory, even alone, has failed."""
     try:
-        batch = Batch([member.scene for member in group], means.device, means.threads)
+        batch = Batch([run.scene for run in group], execution.device, execution.threads)
     except SimulationError as error:
         if len(group) > 1:
-            for member in group:
-                _advance([member], means, tell)
+            for run in group:
+                _advance([run], execution, on_progress)
         else:
             group[0].error = str(error)
-            tell(group[0].left / group[0].plan.steps)
+            on_progress(group[0].left / group[0].options.steps)
         return
-    for k, member in enumerate(group):
-        batch.restore(k, member.state)
-    _run(group, batch, tell)
+    for k, run in enumerate(group):
+        batch.restore(k, run.state)
+    _run(group, batch, on_progress)
 
 
-def _run(group: list[Member], batch: Batch, tell: Tell) -> None:
+def _run(group: list[SweepRun], batch: Batch, on_progress: OnProgress) -> None:
     """Run a batch in slices, record its frames and save where its runs are."""
     left, pace, kept_at = group[0].left, FIRST_SLICE, perf_counter()
-    if any(member.is_recorded for member in group):
+    if any(run.is_recorded for run in group):
         _record(group, batch)
         _keep(group, batch)
     while left > 0:
         start = perf_counter()
-        steps = min(pace, left, *(member.until_frame for member in group))
-        for member, summary in zip(group, batch.run(steps), strict=True):
-            member.count(summary)
-            tell(steps / member.plan.steps)
+        steps = min(pace, left, *(run.until_frame for run in group))
+        for run, summary in zip(group, batch.run(steps), strict=True):
+            run.count(summary)
+            on_progress(steps / run.options.steps)
         left -= steps
         _record(group, batch)
         now = perf_counter()
@@ -133,19 +135,19 @@ def _run(group: list[Member], batch: Batch, tell: Tell) -> None:
             kept_at = now
 
 
-def _record(group: list[Member], batch: Batch) -> None:
-    for k, member in enumerate(group):
-        if member.until_frame == 0:
-            member.record(batch.position(k), batch.velocity(k))
+def _record(group: list[SweepRun], batch: Batch) -> None:
+    for k, run in enumerate(group):
+        if run.until_frame == 0:
+            run.record(batch.position(k), batch.velocity(k))
 
 
-def _keep(group: list[Member], batch: Batch) -> None:
-    for k, member in enumerate(group):
-        member.reach(batch.state(k))
-    _write(Member.keep, group)
+def _keep(group: list[SweepRun], batch: Batch) -> None:
+    for k, run in enumerate(group):
+        run.reach(batch.state(k))
+    _write(SweepRun.keep, group)
 
 
-def _write(write: Callable[[Member], None], group: list[Member]) -> None:
+def _write(write: Callable[[SweepRun], None], group: list[SweepRun]) -> None:
     """Write files of all runs side by side: most of the time is spent waiting for the disk."""
     with ThreadPoolExecutor(WRITERS) as writers:
         list(writers.map(write, group))

@@ -9,7 +9,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.batch.batch import SceneSummary
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
-from warpgrains.simulation.options import Plan
+from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import open_outputs
 from warpgrains.sweep.results import failure, result
 from warpgrains.sweep.run_folder import RunFolder
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from warpgrains.usd.recorder import Recorder
 
 
-class Member:
+class SweepRun:
     """A run in a group.
 
     Parameters
@@ -36,15 +36,20 @@ class Member:
 
     def __init__(self, folder: RunFolder, fps: float | None):
         start = folder.begin(fps)
-        self.folder, self.scene, self.tally, self.state = folder, start.scene, start.tally, start.state
-        self.plan = start.plan or Plan(steps=start.scene.steps)
+        self.folder, self.scene, self.statistics, self.state = (
+            folder,
+            start.scene,
+            start.statistics,
+            start.state,
+        )
+        self.options = start.options or RunOptions(steps=start.scene.steps)
         self.error: str | None = None
         self._recorder: Recorder | None = None
 
     @property
     def left(self) -> int:
         """Steps left."""
-        return self.plan.steps - self.tally.steps
+        return self.options.steps - self.statistics.steps
 
     @property
     def is_recorded(self) -> bool:
@@ -55,24 +60,24 @@ class Member:
     def until_frame(self) -> int:
         """Steps until the next frame is due; those to the end, if none is."""
         if self._recorder is None or self.error is not None:
-            return self.plan.steps
-        return self.tally.frames * self._recorder.stride - self.tally.steps
+            return self.options.steps
+        return self.statistics.frames * self._recorder.stride - self.statistics.steps
 
     def open(self, outputs: ExitStack) -> None:
         """Open what the run writes to."""
-        self._recorder = outputs.enter_context(open_outputs(self.plan, self.scene, self.tally))
+        self._recorder = outputs.enter_context(open_outputs(self.options, self.scene, self.statistics))
 
     def count(self, summary: SceneSummary) -> None:
         """Count what the run did, unless it had failed before."""
         if self.error is None:
-            self.tally.add_steps(summary)
+            self.statistics.add_steps(summary)
             self.error = summary.error
 
     def record(self, position: FloatArray, velocity: FloatArray) -> None:
         """Record a frame."""
         assert self._recorder is not None
         self._recorder.record(position, velocity)
-        self.tally.frames += 1
+        self.statistics.frames += 1
 
     def reach(self, state: State) -> None:
         """Take the state that the run has reached; the frames it counts are on the disk."""
@@ -89,7 +94,7 @@ class Member:
         if self.error is None:
             self.folder.finish(result(self.folder.labels, self._reached()))
         else:
-            self.folder.finish(failure(self.folder.labels, self.error, self.tally.seconds))
+            self.folder.finish(failure(self.folder.labels, self.error, self.statistics.seconds))
 
     def _reached(self) -> Checkpoint:
-        return Checkpoint(self.scene, self.state, self.plan, self.tally)
+        return Checkpoint(self.scene, self.state, self.options, self.statistics)

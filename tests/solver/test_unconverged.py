@@ -6,14 +6,14 @@ import warnings
 import numpy as np
 import pytest
 from same_bits import contents
-from test_infeasible import chain
+from sample_scenes import chain
 
 from warpgrains import Scene, Simulation, SimulationError
 from warpgrains.cli.main import main
 from warpgrains.scene.scene import METHODS
 from warpgrains.scene.state_checks import first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.solver.statistics import Tally, named
+from warpgrains.solver.statistics import RunStatistics, named
 
 WEDGE = """
 domain = {radius_in = 0.5, radius_out = 1.0}
@@ -135,8 +135,8 @@ def test_command_line(tmp_path, capfd) -> None:
 
 def test_a_resumed_run_tells_of_all_its_steps(tmp_path) -> None:
     path, scene = tmp_path / "kept.npz", chain(5, 1e-3)
-    tally = Tally(infeasible=3, infeasible_grains=(1, 2), residual=1.0 / 3.0, gap_error=0.1)
-    kept = Checkpoint(scene, first_state(scene), None, tally)
+    statistics = RunStatistics(infeasible=3, infeasible_grains=(1, 2), residual=1.0 / 3.0, gap_error=0.1)
+    kept = Checkpoint(scene, first_state(scene), None, statistics)
     write_checkpoint(path, kept)
     assert contents(read_checkpoint(path)) == contents(kept)
 
@@ -144,7 +144,7 @@ def test_a_resumed_run_tells_of_all_its_steps(tmp_path) -> None:
 def test_checkpoint_of_version_1(tmp_path) -> None:
     """Written before these fields were there: they have their defaults."""
     path, scene = tmp_path / "old.npz", chain(5, 1e-3)
-    write_checkpoint(path, Checkpoint(scene, first_state(scene), None, Tally(steps=3)))
+    write_checkpoint(path, Checkpoint(scene, first_state(scene), None, RunStatistics(steps=3)))
     with np.load(path) as archive:
         entries = {name: archive[name] for name in archive.files}
     header = json.loads(entries["header"].tobytes())
@@ -156,7 +156,7 @@ def test_checkpoint_of_version_1(tmp_path) -> None:
     np.savez(path, **entries)
     old = read_checkpoint(path)
     assert old.scene.on_unconverged == "report"
-    assert old.tally == Tally(steps=3)
+    assert old.statistics == RunStatistics(steps=3)
 
 
 def test_many_grains_are_named_by_the_first() -> None:

@@ -17,7 +17,7 @@ from same_bits import contents
 from warpgrains import Scene, Simulation
 from warpgrains.cli.main import main
 from warpgrains.simulation.checkpoint import read_checkpoint, write_checkpoint
-from warpgrains.simulation.options import Plan
+from warpgrains.simulation.options import RunOptions
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.chunks import ChunkFolder
 from warpgrains.usd.recorder import chunks_of
@@ -161,8 +161,8 @@ class TestResumeOnce:
             patch.setattr(ChunkFolder, "append", fill_the_disk)
             options = ["-o", output, "--checkpoint", kept, "--every", 10]
             assert run("annulus", "--steps", 60, *options) == 1
-        tally = read_checkpoint(kept).tally
-        assert (tally.steps, tally.frames) == (20, 11)
+        statistics = read_checkpoint(kept).statistics
+        assert (statistics.steps, statistics.frames) == (20, 11)
         assert run("--resume", kept) == 0
         assert run("annulus", "--steps", 60, "-o", tmp_path / "whole.usdc") == 0
         assert same_frames(output, tmp_path / "whole.usdc") == 31
@@ -174,10 +174,12 @@ class TestCommand:
         """The checkpoint of a run of 30 steps that stopped after 20, with its recording."""
         scene = scene_in("sequential").replace(duration=0.3)
         simulation = Simulation(scene)
-        plan = Plan(steps=20, record=str(tmp_path / "run.usdc"), checkpoint=str(tmp_path / "run.npz"))
-        simulation.run(20, record=plan.record, checkpoint=plan.checkpoint)
+        options = RunOptions(
+            steps=20, record=str(tmp_path / "run.usdc"), checkpoint=str(tmp_path / "run.npz")
+        )
+        simulation.run(20, record=options.record, checkpoint=options.checkpoint)
         start = read_checkpoint(tmp_path / "run.npz")
-        write_checkpoint(tmp_path / "run.npz", replace(start, plan=replace(start.plan, steps=30)))
+        write_checkpoint(tmp_path / "run.npz", replace(start, options=replace(start.options, steps=30)))
         return tmp_path / "run.npz"
 
     @pytest.mark.parametrize(
@@ -257,7 +259,7 @@ class TestKilled:
         assert output.read_bytes() == (undisturbed / f"{order}.usdc").read_bytes()
         expected, found = read_checkpoint(undisturbed / f"{order}.npz"), read_checkpoint(kept)
         assert contents(found.state) == contents(expected.state)
-        assert replace(found.tally, seconds=0.0) == replace(expected.tally, seconds=0.0)
+        assert replace(found.statistics, seconds=0.0) == replace(expected.statistics, seconds=0.0)
         assert sorted(path.name for path in folder.iterdir() if path.name[0] != ".") == [
             "run.npz",
             "run.usdc",
@@ -268,7 +270,9 @@ class TestKilled:
         return subprocess.Popen(command, stdout=subprocess.DEVNULL)
 
     def wait_for_step(self, process, kept, step):
-        while process.poll() is None and not (kept.exists() and read_checkpoint(kept).tally.steps >= step):
+        while process.poll() is None and not (
+            kept.exists() and read_checkpoint(kept).statistics.steps >= step
+        ):
             time.sleep(0.001)
 
     @pytest.mark.parametrize("order", ORDERS)

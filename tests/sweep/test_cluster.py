@@ -61,11 +61,11 @@ def test_killed_worker_loses_no_run(tmp_path, workers):
 
 
 def test_run_that_kills_its_workers_is_named(tmp_path, workers, monkeypatch, capfd):
-    """The runs beside it in its chunk are finished; it is left for --resume."""
+    """The runs beside it in its bundle are finished; it is left for --resume."""
     sweep, out = write(tmp_path, SMALL.replace("100.0, ", "")), tmp_path / "there"
     with monkeypatch.context() as patch:
-        patch.setattr(cluster, "CHUNKS_A_THREAD", 1)
-        patch.setattr(cluster, "finish_chunk", finish_chunk_or_die)
+        patch.setattr(cluster, "BUNDLES_A_THREAD", 1)
+        patch.setattr(cluster, "finish_bundle", finish_bundle_or_die)
         workers.scheduler.allowed_failures = 0
         assert batch(sweep, "-o", out, "--scheduler", workers.scheduler_address) == 1
     workers.scheduler.allowed_failures = 3
@@ -77,14 +77,14 @@ def test_run_that_kills_its_workers_is_named(tmp_path, workers, monkeypatch, cap
     assert [row["run"] for row in table(out / "results.csv")] == ["0", "1", "2", "3"]
 
 
-def finish_chunk_or_die(folders: list[RunFolder], means: object) -> None:
+def finish_bundle_or_die(folders: list[RunFolder], execution: object) -> None:
     """Do what the real one does, unless run 2 is among the runs."""
     if any(folder.labels["run"] == "2" for folder in folders):
         os.kill(os.getpid(), signal.SIGKILL)
-    FINISH_CHUNK(folders, means)
+    FINISH_BUNDLE(folders, execution)
 
 
-FINISH_CHUNK = cluster.finish_chunk
+FINISH_BUNDLE = cluster.finish_bundle
 
 SBATCH = f"""#!{sys.executable}
 import os, shutil, subprocess, sys

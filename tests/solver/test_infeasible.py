@@ -12,7 +12,11 @@ from warpgrains.scene.scene import METHODS, ORDERS
 from warpgrains.scene.state import Corrections
 from warpgrains.solver import infeasible
 from warpgrains.solver import step as solver
-from warpgrains.solver.infeasible import Constraints, find_certificate, iterations_worth_a_search
+from warpgrains.solver.infeasible import (
+    UnilateralConstraints,
+    find_infeasibility_proof,
+    iterations_worth_a_search,
+)
 
 CANNOT_FIT = {
     "chain of 5": chain(5, 1e-3),
@@ -63,9 +67,9 @@ def test_what_a_proof_does_not_need_is_left_out() -> None:
     pair = np.array([[0, 1], [2, 3], [3, 4], [4, 5], [5, 6]], np.int32)
     velocity = np.zeros((7, 2))
     velocity[1, 0] = (2.0 * radius - 0.1) / scene.dt - 1e-7  # m/s
-    certificate = find_certificate(scene, place, velocity, Corrections(pair, np.ones(5), np.zeros(7)))
-    assert certificate is not None
-    assert certificate.grains == (2, 3, 4, 5, 6)
+    proof = find_infeasibility_proof(scene, place, velocity, Corrections(pair, np.ones(5), np.zeros(7)))
+    assert proof is not None
+    assert proof.grains == (2, 3, 4, 5, 6)
 
 
 def test_a_gap_narrower_than_a_grain_is_no_scene() -> None:
@@ -127,7 +131,7 @@ def test_what_is_only_hard_is_not_named(scene: Scene, method: str, monkeypatch: 
     assert unconverged >= 30
 
 
-def exact_least_speed(scene: Scene, contacts: Constraints, weight: FloatArray) -> Decimal:
+def exact_least_speed(scene: Scene, contacts: UnilateralConstraints, weight: FloatArray) -> Decimal:
     """-b . y / sum |J^T y| with fifty digits, from the places of the grains; weights as they are."""
 
     def vector(grain: int) -> tuple[Decimal, Decimal]:
@@ -170,13 +174,13 @@ def exact_least_speed(scene: Scene, contacts: Constraints, weight: FloatArray) -
 def test_what_is_claimed_holds_in_exact_arithmetic(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """For every set of weights that the search tries: never more is claimed, and hardly less."""
     scene, claims = CANNOT_FIT[name], []
-    claim = Constraints.least_speed
+    claim = UnilateralConstraints.least_speed
 
     def noted(contacts, weight, imbalance):
         claims.append((contacts, weight, claim(contacts, weight, imbalance)))
         return claims[-1][2]
 
-    monkeypatch.setattr(Constraints, "least_speed", noted)
+    monkeypatch.setattr(UnilateralConstraints, "least_speed", noted)
     assert Simulation(scene).step().infeasible
     limit = 2.0 * scene.radius_out / scene.dt
     assert claims[-1][2] > limit
@@ -206,7 +210,7 @@ def test_rounding_claims_nothing(seed: int) -> None:
         radius = 0.25 + overlap
         place = np.array([-0.75, -0.25, 0.25, 0.75])[:, None] * line
         scene = Scene(position=place, radius=radius, mass=0.1, radius_out=1.0)
-        contacts = Constraints.of(scene, place, every_contact(4))
+        contacts = UnilateralConstraints.of(scene, place, every_contact(4))
         # At the outer wall are the last grain, by its correction, and the first, if it is seen to overlap.
         for weight in (np.ones(len(contacts.first)), rng.uniform(0.0, 1.0, len(contacts.first))):
             speed = contacts.least_speed(weight, contacts.imbalance(weight))
@@ -218,7 +222,7 @@ def test_grains_that_just_fit_are_not_named() -> None:
     """To the last bit or two."""
     for overlap in (0.0, 2e-16, 5e-16):
         scene = chain(5, overlap)
-        assert find_certificate(scene, scene.position, np.zeros((5, 2)), every_contact(5)) is None
+        assert find_infeasibility_proof(scene, scene.position, np.zeros((5, 2)), every_contact(5)) is None
 
 
 def test_searches_are_as_rare_as_they_must_be(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,9 +230,9 @@ def test_searches_are_as_rare_as_they_must_be(monkeypatch: pytest.MonkeyPatch) -
 
     def count(*arguments):
         searches.append(arguments)
-        return infeasible.find_certificate(*arguments)
+        return infeasible.find_infeasibility_proof(*arguments)
 
-    monkeypatch.setattr(solver, "find_certificate", count)
+    monkeypatch.setattr(solver, "find_infeasibility_proof", count)
     scene = Scene.load("polydisperse").replace(tolerance=1e-12, max_iterations=400)
     simulation = Simulation(scene)
     unconverged = sum(not simulation.step().converged for _ in range(700))

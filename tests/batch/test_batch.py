@@ -15,7 +15,7 @@ from warpgrains.reference.reference import Reference
 from warpgrains.scene.scene import METHODS, ORDERS
 from warpgrains.solver import contact_list as contacts
 from warpgrains.solver import scene_records
-from warpgrains.solver.statistics import Tally
+from warpgrains.solver.statistics import RunStatistics
 
 STEPS = 25
 FAILING, LARGE = 5, 9  # of the mixed scenes
@@ -38,12 +38,12 @@ def about_to_fail(state: State) -> State:
     return replace(state, velocity=velocity)
 
 
-def alone(scene: Scene) -> tuple[State, Tally, StepReport]:
-    simulation, tally = Simulation(scene, threads=1), Tally()
+def alone(scene: Scene) -> tuple[State, RunStatistics, StepReport]:
+    simulation, statistics = Simulation(scene, threads=1), RunStatistics()
     for _ in range(STEPS):
         report = simulation.step()
-        tally.add(report)
-    return simulation.state(), tally, report
+        statistics.add(report)
+    return simulation.state(), statistics, report
 
 
 @pytest.fixture(scope="module")
@@ -52,11 +52,13 @@ def scenes() -> list[Scene]:
 
 
 @pytest.fixture(scope="module")
-def expected(scenes: list[Scene]) -> list[tuple[State, Tally, StepReport]]:
+def expected(scenes: list[Scene]) -> list[tuple[State, RunStatistics, StepReport]]:
     return [alone(scene) for scene in scenes]
 
 
-def assert_as_alone(batch: Batch, order: list[int], expected: list[tuple[State, Tally, StepReport]]) -> None:
+def assert_as_alone(
+    batch: Batch, order: list[int], expected: list[tuple[State, RunStatistics, StepReport]]
+) -> None:
     for place, k in enumerate(order):
         state, _, report = expected[k]
         assert contents(batch.state(place)) == contents(state), f"scene {k}"
@@ -65,20 +67,20 @@ def assert_as_alone(batch: Batch, order: list[int], expected: list[tuple[State, 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_every_scene_as_alone(
-    scenes: list[Scene], expected: list[tuple[State, Tally, StepReport]], threads: int
+    scenes: list[Scene], expected: list[tuple[State, RunStatistics, StepReport]], threads: int
 ) -> None:
     batch = Batch(scenes, threads=threads)
     summaries = batch.run(steps=STEPS)
     assert_as_alone(batch, list(range(len(scenes))), expected)
-    for summary, (_, tally, _) in zip(summaries, expected, strict=True):
+    for summary, (_, statistics, _) in zip(summaries, expected, strict=True):
         assert summary.error is None
         assert summary.seconds > 0.0
-        alike = replace(tally.summary(None), seconds=summary.seconds)
+        alike = replace(statistics.summary(None), seconds=summary.seconds)
         assert {**vars(summary)} == {**vars(alike), "error": None}
 
 
 def test_another_order_and_other_company(
-    scenes: list[Scene], expected: list[tuple[State, Tally, StepReport]]
+    scenes: list[Scene], expected: list[tuple[State, RunStatistics, StepReport]]
 ) -> None:
     order = np.random.default_rng(3).permutation(len(scenes))[:11].tolist()
     batch = Batch([scenes[k] for k in order], threads=2)
@@ -86,7 +88,7 @@ def test_another_order_and_other_company(
     assert_as_alone(batch, order, expected)
 
 
-def test_step_by_step(scenes: list[Scene], expected: list[tuple[State, Tally, StepReport]]) -> None:
+def test_step_by_step(scenes: list[Scene], expected: list[tuple[State, RunStatistics, StepReport]]) -> None:
     batch = Batch(scenes[:6], threads=2)
     assert batch.reports == [None] * len(batch)
     for _ in range(STEPS):
@@ -99,7 +101,7 @@ def test_step_by_step(scenes: list[Scene], expected: list[tuple[State, Tally, St
 
 def test_waves(
     scenes: list[Scene],
-    expected: list[tuple[State, Tally, StepReport]],
+    expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(waves, "free_memory", lambda _: 200_000.0)
@@ -112,7 +114,7 @@ def test_waves(
 
 def test_lists_grow_amid_a_step(
     scenes: list[Scene],
-    expected: list[tuple[State, Tally, StepReport]],
+    expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(scene_records, "first_room", np.ones_like)
@@ -123,7 +125,7 @@ def test_lists_grow_amid_a_step(
 
 def test_a_scene_that_threads_share(
     scenes: list[Scene],
-    expected: list[tuple[State, Tally, StepReport]],
+    expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     large = scenes[LARGE]
@@ -138,7 +140,7 @@ def test_a_scene_that_threads_share(
 @pytest.mark.parametrize("shared", [False, True])
 def test_a_scene_that_fails(
     scenes: list[Scene],
-    expected: list[tuple[State, Tally, StepReport]],
+    expected: list[tuple[State, RunStatistics, StepReport]],
     shared: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -166,7 +168,7 @@ def test_a_scene_that_fails(
 
 def test_windows_of_pairs(
     scenes: list[Scene],
-    expected: list[tuple[State, Tally, StepReport]],
+    expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(contacts, "WINDOW", dict.fromkeys(ORDERS, 5))
@@ -202,15 +204,18 @@ def test_grains_that_cannot_fit_are_named() -> None:
         gravity=(0.0, -9.81),
         max_iterations=50,
     )
-    simulation, tally = Simulation(scene, threads=1), Tally()
+    simulation, statistics = Simulation(scene, threads=1), RunStatistics()
     for _ in range(5):
         report = simulation.step()
-        tally.add(report)
+        statistics.add(report)
     assert report.infeasible
     batch = Batch([Scene.load("annulus"), scene], threads=2)
     summary = batch.run(steps=5)[1]
     assert batch.reports[1] == report
-    assert (summary.infeasible, summary.infeasible_grains) == (tally.infeasible, tally.infeasible_grains)
+    assert (summary.infeasible, summary.infeasible_grains) == (
+        statistics.infeasible,
+        statistics.infeasible_grains,
+    )
 
 
 def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:
@@ -226,7 +231,7 @@ def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:
 
 
 def test_beside_simulations_in_another_thread(
-    scenes: list[Scene], expected: list[tuple[State, Tally, StepReport]]
+    scenes: list[Scene], expected: list[tuple[State, RunStatistics, StepReport]]
 ) -> None:
     batch = Batch(scenes, threads=2)
     with ThreadPoolExecutor(1) as other:
@@ -247,7 +252,7 @@ def test_own_durations_and_other_spans() -> None:
 
 def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     scenes: list[Scene],
-    expected: list[tuple[State, Tally, StepReport]],
+    expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(scene_records, "first_room", np.ones_like)

@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from conftest import Simulate
 from same_bits import assert_same_bits
 from sample_scenes import SUDDEN, random_scene
+from simulate import Simulate
 
 from warpgrains import Scene, Simulation, StepReport
 from warpgrains.reference.reference import Grains, Reference

@@ -1,4 +1,4 @@
-"""Moments of a scene's course at which its contacts are worth solving."""
+"""Steps of a scene's history at which its contacts are worth solving."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,8 +9,8 @@ from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
 
 
-class Moment(NamedTuple):
-    """A step of the course, from where it starts."""
+class Snapshot(NamedTuple):
+    """A step of the history, from where it starts."""
 
     name: str
     state: State
@@ -19,8 +19,8 @@ class Moment(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Course:
-    """What a scene goes through.
+class History:
+    """What a scene goes through, at its own tolerance.
 
     Attributes
     ----------
@@ -28,24 +28,24 @@ class Course:
         Before the first step in which a contact acts.
     hardest : State
         Before the step of most iterations.
-    moments : list of Moment
+    snapshots : list of Snapshot
         onset: the first step with half as many contacts as there will ever be; hardest; end: the last step.
         A step that is two of them is there once.
     """
 
     first: State
     hardest: State
-    moments: list[Moment]
+    snapshots: list[Snapshot]
 
 
-def follow_course(scene: Scene, longest: int) -> Course:
+def follow_history(scene: Scene, longest: int) -> History:
     """Follow a scene by the accelerated method, in color order, to its own tolerance.
 
     Parameters
     ----------
     scene : Scene
     longest : int
-        Steps after which its course is cut off.
+        Steps after which its history is cut off.
 
     Raises
     ------
@@ -53,20 +53,20 @@ def follow_course(scene: Scene, longest: int) -> Course:
         No contact acts in it.
     """
     simulation = Simulation(scene, method="accelerated", order="color", stop="residual")
-    records: list[Moment] = []  # steps with more contacts than any before
-    hardest = end = Moment("", simulation.state(), 0)
+    records: list[Snapshot] = []  # steps with more contacts than any before
+    hardest = end = Snapshot("", simulation.state(), 0)
     most_iterations = 0
     for _ in range(min(scene.steps, longest)):
         state = simulation.state()
         report = simulation.step()
-        end = Moment("end", state, report.contacts)
+        end = Snapshot("end", state, report.contacts)
         if report.contacts > (records[-1].contacts if records else 0):
-            records.append(Moment("onset", state, report.contacts))
+            records.append(Snapshot("onset", state, report.contacts))
         if report.contacts and report.iterations > most_iterations:
             most_iterations = report.iterations
-            hardest = Moment("hardest", state, report.contacts)
+            hardest = Snapshot("hardest", state, report.contacts)
     if not records:
         raise SceneError(f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps")
     onset = next(record for record in records if 2 * record.contacts >= records[-1].contacts)
-    by_step = {moment.state.steps: moment for moment in (end, hardest, onset) if moment.contacts}
-    return Course(records[0].state, hardest.state, [by_step[step] for step in sorted(by_step)])
+    by_step = {snapshot.state.steps: snapshot for snapshot in (end, hardest, onset) if snapshot.contacts}
+    return History(records[0].state, hardest.state, [by_step[step] for step in sorted(by_step)])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 COLUMNS = "name,n,order,threads,median,unit,compared with,its median,ratio,ratio is,target,repeats"
 
 

@@ -36,3 +36,8 @@ def table(path: Path) -> list[dict[str, str]]:
     """Read a table."""
     with path.open(newline="") as lines:
         return list(csv.DictReader(lines))
+
+
+def results(folder: Path) -> bytes:
+    """Read the table of results as it lies on disk."""
+    return (folder / "results.csv").read_bytes()

@@ -12,9 +12,9 @@ from warpgrains.cli.main import main
 from warpgrains.files import draft_of
 from warpgrains.report import report
 from warpgrains.report.c_reference import find_c_reference
-from warpgrains.report.course import Moment, follow_course
 from warpgrains.report.frontier import measure_frontier
-from warpgrains.report.options import Effort
+from warpgrains.report.history import Snapshot, follow_history
+from warpgrains.report.options import Budget
 from warpgrains.report.steps import StepRow, measure_steps
 from warpgrains.report.text import Findings, markdown
 from warpgrains.report.trajectories import FRACTIONS, PathRow, fitted_order, measure_paths
@@ -25,7 +25,7 @@ domain = {radius_out = 1.0}
 time = {dt = 0.01, duration = 0.3}
 grains = {layout = "column", count = 6, radius = 0.05, mass = 0.1, spacing = 2.1}
 """
-QUICK = Effort(repeats=1, most_iterations=100, longest=1e9, horizon=8)  # no time decides what is done
+QUICK = Budget(repeats=1, most_iterations=100, longest=1e9, horizon=8)  # no time decides what is done
 FILES = ["report.md", "steps.csv", "trajectories.csv", "frontier.csv", "mine-steps.png", "mine-dt.png"]
 STEP_COLUMNS = (
     "scene,moment,time,grains,contacts,code,method,order,threads,iterations,wall_time,error,"
@@ -49,14 +49,14 @@ def column(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 @pytest.fixture(scope="module")
 def steps(column: Scene) -> list[StepRow]:
-    (hardest,) = (moment for moment in follow_course(column, 30).moments if moment.name == "hardest")
+    (hardest,) = (snapshot for snapshot in follow_history(column, 30).snapshots if snapshot.name == "hardest")
     return list(measure_steps(column, hardest, QUICK))
 
 
 def test_command_writes_every_file(
     toml: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(report, "Effort", lambda: QUICK)
+    monkeypatch.setattr(report, "Budget", lambda: QUICK)
     folder = tmp_path / "made" / "here"
     assert main(["report", str(toml), "-o", str(folder)]) == 0
     printed, _ = capfd.readouterr()
@@ -75,26 +75,27 @@ def test_command_writes_every_file(
 
 class TestSteps:
     def test_every_way_is_there(self, steps: list[StepRow]) -> None:
-        ways = {row.way for row in steps}
-        assert len(ways) == 9
-        assert ("C reference", "gauss-seidel", "sequential", 1) in ways
+        configurations = {row.configuration for row in steps}
+        assert len(configurations) == 9
+        assert ("C reference", "gauss-seidel", "sequential", 1) in configurations
         assert all(row.wall_time > 0.0 for row in steps)
 
     def test_error_falls_with_the_iterations(self, steps: list[StepRow]) -> None:
-        for way in {row.way for row in steps}:
-            tried = [row for row in steps if row.way == way]
-            iterations, errors = [row.iterations for row in tried], [row.error for row in tried]
+        for configuration in {row.configuration for row in steps}:
+            measured = [row for row in steps if row.configuration == configuration]
+            iterations, errors = [row.iterations for row in measured], [row.error for row in measured]
             assert iterations == sorted(set(iterations))
-            assert errors[0] > 1e-2 * tried[0].error_of_nothing
+            assert errors[0] > 1e-2 * measured[0].error_of_nothing
             # Gauss-Seidel on a chain of 6 contacts from a wall on falls by cos(pi / 13)^2 an iteration, by
             # 3e-3 in 99. Momentum may overshoot, so that not every error is below the one before.
             assert errors[-1] <= 3e-3 * errors[0]
 
     def test_threads_and_c_give_the_same_error(self, steps: list[StepRow]) -> None:
         """The same bits: those of C as far as it goes on where the others stop."""
-        errors = {(row.way, row.iterations): row.error for row in steps}
-        for (way, iterations), error in errors.items():
-            other = way._replace(threads=1) if way.code == "warpgrains" else way._replace(code="warpgrains")
+        errors = {(row.configuration, row.iterations): row.error for row in steps}
+        for (configuration, iterations), error in errors.items():
+            change = {"threads": 1} if configuration.code == "warpgrains" else {"code": "warpgrains"}
+            other = configuration._replace(**change)
             assert errors.get((other, iterations), error) == error
 
     def test_exact_solution_is_that_of_the_accelerated_method(self, steps: list[StepRow]) -> None:
@@ -112,19 +113,19 @@ class TestSteps:
 
 class TestMoments:
     def test_moments_are_in_order(self, column: Scene) -> None:
-        course = follow_course(column, 30)
-        names = [moment.name for moment in course.moments]
-        at = [moment.state.steps for moment in course.moments]
+        history = follow_history(column, 30)
+        names = [snapshot.name for snapshot in history.snapshots]
+        at = [snapshot.state.steps for snapshot in history.snapshots]
         assert names[-1] == "end"
         assert "hardest" in names
         assert at == sorted(set(at))
         assert at[-1] == 29
-        assert course.first.steps <= at[0]
+        assert history.first.steps <= at[0]
 
     def test_scene_without_contacts(self) -> None:
         scene = Scene(position=[[0.5, 0.0]], radius=0.1, mass=0.1, radius_out=9.0, name="alone")
         with pytest.raises(SceneError, match="scene 'alone' has no contacts in 5 steps"):
-            follow_course(scene, 5)
+            follow_history(scene, 5)
 
 
 class TestTrajectories:
@@ -160,7 +161,7 @@ class TestTrajectories:
 
 class TestFrontier:
     def test_work_is_equal(self, column: Scene) -> None:
-        rows = list(measure_frontier(column, follow_course(column, 30).hardest, 8))
+        rows = list(measure_frontier(column, follow_history(column, 30).hardest, 8))
         assert len(rows) == 2 * 3 * len(FRACTIONS)
         for row in rows:
             assert row.iterations == pytest.approx(row.cost * row.dt / column.dt)
@@ -208,8 +209,8 @@ def test_without_a_compiler_there_is_no_c_reference(
     try:
         assert find_c_reference().start is None
         assert "needs a C compiler" in find_c_reference().status
-        moment = Moment("start", first_state(column), 0)
-        rows = list(measure_steps(column, moment, Effort(repeats=1, most_iterations=1)))
+        snapshot = Snapshot("start", first_state(column), 0)
+        rows = list(measure_steps(column, snapshot, Budget(repeats=1, most_iterations=1)))
         assert {row.code for row in rows} == {"warpgrains"}
     finally:
         find_c_reference.cache_clear()

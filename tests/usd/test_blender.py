@@ -19,7 +19,7 @@ pytestmark = pytest.mark.blender
 
 HALF_WIDTH = 2.2
 PIXELS = 800
-SCRIPT = Path(__file__).parent / "blender" / "render.py"
+SCRIPT = Path(__file__).with_name("blender_render.py")
 
 
 @pytest.fixture

@@ -10,7 +10,9 @@ from same_bits import contents
 from warpgrains import Scene, SceneError, Simulation
 from warpgrains.scene.state_checks import first_state
 from warpgrains.simulation.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.solver.statistics import Tally
+from warpgrains.solver.statistics import RunStatistics
+
+VERSION_2 = Path(__file__).with_name("version_2.npz")
 
 
 @pytest.fixture
@@ -57,7 +59,7 @@ class TestRoundTrip:
             name='"quoted" \u00e9\u4e2d',
             text="line\nline\t\\ \x7f \U0001f40d",
         )
-        kept = Checkpoint(scene, first_state(scene), None, Tally(overlap=third))
+        kept = Checkpoint(scene, first_state(scene), None, RunStatistics(overlap=third))
         write_checkpoint(tmp_path / "kept.npz", kept)
         assert contents(read_checkpoint(tmp_path / "kept.npz")) == contents(kept)
 
@@ -137,6 +139,27 @@ class TestFile:
         simulation.save(saved)
         assert contents(read_checkpoint(saved).state) == contents(simulation.state())
 
+    def test_file_of_an_earlier_release(self):
+        """Written by commit e8ad350 in the middle of a run: it is read, and goes on with the same bits."""
+        kept = read_checkpoint(VERSION_2)
+        scene = Scene.load("annulus", ["solver.max_iterations=50"])
+        assert contents(kept.scene) == contents(scene)
+        assert (kept.options.steps, kept.options.every, kept.options.record) == (200, 150, None)
+        assert (kept.statistics.steps, kept.statistics.iterations) == (150, 1574)
+        assert kept.state.steps == 150
+        undisturbed, resumed = Simulation(scene), Simulation.load(VERSION_2)
+        undisturbed.run(steps=150)
+        for _ in range(50):
+            report, again = undisturbed.step(), resumed.step()
+            assert (again.iterations, again.zeta, again.residual) == (
+                report.iterations,
+                report.zeta,
+                report.residual,
+            )
+        assert contents(resumed.state().corrections) == contents(undisturbed.state().corrections)
+        assert contents(resumed.velocity) == contents(undisturbed.velocity)
+        assert contents(resumed.position) == contents(undisturbed.position)
+
 
 def rewrite(path, header=None, **arrays):
     """Change the header or arrays of a checkpoint; a change that is None takes the array out."""
@@ -197,7 +220,7 @@ class TestBadFile:
     def test_array_said_to_be_shorter(self, tmp_path):
         """NumPy would read its first rows and not notice that they are not all."""
         scene, path = Scene.load("pile"), tmp_path / "saved.npz"
-        write_checkpoint(path, Checkpoint(scene, first_state(scene), None, Tally()))
+        write_checkpoint(path, Checkpoint(scene, first_state(scene), None, RunStatistics()))
         path.write_bytes(path.read_bytes().replace(b"(1000,", b"( 500,", 1))
         self.require_refusal(path, "or it is damaged")
 

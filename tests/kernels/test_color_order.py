@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from conftest import Simulate
 from graphs import complete, first_fit_colors
 from optimality import solve_one_step
 from same_bits import assert_same_bits
 from sample_scenes import SUDDEN, random_scene
+from simulate import Simulate
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import IntArray

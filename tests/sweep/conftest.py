@@ -1,0 +1,12 @@
+"""The small sweep, carried out once for all tests that hold another one against it."""
+
+import pytest
+from sweeps import batch, write
+
+
+@pytest.fixture(scope="session")
+def done(tmp_path_factory):
+    """The small sweep, carried out without any interruption."""
+    folder = tmp_path_factory.mktemp("done")
+    assert batch(write(folder), "-o", folder / "out") == 1
+    return folder / "out"

@@ -1,0 +1,151 @@
+"""`warpgrains batch`: every run as if done alone, and the line for bad input."""
+
+import lightusd
+import numpy as np
+import pytest
+from recordings import GRAINS
+from same_bits import contents
+from sweeps import SMALL, batch, results, table, write
+
+from warpgrains import Scene, Simulation
+from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.usd.check import inspect_recording
+
+
+class TestResults:
+    def test_one_row_a_run(self, done):
+        rows = table(done / "results.csv")
+        assert [row["run"] for row in rows] == ["0", "1", "2", "3", "4", "5"]
+        assert [row["physics.drag"] for row in rows] == ["0.1", "0.1", "100.0", "100.0", "0.5", "0.5"]
+        assert [row["grains.count"] for row in rows] == ["5", "15"] * 3
+        assert {row["scene"] for row in rows} == {"annulus"}
+        assert [list(row) for row in table(done / "timing.csv")] == [["run", "seconds"]] * 6
+
+    def test_files_of_a_run(self, done):
+        assert sorted(path.name for path in done.iterdir()) == ["results.csv", "runs", "timing.csv"]
+        names = {
+            path.name: sorted(file.name for file in path.iterdir()) for path in (done / "runs").iterdir()
+        }
+        whole, failed = ["checkpoint.npz", "result.csv", "scene.toml"], ["result.csv", "scene.toml"]
+        assert names == {f"{k:05}": failed if k in (2, 3) else whole for k in range(6)}
+
+    @pytest.mark.parametrize("number", [0, 5])
+    def test_run_is_as_if_done_alone(self, done, number):
+        simulation = Simulation(Scene.load(done / "runs" / f"{number:05}" / "scene.toml"))
+        reports = [simulation.step() for _ in range(40)]
+        kept = read_checkpoint(done / "runs" / f"{number:05}" / "checkpoint.npz")
+        assert contents(kept.state) == contents(simulation.state())
+        row = table(done / "results.csv")[number]
+        force = simulation.wall_contacts().force
+        assert {name: float(row[name]) for name in ("grains", "steps", "time")} == {
+            "grains": simulation.scene.n,
+            "steps": 40,
+            "time": simulation.time,
+        }
+        assert float(row["iterations_mean"]) == sum(report.iterations for report in reports) / 40
+        assert int(row["iterations_max"]) == max(report.iterations for report in reports)
+        assert int(row["unconverged"]) == sum(not report.converged for report in reports)
+        assert float(row["worst_overlap"]) == max(report.overlap for report in reports)
+        assert float(row["outer_wall_force"]) == force[force > 0].sum()
+        assert float(row["inner_wall_force"]) == -force[force < 0].sum()
+        height = (simulation.position[:, 1] + simulation.scene.radius).max() + simulation.scene.radius_out
+        assert float(row["pile_height"]) == height
+
+    def test_steps_that_did_not_converge_are_counted(self, done):
+        """Fifteen grains need more than 30 iterations in some steps, five never do."""
+        rows = table(done / "results.csv")
+        assert [row["iterations_max"] for row in rows] == ["2", "30", "", "", "2", "30"]
+        assert [int(row["unconverged"] or 0) > 0 for row in rows] == [False, True, False, False, False, True]
+
+    def test_what_fails_says_why(self, done):
+        for row in table(done / "results.csv")[2:4]:
+            assert "in one step, drag 100.0 kg/s would turn round grain 0" in row["error"]
+            assert row["grains"] == row["pile_height"] == ""
+
+    def test_failing_step(self, tmp_path, capfd):
+        """A grain as fast as a double can be: its first step is not finite; the others go on."""
+        axis = "grains.velocity = [[0.0, 0.0], [1e308, 0.0]]"
+        text = f'scene = "annulus"\n[set]\ntime.duration = 0.1\n[axes]\n{axis}'
+        assert batch(write(tmp_path, text), "-o", tmp_path / "out") == 1
+        good, bad = table(tmp_path / "out" / "results.csv")
+        assert good["steps"] == "10"
+        assert bad["error"].startswith("step 1, from t = 0.0 s: ")
+        assert "first run 1: step 1, from t = 0.0 s: " in capfd.readouterr().out
+
+    def test_summary(self, tmp_path, capfd):
+        sweep = write(tmp_path, SMALL.replace("100.0, ", ""))
+        assert batch(sweep, "-o", tmp_path / "out") == 0
+        printed = capfd.readouterr().out.splitlines()
+        summary = {line[:17].strip(): line[18:] for line in printed}
+        assert list(summary) == ["runs", "failed", "not finished", "not converged", "time", "results"]
+        assert summary["runs"] == "4, 0 of them finished before"
+        assert summary["failed"] == "0"
+        assert summary["not finished"] == "0"
+
+    def test_grains_from_a_file(self, tmp_path):
+        """Each run reads a copy that the folder of the sweep holds, wherever that is moved."""
+        (tmp_path / "scene.toml").write_text(
+            "domain = {radius_in = 0.1, radius_out = 1.0}\ntime = {duration = 0.1}\nphysics = {drag = 0.1}\n"
+            '[grains]\nfile = "a.npz"\nradius = 0.1\nmass = 0.1\n'
+        )
+        places = {"a": [[0.5, 0.0]], "b": [[0.0, 0.5], [0.5, 0.0]]}
+        for name, position in places.items():
+            np.savez(tmp_path / f"{name}.npz", position=np.array(position))
+        text = 'scene = "scene.toml"\n[axes]\ngrains.file = ["a.npz", "b.npz"]'
+        assert batch(write(tmp_path, text), "-o", tmp_path / "out") == 0
+        rows = table(tmp_path / "out" / "results.csv")
+        assert [(row["grains.file"], row["grains"]) for row in rows] == [("a.npz", "1"), ("b.npz", "2")]
+        (tmp_path / "out").rename(tmp_path / "moved")
+        for name in places:
+            (tmp_path / f"{name}.npz").unlink()
+        assert Scene.load(tmp_path / "moved" / "runs" / "00001" / "scene.toml").n == 2
+
+    def test_recordings(self, tmp_path, done):
+        sweep = write(tmp_path)
+        assert batch(sweep, "-o", tmp_path / "out", "--usd", "--fps", "50") == 1
+        assert results(tmp_path / "out") == results(done)
+        recording = tmp_path / "out" / "runs" / "00005" / "recording.usdc"
+        assert inspect_recording(recording) == []
+        points = lightusd.load(str(recording)).prim_at(GRAINS).attribute("points")
+        assert points.timesamples.times == tuple(range(21))
+        simulation = Simulation(Scene.load(recording.with_name("scene.toml")))
+        simulation.run(steps=40)
+        assert np.array_equal(np.asarray(points.get(20))[:, :2], simulation.position.astype(np.float32))
+
+
+class TestBadInput:
+    @pytest.mark.parametrize(
+        ("arguments", "complaint"),
+        [
+            ([], "SWEEP is missing"),
+            (["no_sweep"], "unknown sweep"),
+            (["SWEEP", "--index", "0"], "--index and --count go together"),
+            (["SWEEP", "--index", "3", "--count", "3"], "--index is 3: it must be between 0 and 2"),
+            (["SWEEP", "--count", "0", "--index", "0"], "--count is 0"),
+            (["SWEEP", "--fps", "30"], "--fps needs --usd"),
+            (["SWEEP", "--usd", "--fps", "-1"], "--fps is -1.0"),
+            (["SWEEP", "--device", "gpu"], "device 'gpu' is unknown here"),
+            (["SWEEP", "--threads", "0"], "threads is 0"),
+            (["SWEEP", "--scheduler", "tcp://127.0.0.1:1", "--slurm", "2"], "not allowed with"),
+            (["SWEEP", "--scheduler", "nowhere"], "no dask scheduler answers at 'nowhere'"),
+            (["SWEEP", "--slurm", "0"], "--slurm is 0"),
+            (["SWEEP", "--slurm", "1"], "--slurm needs dask-jobqueue's configuration, jobqueue.yaml"),
+            (["SWEEP", "--plot", "x=physics.drag"], "it must name x and y"),
+            (["SWEEP", "--plot", "x=physics.dragg,y=time"], "unknown column to plot 'physics.dragg'"),
+        ],
+    )
+    def test_is_one_line(self, tmp_path, capfd, arguments, complaint):
+        sweep = write(tmp_path)
+        arguments = [str(sweep) if word == "SWEEP" else word for word in arguments]
+        assert batch(*arguments, "-o", tmp_path / "out") == 2
+        printed = capfd.readouterr()
+        assert printed.out == ""
+        assert printed.err.startswith("warpgrains: error: ")
+        assert printed.err.count("\n") == 1
+        assert complaint in printed.err
+        assert not list((tmp_path / "out").rglob("*.*"))
+
+    def test_output_is_a_file(self, tmp_path, capfd):
+        sweep = write(tmp_path)
+        assert batch(sweep, "-o", sweep) == 1
+        assert capfd.readouterr().err.count("\n") == 1

@@ -1,0 +1,196 @@
+"""`warpgrains batch --resume` and shares: the same tables whatever happens on the way."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from same_bits import contents
+from sweeps import SMALL, batch, results, table, write
+
+from warpgrains.batch.batch import Batch
+from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.sweep import runner as run_groups
+
+
+class Interrupted(KeyboardInterrupt):
+    """What stands for a killed process."""
+
+
+class Slices:
+    """Interrupts the slice after `left` more, as a killed process would be; keeps the steps of those done."""
+
+    def __init__(self):
+        self.left, self.steps = 0, []
+
+    def run(self, batch, steps, run=Batch.run):
+        if self.left == 0:
+            raise Interrupted
+        self.left -= 1
+        self.steps.append(steps)
+        return run(batch, steps)
+
+
+@pytest.fixture
+def slices(monkeypatch):
+    """Slices of equal length, after each of which the runs are kept."""
+    slices = Slices()
+    monkeypatch.setattr(run_groups, "BETWEEN_CHECKPOINTS", 0.0)
+    monkeypatch.setattr(run_groups, "GROWTH", 1)
+    monkeypatch.setattr(Batch, "run", lambda batch, steps: slices.run(batch, steps))
+    return slices
+
+
+def test_what_failed_once_stays_failed(tmp_path, slices):
+    """Even if it could go on later, such as when there is memory again: it has missed steps."""
+    run, slices.left = slices.run, 1_000
+
+    def fail_once(batch, steps):
+        first, *others = run(batch, steps)
+        return [replace(first, error="no room") if len(slices.steps) == 2 else first, *others]
+
+    slices.run = fail_once
+    assert batch(write(tmp_path), "-o", tmp_path / "out") == 1
+    errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
+    assert errors[0] == "no room"
+    assert errors[1] == ""
+
+
+class TestResume:
+    @pytest.mark.parametrize("options", [[], ["--usd"]])
+    def test_same_results_after_interruptions(self, tmp_path, done, slices, options):
+        sweep, out = write(tmp_path), tmp_path / "out"
+        for number, left in enumerate((4, 3, 1_000)):
+            slices.left = left
+            assert batch(sweep, "-o", out, *options, *["--resume"] * (number > 0)) == (
+                1 if left == 1_000 else 130
+            )
+        assert sum(slices.steps) == 40  # none of them twice
+        assert results(out) == results(done)
+        for number in ("00001", "00004"):
+            ends = [read_checkpoint(folder / "runs" / number / "checkpoint.npz") for folder in (done, out)]
+            assert contents(ends[0].state) == contents(ends[1].state)
+            assert not (out / "runs" / number / "recording.usdc.chunks").exists()
+            assert (out / "runs" / number / "recording.usdc").exists() == bool(options)
+
+    def test_finished_runs_are_not_repeated(self, tmp_path, done, monkeypatch, capfd):
+        shutil.copytree(done, tmp_path / "out")
+        shutil.rmtree(tmp_path / "out" / "runs" / "00004")
+        before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").rglob("*.*")}
+        assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume") == 1
+        assert "6, 5 of them finished before" in capfd.readouterr().out
+        assert all(path.stat().st_mtime_ns == moment for path, moment in before.items())
+        assert results(tmp_path / "out") == results(done)
+
+    def test_begun_sweep_needs_resume(self, tmp_path, done, capfd):
+        shutil.copytree(done, tmp_path / "out")
+        assert batch(write(tmp_path), "-o", tmp_path / "out") == 2
+        assert "--resume continues a sweep" in capfd.readouterr().err
+        assert results(tmp_path / "out") == results(done)
+
+    def test_other_sweep_is_refused(self, tmp_path, done, capfd):
+        shutil.copytree(done, tmp_path / "out")
+        other = write(tmp_path, SMALL.replace("[5, 15]", "[5, 14]"))
+        assert batch(other, "-o", tmp_path / "out", "--resume") == 2
+        assert "is another scene than this run of the sweep" in capfd.readouterr().err
+
+    def test_longer_sweep_goes_on(self, tmp_path, done):
+        """Values at the end of the first axis are runs that follow those that are there."""
+        shutil.copytree(done, tmp_path / "out")
+        longer = write(tmp_path, SMALL.replace("0.5]", "0.5, 0.6]"))
+        assert batch(longer, "-o", tmp_path / "out", "--resume") == 1
+        assert results(tmp_path / "out").startswith(results(done))
+        assert len(table(tmp_path / "out" / "results.csv")) == 8
+
+
+class TestShares:
+    def test_shares_make_the_whole(self, tmp_path, done):
+        sweep, out = write(tmp_path), tmp_path / "out"
+        codes = [batch(sweep, "-o", out, "--index", index, "--count", 3) for index in (2, 0, 1)]
+        assert codes == [1, 1, 0]  # the failed runs are 2 and 3, of the shares 2 and 0
+        assert results(out) == results(done)
+
+    def test_late_results_are_not_lost(self, tmp_path, done, monkeypatch):
+        """Runs that finish while the tables are written: who writes last has them all."""
+        shutil.copytree(done, tmp_path / "out")
+        last = tmp_path / "out" / "runs" / "00005" / "result.csv"
+        late = last.rename(tmp_path / "late.csv")
+        from warpgrains.sweep import folder as sweep_folder
+
+        write_whole = sweep_folder.write_whole
+
+        def write_as_another_run_finishes(*arguments):
+            write_whole(*arguments)
+            if late.exists():
+                late.rename(last)
+
+        monkeypatch.setattr(sweep_folder, "write_whole", write_as_another_run_finishes)
+        assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume", "--index", 0, "--count", 6) == 0
+        assert results(tmp_path / "out") == results(done)
+
+
+DRIVER = """
+import sys
+from warpgrains.cli.main import main
+from warpgrains.sweep import runner
+runner.WIDTH, runner.SLICE, runner.BETWEEN_CHECKPOINTS = 4, 0.02, 0.05
+sys.exit(main(sys.argv[1:]))
+"""
+LONG = """
+scene = "annulus"
+[set]
+solver.order = "color"
+[axes]
+physics.drag = {range = [0.1, 0.9], count = 3}
+grains.shift = {log_range = [1e-9, 1e-6], count = 4}
+"""
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("undisturbed")
+    assert batch(write(folder, LONG), "-o", folder / "out") == 0
+    return folder / "out"
+
+
+class TestKilled:
+    """kill -9 in the middle, then --resume: the same table as without."""
+
+    def kill_and_resume(self, folder, undisturbed, options, moments):
+        sweep, out = write(folder, LONG), folder / "out"
+        process = self.start(sweep, "-o", out, *options)
+        for steps in moments:
+            while process.poll() is None and self.steps_kept(out) < steps:
+                time.sleep(0.005)
+            process.send_signal(signal.SIGKILL)
+            process.wait(timeout=60)
+            process = self.start(sweep, "-o", out, "--resume", *options)
+        assert process.wait(timeout=120) == 0
+        assert results(out) == results(undisturbed)
+        assert len(table(out / "timing.csv")) == 12
+
+    def start(self, *arguments):
+        command = [sys.executable, "-c", DRIVER, "batch", *map(str, arguments)]
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL)
+
+    def steps_kept(self, out: Path) -> int:
+        kept = (out / "runs").glob("*/checkpoint.npz")
+        return sum(read_checkpoint(path).statistics.steps for path in kept)
+
+    def test_resumed(self, tmp_path, undisturbed):
+        self.kill_and_resume(tmp_path, undisturbed, [], [1_000, 5_000])
+
+    @pytest.mark.slow
+    def test_resumed_from_many_moments(self, tmp_path, undisturbed):
+        rng = np.random.default_rng(5)
+        for number in range(2):
+            folder = tmp_path / str(number)
+            folder.mkdir()
+            moments = sorted(rng.integers(1, 12 * 800, size=rng.integers(1, 4)).tolist())
+            self.kill_and_resume(folder, undisturbed, ["--usd"] * (number % 2), moments)
+            shutil.rmtree(folder)
