@@ -26,7 +26,7 @@ def free_velocity(s: Scene, i: int):
 
 @wp.func
 def move(s: Scene, i: int):
-    """x += dt v, with the velocities that the contacts have corrected (eq. 3)."""
+    """X += dt v, with the velocities that the contacts have corrected (eq. 3)."""
     x = s.grains.position[i]
     v = s.grains.next_velocity[i]
     s.grains.last_position[i] = x

@@ -12,11 +12,11 @@ the two would hold a push that no correction has, and that every sweep repeats.
 
 import warp as wp
 
-from .access import set_velocity, velocity_of
 from .accelerated import CHUNK, chunks_in, mass_in_phi, part_count
+from .access import set_velocity, velocity_of
 from .stopping import decide_to_stop
 from .threads import Team, thread_range
-from .types import Scene, grain_count, pair_count, wall_count
+from .types import Scene, grain_count, wall_count
 from .verlet import monitor, monitor_next
 
 f64 = wp.float64

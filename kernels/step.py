@@ -94,7 +94,8 @@ DEAL_OUT = [Each(grain_count, gather), Serial(make_strips)]
 def sweeping_order(threaded: bool) -> list[Stage]:
     """Put the list in the order in which it is swept, and its corrections with it."""
     return [
-        Serial(group_pairs), Serial(place_pairs),
+        Serial(group_pairs),
+        Serial(place_pairs),
         If(tiled, [Each(grain_count, gather), Serial(tile_pairs)]),
         *(DEAL_OUT if threaded else []),
         Each(grain_count, transfer_warm_start),
@@ -106,7 +107,8 @@ WARM_START = [
     Each(grain_count, begin_attempt),
     Sets(start_pairs),
     Shared(start_walls),
-    Serial(clear_check), Serial(find_frame),
+    Serial(clear_check),
+    Serial(find_frame),
     Each(grain_count, begin_check),
     Each(grain_count, foresee),
     Serial(begin_iterating),
@@ -171,7 +173,8 @@ FINISH = [
 EXPIRE = [
     Each(grain_count, save_pairs),
     Each(wall_count, save_wall),
-    Serial(expire), Serial(adapt_base_skin),
+    Serial(expire),
+    Serial(adapt_base_skin),
     Each(grain_count, renew_skin),
     Serial(find_lifetime),
 ]

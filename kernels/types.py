@@ -202,7 +202,9 @@ class Strips:
 
     strip: Ints  # of every grain
     bins: Ints  # pairs by place, for cutting space into strips
-    last: wp.array(dtype=wp.vec2i)  # of every grain: the strip of its last pair so far, and the index after it
+    last: wp.array(
+        dtype=wp.vec2i
+    )  # of every grain: the strip of its last pair so far, and the index after it
     cursor: Ints  # of every strip: its next pair
     late_cursor: Ints  # the same, LAG pairs before
     seen: Ints  # of every strip and other strip: the pair before which it waits already

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from tqdm import tqdm
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import Done, Waves
-from warpgrains.batch.wave import Advanced
+from warpgrains.batch.resident import Done, ResidentSets
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.scene.state_checks import require_state
 from warpgrains.simulation.simulation import find_device
+from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
 
@@ -63,7 +63,7 @@ class Batch:
             raise SceneError("a batch needs at least one scene")
         if threads is not None:
             checks.whole_number("threads", threads)
-        self._waves = Waves(self.scenes, find_device(device), cores() if threads is None else threads)
+        self._sets = ResidentSets(self.scenes, find_device(device), cores() if threads is None else threads)
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
 
     def __len__(self) -> int:
@@ -109,11 +109,11 @@ class Batch:
         wanted = [_steps_of(scene, steps, duration) for scene in self.scenes]
         with tqdm(total=sum(wanted), disable=not progress) as bar:
             outcomes = self._advance(wanted, bar.update)
-        return [SceneSummary(**vars(done.tally.summary(None)), error=done.error) for done in outcomes]
+        return [SceneSummary(**vars(done.statistics.summary(None)), error=done.error) for done in outcomes]
 
-    def _advance(self, steps: list[int], advanced: Advanced) -> list[Done]:
+    def _advance(self, steps: list[int], on_progress: OnProgress) -> list[Done]:
         """Do so many steps of each scene, and keep the last reports."""
-        outcomes = sorted(self._waves.work(steps, advanced))
+        outcomes = sorted(self._sets.work(steps, on_progress))
         for done in outcomes:
             self._reports[done.k] = done.report or self._reports[done.k]
         return outcomes
@@ -133,7 +133,7 @@ class Batch:
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k, from which `restore` continues with the same bits."""
-        return self._waves.state(k)
+        return self._sets.state(k)
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state.
@@ -144,7 +144,7 @@ class Batch:
             It is a state of other grains.
         """
         require_state(state, self.scenes[k].n)
-        self._waves.restore(k, state)
+        self._sets.restore(k, state)
 
 
 def _steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:

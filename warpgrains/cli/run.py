@@ -94,11 +94,11 @@ def _steps(scene: Scene, arguments: Namespace) -> int | None:
 def _simulate(start: Checkpoint, options: RunOptions, device: str, threads: int | None) -> Summary:
     start_warp()
     from warpgrains.simulation.simulation import Simulation
-    from warpgrains.solver.kernel_cache import load_kernels
 
     simulation = Simulation(start.scene, device, threads)
     simulation.restore(start.state)
-    load_kernels(start.scene, device)
+    if not simulation.is_compiled:
+        print("compiling kernels for such a scene, this first time only ...", file=sys.stderr, flush=True)
     with warnings.catch_warnings():
         warnings.showwarning = _tell
         return run(simulation, options, start.statistics, progress=sys.stderr.isatty())

@@ -54,13 +54,12 @@ def run(
     ):
         _keep(simulation, options, statistics, recorder)
         while statistics.steps < options.steps:
-            report = simulation.step()
-            if report.infeasible and not statistics.infeasible:
-                warn(f"step {statistics.steps + 1}: {named(report.infeasible)} cannot fit", stacklevel=2)
-            statistics.add(report)
+            done = simulation.advance(_steps_to_next_output(options, statistics, recorder), bar.update)
+            if done.infeasible and not statistics.infeasible:
+                warn(f"{named(done.infeasible_grains)} cannot fit", stacklevel=2)
+            statistics.add(done)
             statistics.seconds = perf_counter() - start
             _keep(simulation, options, statistics, recorder)
-            bar.update()
     statistics.seconds = perf_counter() - start
     return statistics.summary(options.record)
 
@@ -108,6 +107,16 @@ def _keep(
         if recorder is not None:
             recorder.flush()
         write_checkpoint(checkpoint, Checkpoint(simulation.scene, simulation.state(), options, statistics))
+
+
+def _steps_to_next_output(options: RunOptions, statistics: RunStatistics, recorder: Recorder | None) -> int:
+    """Return after how many steps there is something to record or to save, or the run ends."""
+    ends = [options.steps]
+    if recorder is not None:
+        ends.append(statistics.frames * recorder.stride)
+    if options.checkpoint is not None:
+        ends.append((statistics.steps // options.every + 1) * options.every)
+    return min(ends) - statistics.steps
 
 
 def _bar(options: RunOptions, statistics: RunStatistics, progress: bool) -> tqdm:

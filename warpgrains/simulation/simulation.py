@@ -19,10 +19,11 @@ from warpgrains.simulation.checkpoint import (
 )
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import run
+from warpgrains.solver.advance import OnProgress, advance
+from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
-from warpgrains.solver.launch import CAPTURING
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
-from warpgrains.solver.step import StepSolver
+from warpgrains.solver.tuning import paying_threads
 
 
 class Simulation:
@@ -51,9 +52,15 @@ class Simulation:
         self.scene = scene.replace(**overrides) if overrides else scene
         if threads is not None:
             checks.whole_number("threads", threads)
-        with CAPTURING:
-            self._solver = StepSolver(self.scene, find_device(device), threads)
+        where = find_device(device)
+        self._threads = threads_for(self.scene, where, threads)
+        self._engine = Engine([self.scene], where, self._threads)
         self.restore(first_state(self.scene))
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the kernels are ready, or the first step has to compile them, which takes some seconds."""
+        return self._engine.is_compiled
 
     def step(self) -> StepReport:
         """Advance by one time step.
@@ -64,15 +71,30 @@ class Simulation:
             A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
             "raise". The state is that before the step.
         """
-        try:
-            report = self._solver.solve()
-            if not report.converged:
-                report = self._solver.name_grains_that_cannot_fit(report)
-        except SimulationError as error:
-            raise SimulationError(f"step {self._steps + 1}, from t = {self.time} s: {error}") from error
-        self._steps += 1
-        self._stepped = True
-        return report
+        self.advance(1)
+        return self._engine.report(0)
+
+    def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
+        """Advance by some time steps without anything in between.
+
+        Parameters
+        ----------
+        steps : int
+        on_progress : callable, optional
+            Told now and then how many steps more have been done.
+
+        Raises
+        ------
+        SimulationError
+            A step failed, as in `step`; those before it are done.
+        """
+        self._engine.submit(0, steps)
+        advance([self._engine], self._threads, on_progress)
+        statistics, error = self._engine.statistics(0), self._engine.error(0)
+        self._stepped = self._stepped or statistics.steps > 0
+        if error is not None:
+            raise SimulationError(error)
+        return statistics
 
     def run(
         self,
@@ -130,19 +152,24 @@ class Simulation:
         return run(self, options, RunStatistics(), progress)
 
     @property
+    def steps(self) -> int:
+        """Time steps since the start."""
+        return self._engine.steps(0)
+
+    @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self._steps * self.scene.dt
+        return self.steps * self.scene.dt
 
     @property
     def position(self) -> FloatArray:
         """Centres of the grains [m], shape (n, 2); a copy."""
-        return self._solver.grains.position.numpy().copy()
+        return self._engine.grains(0, "position")
 
     @property
     def velocity(self) -> FloatArray:
         """Velocities of the grains [m/s], shape (n, 2); a copy."""
-        return self._solver.grains.velocity.numpy().copy()
+        return self._engine.grains(0, "velocity")
 
     def last_start(self) -> tuple[FloatArray, FloatArray]:
         """Return where the last step began: centres [m] and velocities [m/s], shape (n, 2); copies.
@@ -154,23 +181,20 @@ class Simulation:
         """
         if not self._stepped:
             raise SimulationError("no step has been taken from this state: call step() first")
-        solver = self._solver
-        return solver.grains.last_position.numpy().copy(), solver.start_velocity.numpy().copy()
+        return self._engine.grains(0, "last_position"), self._engine.grains(0, "last_velocity")
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains of the last step, those that carry a correction."""
-        return pair_contacts(
-            self.scene, self._solver.grains.last_position.numpy(), self._solver.contacts.corrections()
-        )
+        last_position = self._engine.grains(0, "last_position")
+        return pair_contacts(self.scene, last_position, self._engine.corrections(0))
 
     def wall_contacts(self) -> WallContacts:
         """Return the contacts with the walls of the last step, one entry a grain."""
-        return wall_contacts(self.scene, self._solver.contacts.corrections())
+        return wall_contacts(self.scene, self._engine.corrections(0))
 
     def state(self) -> State:
         """Return the exact state, from which `restore` continues with the same bits."""
-        contacts = self._solver.contacts
-        return State(self._steps, self.position, self.velocity, contacts.corrections(), contacts.lists())
+        return self._engine.state(0)
 
     def restore(self, state: State) -> None:
         """Continue from a state of this scene.
@@ -181,9 +205,8 @@ class Simulation:
             It is a state of other grains.
         """
         require_state(state, self.scene.n)
-        self._steps, self._stepped = state.steps, False
-        with CAPTURING:
-            self._solver.load(state)
+        self._stepped = False
+        self._engine.load(0, state)
 
     def save(self, path: str | Path) -> None:
         """Save the exact state and the scene to a checkpoint, an .npz file, at once and whole.
@@ -216,6 +239,13 @@ class Simulation:
         simulation = cls(kept.scene, device, threads)
         simulation.restore(kept.state)
         return simulation
+
+
+def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
+    """Return how many threads share a scene on a CPU: so many as are wanted, or else as pay."""
+    if device.is_cuda:
+        return 1
+    return paying_threads(scene) if threads is None else threads
 
 
 def find_device(name: str) -> wp.Device:

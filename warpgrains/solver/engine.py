@@ -1,7 +1,7 @@
 """Engine: scenes of one method in memory, and the kernel that advances them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import warp as wp
@@ -12,13 +12,17 @@ from warpgrains.kernels.step import step
 from warpgrains.kernels.threads import TeamRecord
 from warpgrains.kernels.types import NOT_CONVERGED, NOT_FINITE, SOLVED, UNPROVED, WITHOUT_ROOM
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import Lists, State
+from warpgrains.scene.state import Corrections, Lists, State
 from warpgrains.solver import tuning
 from warpgrains.solver.contact_list import ContactList
 from warpgrains.solver.failures import not_converged, not_finite
-from warpgrains.solver.infeasible import Certificate, find_certificate, iterations_worth_a_search
+from warpgrains.solver.infeasible import (
+    InfeasibilityProof,
+    find_infeasibility_proof,
+    iterations_worth_a_search,
+)
 from warpgrains.solver.records import SceneRecords
-from warpgrains.solver.statistics import StepReport, Tally
+from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.threads import side_by_side, team_of
 
 STEP = ("iterations", "zeta", "residual", "overlap", "active", "rebuilds", "redos")
@@ -79,6 +83,14 @@ class Engine:
         """The kernel that advances the scenes on a CPU."""
         return kernels.kernel(self.scenes[0].method, self._records.sizes.has_strips)
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the kernels have been compiled for this machine before."""
+        if self._device.is_cuda:
+            return True
+        cached = Path(wp.config.kernel_cache_dir) / self.kernel.module.get_module_identifier(CPU_BLOCK)
+        return cached.is_dir()
+
     def load(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
         scene, contacts, lists = self.scenes[k], ContactList(self._records, k), state.lists
@@ -126,10 +138,14 @@ class Engine:
         self._records.pull(k)
         return self._array(k, f"grains.{name}").copy()
 
-    def contacts(self, k: int) -> ContactList:
-        """Return the listed contacts of scene k."""
+    def corrections(self, k: int) -> Corrections:
+        """Return what the contacts of scene k carry after its last good step."""
         self._records.pull(k)
-        return ContactList(self._records, k)
+        return ContactList(self._records, k).corrections()
+
+    def steps(self, k: int) -> int:
+        """Return the steps that scene k has done since its start."""
+        return self._steps[k].item()
 
     def submit(self, k: int, steps: int) -> None:
         """Ask for so many steps of scene k, and start counting anew."""
@@ -201,19 +217,19 @@ class Engine:
             self._records.make_room(k, int(self._array(k, "neighbors.total")[0]))
         return without
 
-    def _find_certificate(self, k: int, position: str, velocity: str) -> Certificate | None:
+    def _find_proof(self, k: int, position: str, velocity: str) -> InfeasibilityProof | None:
         """Look for a proof that the step of scene k, from these positions, has no solution."""
         corrections = ContactList(self._records, k).corrections()
         where, how = self._array(k, f"grains.{position}"), self._array(k, f"grains.{velocity}")
-        return find_certificate(self.scenes[k], where, how, corrections)
+        return find_infeasibility_proof(self.scenes[k], where, how, corrections)
 
     def _look_for_proof(self, k: int) -> None:
         """Name the grains that cannot fit after an unconverged step."""
-        certificate = self._find_certificate(k, "last_position", "velocity")
-        wait = 0 if certificate else iterations_worth_a_search(self.scenes[k].n)
+        proof = self._find_proof(k, "last_position", "velocity")
+        wait = 0 if proof else iterations_worth_a_search(self.scenes[k].n)
         self._records.host["statistics"]["to_search"][k] = wait
-        if certificate:
-            self._proofs[k].append((self._done(k), certificate.grains))
+        if proof:
+            self._proofs[k].append((self._done(k), proof.grains))
 
     def _done(self, k: int) -> int:
         """Steps of scene k since its start."""
@@ -257,10 +273,10 @@ class Engine:
             grain = int(record["verlet"]["flags"]["bad_grain"])
             reason = not_finite(grain, self._array(k, "grains.next_velocity")[grain].tolist())
         else:
-            certificate = self._find_certificate(k, "position", "next_velocity")
+            proof = self._find_proof(k, "position", "next_velocity")
             step = record["step"]
             iterations, zeta, residual = (step[name].item() for name in ("iterations", "zeta", "residual"))
-            reason = not_converged(scene, iterations, zeta, residual, certificate)
+            reason = not_converged(scene, iterations, zeta, residual, proof)
         ContactList(self._records, k).revert()
         self._records.push(k)
         return reason
@@ -285,21 +301,17 @@ class Engine:
             redos=step["redos"],
         )
 
-    def statistics(self, k: int) -> Tally:
+    def statistics(self, k: int) -> RunStatistics:
         """Return what scene k has done since it was asked."""
         self._records.pull(k)
         total = {name: self._records.host["statistics"][name][k].item() for name in SUMS}
-        return Tally(
+        return RunStatistics(
             **total,
             infeasible=len(self._proofs[k]),
             infeasible_grains=self._proofs[k][0][1] if self._proofs[k] else (),
             gap_error=_gap_error(self.scenes[k], total["residual"]),
             seconds=self._seconds[k].item(),
         )
-
-    def first_infeasible(self, k: int) -> tuple[int, tuple[int, ...]] | None:
-        """Return the first step since scene k was asked that has no solution, and its grains, if one has none."""
-        return self._proofs[k][0] if self._proofs[k] else None
 
     def error(self, k: int) -> str | None:
         """Return why scene k stopped before its end, if it did."""

@@ -7,15 +7,15 @@ import warp as wp
 from warpgrains.errors import SimulationError
 
 
-def require_memory(needed: int, grains: int, pairs: int, device: wp.Device) -> None:
+def require_memory(needed: int, grains: int, device: wp.Device) -> None:
     """Refuse what does not fit.
 
     Parameters
     ----------
     needed : int
         [bytes]
-    grains, pairs : int
-        For how many grains, and candidate pairs of them.
+    grains : int
+        For how many grains, with the candidate pairs that there is to be room for.
     device : wp.Device
 
     Raises
@@ -26,7 +26,7 @@ def require_memory(needed: int, grains: int, pairs: int, device: wp.Device) -> N
     free = free_memory(device)
     if needed > free:
         raise SimulationError(
-            f"{grains} grains with {pairs} candidate pairs need about {needed / 1e9:.2f} GB,"
+            f"{grains} grains and their contacts need {needed / 1e9:.2f} GB,"
             f" and {device.alias} has {free / 1e9:.2f} GB free"
         )
 

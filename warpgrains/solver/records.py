@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrains.kernels.launch import GPU_PARTIALS
 from warpgrains.kernels.types import SceneRecord, VerletNumbers
 from warpgrains.scene.scene import Scene
 from warpgrains.solver import tuning
@@ -34,7 +35,8 @@ class SceneRecords:
 
     def __init__(self, scenes: Sequence[Scene], team: int, device: wp.Device):
         self._scenes, self._device = scenes, device
-        self.sizes = Sizes.first(scenes, team)
+        self.sizes = Sizes.first(scenes, team if device.is_cpu else GPU_PARTIALS)
+        require_memory(int(bytes_needed(self.sizes).sum()), int(self.sizes.grains.sum()), device)
         self._number = {field.name: number for number, field in enumerate(fields())}
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
         self.host = self.device.numpy()
@@ -111,7 +113,7 @@ class SceneRecords:
         grown = self.sizes.pairs.copy()
         grown[k] = pairs + pairs // 4
         sizes = replace(self.sizes, pairs=grown)
-        require_memory(int(bytes_needed(sizes.of(k))[0]), self._scenes[k].n, int(grown[k]), self._device)
+        require_memory(int(bytes_needed(sizes.of(k))[0]), self._scenes[k].n, self._device)
         kept = {field.name: self.array(k, field.name) for field in fields()}
         self.sizes = sizes
         self._place(np.array([k]), sizes.of(k))

@@ -1,6 +1,9 @@
 """What steps and runs did: reports, their sums, and grains named in words."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from operator import add
+from typing import Any, Self
 
 NAMED = 10
 
@@ -101,9 +104,20 @@ class Summary:
     output: str | None
 
 
+def _counted(reduce: Callable[[Any, Any], Any], default: Any = 0) -> Any:
+    """Return a field, and how it is added up."""
+    return field(default=default, metadata={"reduce": reduce})
+
+
+def _first(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(one or other)
+
+
 @dataclass
 class RunStatistics:
     """Adds up what a run has done; a checkpoint keeps it, so that a resumed run tells of all its steps.
+
+    The device adds up the steps of a launch the same way (kernels/statistics.py).
 
     Attributes
     ----------
@@ -115,66 +129,54 @@ class RunStatistics:
         As in `Summary`.
     """
 
-    steps: int = 0
-    frames: int = 0
-    iterations: int = 0
-    iterations_max: int = 0
-    unconverged: int = 0
-    infeasible: int = 0
-    infeasible_grains: tuple[int, ...] = ()
-    residual: float = 0.0
-    gap_error: float = 0.0
-    overlap: float = 0.0
-    rebuilds: int = 0
-    redos: int = 0
-    seconds: float = 0.0
+    steps: int = _counted(add)
+    frames: int = _counted(add)
+    iterations: int = _counted(add)
+    iterations_max: int = _counted(max)
+    unconverged: int = _counted(add)
+    infeasible: int = _counted(add)
+    infeasible_grains: tuple[int, ...] = _counted(_first, ())
+    residual: float = _counted(max, 0.0)
+    gap_error: float = _counted(max, 0.0)
+    overlap: float = _counted(max, 0.0)
+    rebuilds: int = _counted(add)
+    redos: int = _counted(add)
+    seconds: float = _counted(add, 0.0)
 
     def __post_init__(self) -> None:
         self.infeasible_grains = tuple(self.infeasible_grains)
 
-    def add(self, report: StepReport) -> None:
-        """Count one step."""
-        self.steps += 1
-        self.iterations += report.iterations
-        self.iterations_max = max(self.iterations_max, report.iterations)
-        self.unconverged += not report.converged
-        self.infeasible += bool(report.infeasible)
-        self.infeasible_grains = self.infeasible_grains or report.infeasible
-        self.residual = max(self.residual, report.residual)
-        self.gap_error = max(self.gap_error, report.gap_error)
-        self.overlap = max(self.overlap, report.overlap)
-        self.rebuilds += report.rebuilds
-        self.redos += report.redos
+    @classmethod
+    def of_step(cls, report: StepReport) -> Self:
+        """Return the statistics of one step."""
+        return cls(
+            steps=1,
+            iterations_max=report.iterations,
+            unconverged=int(not report.converged),
+            infeasible=int(bool(report.infeasible)),
+            infeasible_grains=report.infeasible,
+            **_alike(report, "iterations", "residual", "gap_error", "overlap", "rebuilds", "redos"),
+        )
 
-    def add_steps(self, summary: Summary) -> None:
-        """Count the steps of a summary."""
-        self.steps += summary.steps
-        self.iterations += round(summary.iterations_mean * summary.steps)
-        self.iterations_max = max(self.iterations_max, summary.iterations_max)
-        self.unconverged += summary.unconverged
-        self.infeasible += summary.infeasible
-        self.infeasible_grains = self.infeasible_grains or summary.infeasible_grains
-        self.residual = max(self.residual, summary.residual)
-        self.gap_error = max(self.gap_error, summary.gap_error)
-        self.overlap = max(self.overlap, summary.overlap)
-        self.rebuilds += summary.rebuilds
-        self.redos += summary.redos
-        self.seconds += summary.seconds
+    @classmethod
+    def of_summary(cls, summary: Summary) -> Self:
+        """Return the statistics that a summary was made of."""
+        alike = [field.name for field in fields(cls) if hasattr(summary, field.name)]
+        return cls(iterations=round(summary.iterations_mean * summary.steps), **_alike(summary, *alike))
+
+    def add(self, other: Self) -> None:
+        """Count what another run, or a part of this one, has done."""
+        for counted in fields(self):
+            name, reduce = counted.name, counted.metadata["reduce"]
+            setattr(self, name, reduce(getattr(self, name), getattr(other, name)))
 
     def summary(self, output: str | None) -> Summary:
         """Return the sums of what was counted."""
-        return Summary(
-            steps=self.steps,
-            iterations_mean=self.iterations / max(1, self.steps),
-            iterations_max=self.iterations_max,
-            unconverged=self.unconverged,
-            infeasible=self.infeasible,
-            infeasible_grains=self.infeasible_grains,
-            residual=self.residual,
-            gap_error=self.gap_error,
-            overlap=self.overlap,
-            rebuilds=self.rebuilds,
-            redos=self.redos,
-            seconds=self.seconds,
-            output=output,
-        )
+        alike = [field.name for field in fields(Summary) if hasattr(self, field.name)]
+        mean = self.iterations / max(1, self.steps)
+        return Summary(iterations_mean=mean, output=output, **_alike(self, *alike))
+
+
+def _alike(record: Any, *names: str) -> dict[str, Any]:
+    """Return some of the fields of a record."""
+    return {name: getattr(record, name) for name in names}

@@ -18,8 +18,12 @@ def cores() -> int:
 
 def team_of(size: int) -> list[TeamRecord]:
     """Return a team of so many CPU threads, as each of them sees it."""
-    shared = {name: wp.zeros(count, dtype=wp.int64, device="cpu") for name, count in (("arrivals", 1), ("ended", 8 * size))}
-    shared |= {name: wp.zeros(1, dtype=wp.int32, device="cpu") for name in ("scene", "going_on")}
+    shared = {
+        "arrivals": wp.zeros(1, dtype=wp.int64, device="cpu"),
+        "ended": wp.zeros(8 * size, dtype=wp.int64, device="cpu"),
+        "scene": wp.zeros(1, dtype=wp.int32, device="cpu"),
+        "going_on": wp.zeros(1, dtype=wp.int32, device="cpu"),
+    }
     team = []
     for rank in range(size):
         record = TeamRecord()
