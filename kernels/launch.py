@@ -38,12 +38,12 @@ def stage_kernel(stage: Serial | Each | Shared | Sets, module: wp.Module) -> wp.
     """Return the kernel of one stage; of a set, it is the one that `Control` names."""
     run = _one_set(stage.stage) if isinstance(stage, Sets) else fuse([stage])
 
-    @wp.kernel(module=module)
     def launched(records: wp.array(dtype=SceneRecord), k: int, team: TeamRecord):
         one = member(team, wp.tid())
         run(one, records[k])
 
-    return launched
+    launched.__qualname__ = f"launch_{stage.stage.func.__name__}"  # a graph finds kernels by their names
+    return wp.kernel(module=module)(launched)
 
 
 def _one_set(stage: wp.Function) -> wp.Function:
@@ -80,13 +80,23 @@ class Launcher:
     records : array of SceneRecord
     k : int
         The scene.
+    stages : sequence of Stage
     threads : int
         Of a launch.
     """
 
-    def __init__(self, module: wp.Module, records: wp.array, k: int, threads: int = GPU_THREADS):
+    def __init__(
+        self,
+        module: wp.Module,
+        records: wp.array,
+        k: int,
+        stages: Sequence[Stage],
+        threads: int = GPU_THREADS,
+    ):
         self._module, self._records, self._k = module, records, k
         wp.set_module_options(OPTIONS, module)
+        for leaf in leaves(stages):
+            stage_kernel(leaf, module)
         self._team = TeamRecord()
         self._team.size = threads
 

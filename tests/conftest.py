@@ -9,7 +9,7 @@ from simulate import WAYS, Simulate
 from warpgrains import Scene
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
-from warpgrains.solver import tuning as scales
+from warpgrains.solver import tuning
 
 
 @pytest.fixture(scope="session")
@@ -36,5 +36,5 @@ def simulate(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
     """Simulate with one thread and with two, using lists for as long as they hold and for one step only."""
     way = Simulate(*request.param)
     if not way.use_again:
-        monkeypatch.setattr(scales, "SLACK", 1e-12)
+        monkeypatch.setattr(tuning, "BASE_SKIN", 1e-12)
     return way

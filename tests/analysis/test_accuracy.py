@@ -155,7 +155,7 @@ class TestCertify:
             report = simulation.step()
         assert report.contacts > 5
         assert certify(simulation).error is None
-        velocity = simulation._solver.grains.velocity
+        velocity = simulation._engine._records.array(0, "grains.velocity")
         values = velocity.numpy().copy()
         values[7, 1] += wrong
         velocity.assign(values)
@@ -186,7 +186,7 @@ class TestCertify:
     def test_a_step_that_failed_is_not_the_last_one(self) -> None:
         simulation = Simulation(column(3))
         simulation.step()
-        simulation._solver.grains.velocity.assign(np.full((3, 2), np.inf))
+        simulation._engine._records.array(0, "grains.velocity")[:] = np.inf
         with pytest.raises(SimulationError, match="reached a velocity"):
             simulation.step()
         position, velocity = simulation.last_start()

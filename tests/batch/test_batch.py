@@ -10,11 +10,10 @@ from same_bits import contents
 from sample_scenes import SUDDEN, random_scene
 
 from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError, State, StepReport
-from warpgrains.batch import resident as waves
+from warpgrains.batch import resident
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.scene import METHODS, ORDERS
-from warpgrains.solver import contact_list as contacts
-from warpgrains.solver import scene_records
+from warpgrains.solver import buffers, tuning
 from warpgrains.solver.statistics import RunStatistics
 
 STEPS = 25
@@ -42,7 +41,7 @@ def alone(scene: Scene) -> tuple[State, RunStatistics, StepReport]:
     simulation, statistics = Simulation(scene, threads=1), RunStatistics()
     for _ in range(STEPS):
         report = simulation.step()
-        statistics.add(report)
+        statistics.add(RunStatistics.of_step(report))
     return simulation.state(), statistics, report
 
 
@@ -99,14 +98,14 @@ def test_step_by_step(scenes: list[Scene], expected: list[tuple[State, RunStatis
     assert np.array_equal(batch.velocity(3), expected[3][0].velocity)
 
 
-def test_waves(
+def test_resident_sets(
     scenes: list[Scene],
     expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(waves, "free_memory", lambda _: 200_000.0)
+    monkeypatch.setattr(resident, "free_memory", lambda _: 200_000.0)
     batch = Batch(scenes, threads=2)
-    assert len(batch._waves._waves) > 3
+    assert len(batch._sets._sets) > 3
     batch.run(steps=STEPS - 1)
     batch.step()
     assert_as_alone(batch, list(range(len(scenes))), expected)
@@ -117,7 +116,7 @@ def test_lists_grow_amid_a_step(
     expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(scene_records, "first_room", np.ones_like)
+    monkeypatch.setattr(buffers, "first_pairs", np.ones_like)
     batch = Batch(scenes, threads=2)
     batch.run(steps=STEPS)
     assert_as_alone(batch, list(range(len(scenes))), expected)
@@ -129,9 +128,9 @@ def test_a_scene_that_threads_share(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     large = scenes[LARGE]
-    monkeypatch.setattr(waves, "paying_threads", lambda scene: 2 if scene is large else 1)
+    monkeypatch.setattr(resident, "paying_threads", lambda scene: 2 if scene is large else 1)
     batch = Batch(scenes[:12], threads=2)
-    assert [LARGE] in batch._waves._waves
+    assert [LARGE] in batch._sets._sets
     batch.run(steps=STEPS - 1)
     batch.step()
     assert_as_alone(batch, list(range(12)), expected)
@@ -151,7 +150,7 @@ def test_a_scene_that_fails(
     with pytest.raises(SimulationError) as failure:
         simulation.step()
     if shared:
-        monkeypatch.setattr(waves, "paying_threads", lambda scene: 2 if scene is scenes[FAILING] else 1)
+        monkeypatch.setattr(resident, "paying_threads", lambda scene: 2 if scene is scenes[FAILING] else 1)
     batch = Batch(scenes[:8], threads=2)
     batch.restore(FAILING, start)
     summaries = batch.run(steps=STEPS)
@@ -166,12 +165,12 @@ def test_a_scene_that_fails(
     assert [batch.state(k).steps for k in others] == [STEPS + 1] * 7
 
 
-def test_windows_of_pairs(
+def test_tiles_of_pairs(
     scenes: list[Scene],
     expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(contacts, "WINDOW", dict.fromkeys(ORDERS, 5))
+    monkeypatch.setattr(tuning, "TILE", dict.fromkeys(ORDERS, 5))
     batch = Batch(scenes, threads=2)
     batch.run(steps=STEPS)
     assert_as_alone(batch, list(range(len(scenes))), expected)
@@ -207,7 +206,7 @@ def test_grains_that_cannot_fit_are_named() -> None:
     simulation, statistics = Simulation(scene, threads=1), RunStatistics()
     for _ in range(5):
         report = simulation.step()
-        statistics.add(report)
+        statistics.add(RunStatistics.of_step(report))
     assert report.infeasible
     batch = Batch([Scene.load("annulus"), scene], threads=2)
     summary = batch.run(steps=5)[1]
@@ -255,18 +254,18 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(scene_records, "first_room", np.ones_like)
+    monkeypatch.setattr(buffers, "first_pairs", np.ones_like)
     batch = Batch(scenes, threads=2)
 
     def interrupt(_: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        list(batch._waves.work([STEPS] * len(scenes), interrupt))
+        list(batch._sets.work([STEPS] * len(scenes), interrupt))
     for k in range(len(scenes)):
         batch.restore(k, batch.state(k))
     left = [STEPS - batch.state(k).steps for k in range(len(scenes))]
-    list(batch._waves.work(left, lambda _: None))
+    list(batch._sets.work(left, lambda _: None))
     for k, (state, _, _) in enumerate(expected):
         assert contents(batch.state(k)) == contents(state)
 
@@ -285,5 +284,5 @@ def test_what_is_no_batch() -> None:
 
 def test_a_scene_larger_than_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("warpgrains.solver.memory.free_memory", lambda _: 1_000.0)
-    with pytest.raises(SimulationError, match="need about"):
+    with pytest.raises(SimulationError, match="contacts need"):
         Batch([Scene.load("annulus")])

@@ -11,7 +11,7 @@ from warpgrains.scene.scene import ORDERS
 def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:
     """Eta of the last step, over all pairs and walls, for velocities rebuilt from the corrections [m/s]."""
     scene, contacts = simulation.scene, simulation.contacts()
-    position = simulation._solver.grains.last_position.numpy()
+    position, _ = simulation.last_start()
     dv_pair = np.zeros((scene.n, scene.n))
     dv_pair[tuple(contacts.pair.T)] = contacts.correction
     i, j = np.triu_indices(scene.n, 1)

@@ -19,8 +19,12 @@ MakeReference = Callable[..., Reference]
 
 def swept_pairs(simulation: Simulation) -> IntArray:
     """Read in which order the last step swept its pairs, shape (m, 2)."""
-    contacts = simulation._solver.contacts
-    return contacts._buffers.sequence.numpy()[: contacts.counts[0], :2]
+    records = simulation._engine._records
+    listed = records.host["contacts"]["count"]["pairs"][0]
+    if records.sizes.has_strips:
+        return records.array(0, "workspace.sequence")[:listed, :2]
+    pairs = records.array(0, "contacts.pairs")[:listed]
+    return np.stack([pairs["i"], pairs["j"]], axis=1)
 
 
 def full_order(simulation: Simulation) -> IntArray:

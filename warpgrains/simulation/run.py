@@ -56,7 +56,8 @@ def run(
         while statistics.steps < options.steps:
             done = simulation.advance(_steps_to_next_output(options, statistics, recorder), bar.update)
             if done.infeasible and not statistics.infeasible:
-                warn(f"{named(done.infeasible_grains)} cannot fit", stacklevel=2)
+                step, grains = simulation.infeasible_steps[0]
+                warn(f"step {step}: {named(grains)} cannot fit", stacklevel=2)
             statistics.add(done)
             statistics.seconds = perf_counter() - start
             _keep(simulation, options, statistics, recorder)

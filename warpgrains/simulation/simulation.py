@@ -96,6 +96,11 @@ class Simulation:
             raise SimulationError(error)
         return statistics
 
+    @property
+    def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:
+        """Steps of the last `advance` that have no solution: their numbers, and the grains that cannot fit."""
+        return self._engine.infeasible_steps(0)
+
     def run(
         self,
         steps: int | None = None,

@@ -43,11 +43,10 @@ class Sizes:
 
     @classmethod
     def first(cls, scenes: Sequence[Scene], team: int) -> "Sizes":
-        """Return the sizes that scenes of one method have at first: a list mostly needs fewer pairs."""
+        """Return the sizes that scenes of one method have at first."""
         n = np.array([scene.n for scene in scenes])
-        pairs = np.maximum(1, np.minimum(n * (n - 1) // 2, 5 * n))
         weighted = np.array([bool(np.any(scene.mass != scene.mass[0])) for scene in scenes], np.int64)
-        return cls(n, pairs, weighted, int(scenes[0].method == "accelerated"), team)
+        return cls(n, first_pairs(n), weighted, int(scenes[0].method == "accelerated"), team)
 
     @property
     def has_strips(self) -> bool:
@@ -58,6 +57,11 @@ class Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
         return Sizes(self.grains[one], self.pairs[one], self.weighted[one], self.accelerated, self.team)
+
+
+def first_pairs(n: Counts) -> Counts:
+    """Return for how many pairs there is room at first: more than a list mostly needs, at most all."""
+    return np.maximum(1, np.minimum(n * (n - 1) // 2, 5 * n))
 
 
 def lengths(size: Sizes) -> dict[str, Any]:

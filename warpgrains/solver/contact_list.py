@@ -70,6 +70,8 @@ class ContactList:
         walls = self._array("contacts.walls")[: len(wall)]
         walls["i"], walls["dv"] = wall, corrections.wall_correction[wall]
         self._array("contacts.wall_dv_start")[: len(wall)] = walls["dv"]
+        self._array("strips.first_segment")[:] = 0
+        self._array("strips.first_wall")[1:] = len(wall)  # the first thread has them all
         self._count[self._k] = len(pair), 0, len(wall)
 
     def revert(self) -> None:

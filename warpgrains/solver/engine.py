@@ -11,6 +11,7 @@ from warpgrains.kernels.launch import Launcher
 from warpgrains.kernels.step import step
 from warpgrains.kernels.threads import TeamRecord
 from warpgrains.kernels.types import NOT_CONVERGED, NOT_FINITE, SOLVED, UNPROVED, WITHOUT_ROOM
+from warpgrains.errors import SimulationError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, Lists, State
 from warpgrains.solver import tuning
@@ -27,6 +28,7 @@ from warpgrains.solver.threads import side_by_side, team_of
 
 STEP = ("iterations", "zeta", "residual", "overlap", "active", "rebuilds", "redos")
 SUMS = ("steps", "unconverged", "iterations", "iterations_max", "rebuilds", "redos", "residual", "overlap")
+REFUSED = -1  # outcome of a step whose list finds no memory
 CPU_BLOCK = 1  # threads in which Warp compiles a kernel for a CPU
 VERLET = {
     "reach": "skin",
@@ -75,6 +77,7 @@ class Engine:
         self._asked = np.zeros(count, np.int64)
         self._proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
         self._errors: dict[int, str] = {}
+        self._refused: dict[int, str] = {}
         self._works: list[Callable[[], None]] = []
         self._graphs: dict[int, wp.Graph] = {}
 
@@ -212,10 +215,15 @@ class Engine:
 
     def _grow(self) -> list[int]:
         """Make room where a list needs it; return for which scenes."""
-        without = np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist()
-        for k in without:
-            self._records.make_room(k, int(self._array(k, "neighbors.total")[0]))
-        return without
+        grown = []
+        for k in np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist():
+            try:
+                self._records.make_room(k, int(self._array(k, "neighbors.total")[0]))
+            except SimulationError as error:
+                self._refused[k], self.outcome[k] = str(error), REFUSED
+            else:
+                grown.append(k)
+        return grown
 
     def _find_proof(self, k: int, position: str, velocity: str) -> InfeasibilityProof | None:
         """Look for a proof that the step of scene k, from these positions, has no solution."""
@@ -243,7 +251,7 @@ class Engine:
         finally:
             self._steps += self._asked - self.left
             self._asked[:] = self.left
-            for k in np.flatnonzero(np.isin(self.outcome, (NOT_FINITE, NOT_CONVERGED))).tolist():
+            for k in np.flatnonzero(np.isin(self.outcome, (NOT_FINITE, NOT_CONVERGED, REFUSED))).tolist():
                 step, time = self._steps[k] + 1, self._steps[k].item() * self.scenes[k].dt
                 self._errors[k] = f"step {step}, from t = {time} s: {self._reason(k)}"
 
@@ -272,6 +280,10 @@ class Engine:
         if self.outcome[k] == NOT_FINITE:
             grain = int(record["verlet"]["flags"]["bad_grain"])
             reason = not_finite(grain, self._array(k, "grains.next_velocity")[grain].tolist())
+        elif self.outcome[k] == REFUSED:
+            reason = self._refused.pop(k)
+            self._records.host["control"][k] = 0
+            self._array(k, "verlet.skin")[:] = -1.0  # the list that it has is not the one that it needs
         else:
             proof = self._find_proof(k, "position", "next_velocity")
             step = record["step"]
@@ -312,6 +324,10 @@ class Engine:
             gap_error=_gap_error(self.scenes[k], total["residual"]),
             seconds=self._seconds[k].item(),
         )
+
+    def infeasible_steps(self, k: int) -> list[tuple[int, tuple[int, ...]]]:
+        """Return the steps of scene k since it was asked that have no solution, and the grains that cannot fit."""
+        return list(self._proofs[k])
 
     def error(self, k: int) -> str | None:
         """Return why scene k stopped before its end, if it did."""

@@ -11,6 +11,7 @@ from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import open_outputs
+from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.results import failure, result
 from warpgrains.sweep.run_folder import RunFolder
 
@@ -70,7 +71,7 @@ class SweepRun:
     def count(self, summary: SceneSummary) -> None:
         """Count what the run did, unless it had failed before."""
         if self.error is None:
-            self.statistics.add_steps(summary)
+            self.statistics.add(RunStatistics.of_summary(summary))
             self.error = summary.error
 
     def record(self, position: FloatArray, velocity: FloatArray) -> None:

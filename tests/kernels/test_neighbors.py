@@ -5,17 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-import warp as wp
+from stages import OneRecord
 
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.kernels.data import HORIZON, MEAN_VELOCITY
-from warpgrains.solver.buffers import ContactBuffers
-from warpgrains.solver.grains import allocate_grains, allocate_momentum, allocate_watch, variant_of
-from warpgrains.solver.launch import Replay
-from warpgrains.solver.neighbors import NeighborSearch
+from warpgrains.kernels.step import SEARCH
 
-TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/detect.py)
+TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/neighbors.py)
 
 
 class Cloud(NamedTuple):
@@ -61,22 +57,17 @@ CLOUDS: dict[str, Callable[[], Cloud]] = {
 
 def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     scene = Scene(position=sought.position, radius=sought.radius, mass=1.0, radius_out=1e10)
-    device, variant = wp.get_device("cpu"), variant_of(scene)
-    grains, watch = allocate_grains(scene, variant, device), allocate_watch(scene.n, device)
-    grains.position.assign(sought.position)
-    watch.reach.assign(sought.reach)
-    watch.built_velocity.assign(sought.velocity)
-    watch.frame.numpy()[MEAN_VELOCITY] = sought.velocity.mean(axis=0)
-    watch.scalar.numpy()[HORIZON] = sought.horizon
-    replay = Replay(device)
-    momentum = allocate_momentum(scene.n, variant, device)
-    buffers = ContactBuffers(scene.n, variant, momentum, replay)
-    search = NeighborSearch(grains, watch, buffers.rows, variant, replay, cell_size)
-    search.find()
-    buffers.reserve(search.total)
-    search.find()
-    search.sort()
-    return buffers.host().listed_pairs()
+    record = OneRecord(scene, pairs=1)
+    record["grains.position"][:], record["grains.radius"][:] = sought.position, sought.radius
+    record["verlet.skin"][:], record["verlet.reference_velocity"][:] = sought.reach, sought.velocity
+    record.verlet_numbers["mean_velocity"] = sought.velocity.mean(axis=0)
+    record.verlet_numbers["lifetime"] = sought.horizon
+    record.record["grid"]["size"] = cell_size
+    record.run(*SEARCH)
+    record.make_room(int(record["neighbors.total"][0]))
+    record.run(*SEARCH)
+    assert record.record["control"]["roomy"]
+    return record.contacts.listed_pairs()
 
 
 def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:

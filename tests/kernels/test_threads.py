@@ -6,12 +6,11 @@ from functools import partial
 
 import numpy as np
 import pytest
+from launched import launched_state
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.scene.scene import METHODS, ORDERS
-from warpgrains.solver import step as solver
-from warpgrains.solver import tuning as scales
-from warpgrains.solver.launch import Replay
+from warpgrains.solver import tuning
 
 STEPS = 60
 
@@ -76,11 +75,8 @@ def test_threads_continue_alike_from_a_state_without_lists(order: str) -> None:
     assert_same_lists(*ends)
 
 
-def test_a_launch_for_every_group_as_on_a_gpu(
-    order: str, method: str, expected: State, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Replay, "by_group", True)
-    assert_same_bits(final_state(order, method, threads=1), expected)
+def test_a_launch_for_every_stage_as_on_a_gpu(order: str, method: str, expected: State) -> None:
+    assert_same_bits(launched_state(scene(order, method), STEPS), expected)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +85,7 @@ def expected_in_sequence() -> State:
 
 
 def test_no_list_is_used_for_two_steps(expected_in_sequence: State, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scales, "SLACK", 1e-12)
+    monkeypatch.setattr(tuning, "BASE_SKIN", 1e-12)
     simulation = Simulation(scene("sequential"), threads=1)
     rebuilds = [simulation.step().rebuilds for _ in range(STEPS)]
     assert min(rebuilds) >= 1
@@ -101,8 +97,8 @@ def test_lists_are_used_again(order: str) -> None:
     assert 0 in [simulation.step().rebuilds for _ in range(STEPS)]
 
 
-def test_every_sweep_is_watched(expected_in_sequence: State, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(solver, "CALM", 0.0)
+def test_every_sweep_is_monitored(expected_in_sequence: State, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "MONITOR_THRESHOLD", 0.0)
     assert_same_bits(final_state("sequential", threads=1), expected_in_sequence)
 
 

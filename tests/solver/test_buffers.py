@@ -1,0 +1,35 @@
+"""The arrays of scenes do not overlap, and what a scene is said to take covers them."""
+
+import numpy as np
+import pytest
+
+from warpgrains.kernels.types import SceneRecord
+from warpgrains.solver.buffers import ALIGNMENT, Layout, Sizes, bytes_needed, fields
+
+PAIRS = 11
+GRAINS = np.array([1, 2, 7, 60])
+
+
+@pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "accelerated", "strips", "sets shared"])
+def sizes(request: pytest.FixtureRequest) -> Sizes:
+    accelerated, team = request.param
+    return Sizes(GRAINS, np.full_like(GRAINS, PAIRS), np.array([0, 1, 0, 1]), accelerated, team)
+
+
+def test_arrays_do_not_overlap(sizes: Sizes) -> None:
+    layout = Layout.of(sizes)
+    item = np.array([field.bytes for field in fields()])[:, None]
+    end = layout.offset + item * layout.length
+    assert (layout.offset % ALIGNMENT == 0).all()
+    assert (end[:-1] <= layout.offset[1:]).all()
+    assert (end[-1] <= layout.size).all()
+    assert (bytes_needed(sizes) == layout.size + SceneRecord.numpy_dtype()["itemsize"]).all()
+
+
+def test_every_array_has_a_length(sizes: Sizes) -> None:
+    """Those that a scene does not need are empty."""
+    length = dict(zip((field.name for field in fields()), Layout.of(sizes).length, strict=True))
+    assert (length["grains.position"] == GRAINS).all()
+    assert (length["contacts.weights"] == PAIRS * sizes.weighted).all()
+    assert (length["momentum.pair_last"] == PAIRS * sizes.accelerated).all()
+    assert (length["strips.strip"] == GRAINS * sizes.has_strips).all()

@@ -1,0 +1,82 @@
+"""Single stages of a step, run on the record of a scene whose arrays a test has written, or poisoned."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpgrains import Scene
+from warpgrains.arrays import IntArray
+from warpgrains.kernels.fuse import fuse
+from warpgrains.kernels.stages import Stage
+from warpgrains.kernels.threads import TeamRecord
+from warpgrains.kernels.types import SceneRecord
+from warpgrains.solver.contact_list import ContactList
+from warpgrains.solver.records import SceneRecords
+from warpgrains.solver.threads import team_of
+
+
+KERNELS: dict[str, wp.Kernel] = {}
+
+
+def kernel_of(*stages: Stage) -> wp.Kernel:
+    """Return the kernel that runs stages for the first record."""
+    if repr(stages) not in KERNELS:
+        KERNELS[repr(stages)] = new_kernel(*stages)
+    return KERNELS[repr(stages)]
+
+
+def new_kernel(*stages: Stage) -> wp.Kernel:
+    run = fuse(stages)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def run_stages(records: wp.array(dtype=SceneRecord), team: TeamRecord):
+        run(team, records[0])
+
+    return run_stages
+
+
+class OneRecord:
+    """The record of one scene, with room for so many pairs."""
+
+    def __init__(self, scene: Scene, pairs: int, team: int = 1):
+        self._records = SceneRecords([scene], team, wp.get_device("cpu"))
+        self._records.make_room(0, pairs)
+        self.record = self._records.host[0]
+        self.contacts = ContactList(self._records, 0)
+
+    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
+        return self._records.array(0, name)
+
+    def make_room(self, pairs: int) -> None:
+        self._records.make_room(0, pairs)
+
+    @property
+    def verlet_numbers(self) -> np.ndarray[Any, Any]:
+        return self.record["verlet"]["numbers"]
+
+    def run(self, *stages: Stage) -> None:
+        inputs = (self._records.device, team_of(1)[0])
+        wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu")
+
+
+def grains_apart(n: int) -> Scene:
+    """So many grains that do not touch, for a graph of contacts that has nothing to do with them."""
+    x, y = np.divmod(np.arange(n), 100)
+    return Scene(position=np.stack([x, y], axis=1) + 0.5, radius=0.1, mass=1.0, radius_out=200.0 + n)
+
+
+def record_of_graph(pairs: IntArray, team: int = 1) -> OneRecord:
+    """List a graph's pairs, with everything that is to be found poisoned."""
+    n = max(int(pairs.max(initial=0)) + 1, 1)
+    record = OneRecord(grains_apart(n), len(pairs) + 1, team)
+    record["neighbors.start"][:] = np.searchsorted(pairs[:, 0], np.arange(n + 1))
+    record["neighbors.neighbor"][: len(pairs)] = pairs[:, 1]
+    for name in ("group", "sweep_index", "sequence", "next_level"):
+        record[f"workspace.{name}"][:] = -7
+    record["workspace.used_colors"][:] = 2**64 - 1
+    record["contacts.set_start"][:] = -7
+    record.record["contacts"]["count"] = -7, -7, 0
+    return record
+
+
