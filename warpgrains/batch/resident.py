@@ -8,8 +8,7 @@ import warp as wp
 
 from warpgrains.batch.wave import Advanced, LargeScene, SmallScenes, Wave
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import State
-from warpgrains.scene.state_checks import first_state
+from warpgrains.scene.state import State, first_state
 from warpgrains.solver.grains import variant_of
 from warpgrains.solver.launch import CAPTURING
 from warpgrains.solver.memory import free_memory, require_memory
