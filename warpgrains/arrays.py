@@ -8,3 +8,4 @@ IntArray = NDArray[np.int32]
 """Grains as the kernels number them."""
 IndexArray = NDArray[np.int64]
 """Grains as NumPy numbers them."""
+BoolArray = NDArray[np.bool_]

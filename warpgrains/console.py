@@ -1,15 +1,20 @@
-"""Whose output goes where: standard output is for results only, whatever libraries print, from C as well."""
+"""What commands print: standard output is for results only, whatever libraries print, from C as well."""
 
 import ctypes
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from tempfile import TemporaryFile
 
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 STDOUT, STDERR = 1, 2
+
+
+def in_columns(rows: Mapping[str, object]) -> str:
+    """Return names and values, a line each, as commands print them."""
+    return "\n".join(f"{name:<17} {value}" for name, value in rows.items())
 
 
 @contextmanager

@@ -1,12 +1,18 @@
-"""Files that appear under their name only when they are whole."""
+"""Files that appear under their name only when they are whole, and tables of results, in CSV."""
 
+import csv
+import io
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from warpgrains.errors import SceneError
+
+Row = dict[str, str]
+"""A line of a table: what its cells hold, by column."""
 
 
 def require_writable_folder(folder: Path) -> None:
@@ -51,15 +57,6 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
 def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> None:
     """Put content under a name and on the disk, whole; until then an earlier file of that name stays.
 
-    Parameters
-    ----------
-    path
-        The name.
-    content
-        All that the file is to hold.
-    writer
-        Who writes, where several processes may write the same file at once.
-
     Raises
     ------
     OSError
@@ -69,3 +66,27 @@ def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> No
         draft.write_bytes(content)
         if draft.read_bytes() != content:
             raise OSError(f"'{path}' is not read back as it was written")
+
+
+def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return a table as CSV: names in the first line, then a line a row."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def read_table(path: Path) -> list[Row]:
+    """Read a table.
+
+    Raises
+    ------
+    SceneError
+        It is not there, or no table.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as lines:
+            return list(csv.DictReader(lines, strict=True))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise SceneError(f"'{path}' cannot be read: {error}") from None

@@ -9,8 +9,7 @@ from matplotlib.image import imread
 from recordings import RADIUS, make_contacts, make_frames, make_scene, record
 
 from warpgrains import SceneError
-from warpgrains.analysis.curves import measure
-from warpgrains.analysis.plots import plot
+from warpgrains.analysis.plots import measure, plot
 from warpgrains.cli.main import main
 from warpgrains.usd.colors import Frame, GrainColors
 from warpgrains.usd.reader import RecordingReader

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, Simulation
-from warpgrains.analysis.quantities import area_below, quantities
+from warpgrains.analysis.quantities import quantities
+from warpgrains.scene.geometry import area_below
 
 EPS = np.finfo(np.float64).eps
 G = 9.81

@@ -10,15 +10,14 @@ import pytest
 from warpgrains import Scene, SceneError
 from warpgrains.cli.main import main
 from warpgrains.files import draft_of
+from warpgrains.reference.reference import find_c_reference
 from warpgrains.report import report
-from warpgrains.report.c_reference import find_c_reference
-from warpgrains.report.frontier import measure_frontier
 from warpgrains.report.history import Snapshot, follow_history
-from warpgrains.report.options import Budget
-from warpgrains.report.steps import StepRow, measure_steps
-from warpgrains.report.text import Findings, markdown
-from warpgrains.report.trajectories import FRACTIONS, PathRow, fitted_order, measure_paths
-from warpgrains.scene.state_checks import first_state
+from warpgrains.report.rows import Budget, Findings, PathRow, StepRow, fitted_order
+from warpgrains.report.steps import measure_steps
+from warpgrains.report.text import markdown
+from warpgrains.report.trajectories import FRACTIONS, measure_frontier, measure_paths
+from warpgrains.scene.state import first_state
 
 COLUMN = """
 domain = {radius_out = 1.0}

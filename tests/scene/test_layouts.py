@@ -8,6 +8,7 @@ import pytest
 
 from warpgrains import Scene, SceneError
 from warpgrains.scene.layouts import column, lattice, random, rows
+from warpgrains.scene.walls import Annulus
 
 
 def overlaps(placement, radius_in, radius_out):
@@ -17,7 +18,7 @@ def overlaps(placement, radius_in, radius_out):
 
 
 def test_rows_as_wide_as_the_outer_wall():
-    position, radius = rows(0.2, 1.0, count=60, radius=0.05)
+    position, radius = rows(Annulus(0.2, 1.0), count=60, radius=0.05)
     heights = np.unique(position[:, 1])
     assert np.array_equal(heights, np.arange(len(heights)) * 0.05 * 2.5 + 2.0 * 0.05 + 0.2)
     lowest = position[position[:, 1] == heights[0], 0]
@@ -27,14 +28,14 @@ def test_rows_as_wide_as_the_outer_wall():
 
 
 def test_rows_wider_than_the_count():
-    position, _ = rows(0.5, 2.0, count=2, radius=0.1, columns=5)
-    assert np.array_equal(position, rows(0.5, 2.0, count=15, radius=0.1, columns=5)[0][:2])
-    assert len(rows(0.5, 2.0, count=2, radius=0.1, columns=10**9)[0]) == 2
+    position, _ = rows(Annulus(0.5, 2.0), count=2, radius=0.1, columns=5)
+    assert np.array_equal(position, rows(Annulus(0.5, 2.0), count=15, radius=0.1, columns=5)[0][:2])
+    assert len(rows(Annulus(0.5, 2.0), count=2, radius=0.1, columns=10**9)[0]) == 2
 
 
 def test_lattice_fills_from_the_bottom():
-    filled, _ = lattice(0.3, 1.0, radius=0.05)
-    position, radius = lattice(0.3, 1.0, radius=0.05, count=50)
+    filled, _ = lattice(Annulus(0.3, 1.0), radius=0.05)
+    position, radius = lattice(Annulus(0.3, 1.0), radius=0.05, count=50)
     assert np.array_equal(position, filled[:50])
     assert (np.diff(filled[:, 1]) >= 0.0).all()
     assert overlaps((filled, np.full(len(filled), 0.05)), 0.3, 1.0) == (0, 0)
@@ -44,13 +45,13 @@ def test_lattice_fills_from_the_bottom():
 
 
 def test_lattice_leaves_the_origin_free():
-    position, _ = lattice(0.0, 1.0, radius=0.25, spacing=2.0)
+    position, _ = lattice(Annulus(0.0, 1.0), radius=0.25, spacing=2.0)
     assert (np.hypot(*position.T) > 0.0).all()
 
 
 def test_random_is_the_same_for_the_same_seed():
     arguments = {"count": 200, "radius": [0.01, 0.05]}
-    first, again, other = (random(0.3, 1.0, seed=seed, **arguments) for seed in (3, 3, 4))
+    first, again, other = (random(Annulus(0.3, 1.0), seed=seed, **arguments) for seed in (3, 3, 4))
     assert np.array_equal(first[0], again[0])
     assert np.array_equal(first[1], again[1])
     assert not np.array_equal(first[0], other[0])
@@ -61,13 +62,13 @@ def test_random_is_the_same_for_the_same_seed():
 
 def test_random_places_thousands_in_seconds():
     start = perf_counter()
-    placement = random(0.1, 1.0, count=5000, radius=0.008)
+    placement = random(Annulus(0.1, 1.0), count=5000, radius=0.008)
     assert perf_counter() - start < 20.0
     assert overlaps(placement, 0.1, 1.0) == (0, 0)
 
 
 def test_column_stands_a_little_apart_on_the_outer_wall():
-    position, _ = column(0.5, 2.0, count=3, radius=0.25, spacing=2.5)
+    position, _ = column(Annulus(0.5, 2.0), count=3, radius=0.25, spacing=2.5)
     assert np.array_equal(position, [[0.0, -1.625], [0.0, -1.0], [0.0, -0.375]])
 
 
@@ -107,5 +108,5 @@ def test_column_stands_a_little_apart_on_the_outer_wall():
 )
 def test_bad_key_is_one_line_naming_it(layout, keys, message):
     with pytest.raises(SceneError, match="^" + re.escape(message)) as caught:
-        layout(0.5, 1.0, **keys)
+        layout(Annulus(0.5, 1.0), **keys)
     assert "\n" not in str(caught.value)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, SceneError
-from warpgrains.scene.overlaps import overlapping_pairs
+from warpgrains.scene.geometry import overlapping_pairs
 
 INF, NAN = float("inf"), float("nan")
 

@@ -8,7 +8,7 @@ import pytest
 from same_bits import contents
 
 from warpgrains import Scene, SceneError, Simulation
-from warpgrains.scene.state_checks import first_state
+from warpgrains.scene.state import first_state
 from warpgrains.simulation.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.solver.statistics import RunStatistics
 

@@ -10,7 +10,9 @@ PAIRS = 11
 GRAINS = np.array([1, 2, 7, 60])
 
 
-@pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "accelerated", "strips", "sets shared"])
+@pytest.fixture(
+    params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "accelerated", "strips", "sets shared"]
+)
 def sizes(request: pytest.FixtureRequest) -> Sizes:
     accelerated, team = request.param
     return Sizes(GRAINS, np.full_like(GRAINS, PAIRS), np.array([0, 1, 0, 1]), accelerated, team)

@@ -7,13 +7,16 @@ import numpy as np
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.layouts import column, lattice
+from warpgrains.scene.walls import Annulus
 
 RADIUS_OUT = 1.0  # m
 
 
 def stack(count: int) -> Scene:
     """A column of grains that touch, on the axis of symmetry, and one more that lands on it at 1 m/s."""
-    position, radius = column(0.0, RADIUS_OUT, count=count + 1, radius=0.95 / (count + 2), spacing=2.0)
+    position, radius = column(
+        Annulus(0.0, RADIUS_OUT), count=count + 1, radius=0.95 / (count + 2), spacing=2.0
+    )
     position[-1, 1] += 0.02
     velocity = np.zeros_like(position)
     velocity[-1, 1] = -1.0
@@ -23,7 +26,7 @@ def stack(count: int) -> Scene:
 def heap(count: int, spacing: float = 2.05, **changes: Any) -> Scene:
     """Grains of one size over two fifths of the disc, each a little off its place on a lattice."""
     radius = np.sqrt(0.4 / count)
-    position, _ = lattice(0.0, RADIUS_OUT, radius=radius, count=count, spacing=spacing)
+    position, _ = lattice(Annulus(0.0, RADIUS_OUT), radius=radius, count=count, spacing=spacing)
     off = abs(spacing - 2.0) * radius / 4.0
     position += np.random.default_rng(1).uniform(-off, off, position.shape)
     return Scene(**{"position": position, "radius": radius, "mass": 0.1, "radius_out": RADIUS_OUT, **changes})
@@ -44,7 +47,7 @@ def heavy_top(count: int, ratio: float) -> Scene:
 
 def jam() -> Scene:
     """Grains that fill four fifths of the disc, and run in all directions."""
-    position, radius = lattice(0.0, RADIUS_OUT, radius=0.04, spacing=2.04)
+    position, radius = lattice(Annulus(0.0, RADIUS_OUT), radius=0.04, spacing=2.04)
     velocity = np.random.default_rng(4).normal(0.0, 1.0, position.shape)
     return Scene(position=position, velocity=velocity, radius=radius, mass=0.1, radius_out=RADIUS_OUT)
 

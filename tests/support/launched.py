@@ -6,7 +6,7 @@ from warpgrains import Scene, State
 from warpgrains.kernels.launch import Launcher
 from warpgrains.kernels.step import step
 from warpgrains.kernels.types import SOLVED, UNPROVED, WITHOUT_ROOM
-from warpgrains.scene.state_checks import first_state
+from warpgrains.scene.state import first_state
 from warpgrains.solver.engine import Engine
 
 

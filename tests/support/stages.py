@@ -15,7 +15,6 @@ from warpgrains.solver.contact_list import ContactList
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.threads import team_of
 
-
 KERNELS: dict[str, wp.Kernel] = {}
 
 
@@ -78,5 +77,3 @@ def record_of_graph(pairs: IntArray, team: int = 1) -> OneRecord:
     record["contacts.set_start"][:] = -7
     record.record["contacts"]["count"] = -7, -7, 0
     return record
-
-

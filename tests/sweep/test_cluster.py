@@ -13,7 +13,7 @@ from distributed import LocalCluster
 from sweeps import SMALL, batch, table, write
 
 from warpgrains.sweep import cluster
-from warpgrains.sweep.run_folder import RunFolder
+from warpgrains.sweep.folder import RunFolder
 
 LONG = """
 scene = "annulus"

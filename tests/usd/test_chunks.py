@@ -6,7 +6,6 @@ from pxr import Sdf, Usd
 from recordings import GRAINS, grains_of, make_frames, make_scene, record
 
 from warpgrains.errors import SceneError
-from warpgrains.usd import chunk_writer
 from warpgrains.usd import chunks as usd_chunks
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import Recorder, chunks_of, recover
@@ -14,7 +13,7 @@ from warpgrains.usd.recorder import Recorder, chunks_of, recover
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(chunk_writer, "CHUNK_FRAMES", 4)
+    monkeypatch.setattr(usd_chunks, "CHUNK_FRAMES", 4)
 
 
 def cut_short(path, frames, error=KeyboardInterrupt, **options):
@@ -64,7 +63,7 @@ class TestWhileRunning:
         ]
 
     def test_chunks_hold_so_many_bytes(self, tmp_path, monkeypatch):
-        monkeypatch.setattr(chunk_writer, "CHUNK_BYTES", 2 * (2 * 5 * 12 + 24))
+        monkeypatch.setattr(usd_chunks, "CHUNK_BYTES", 2 * (2 * 5 * 12 + 24))
         chunks = cut_short(tmp_path / "run.usdc", make_frames(3))
         assert inspect_recording(chunks / "root.usda") == []
         assert {path.name for path in chunks.glob("chunk.*")} == {

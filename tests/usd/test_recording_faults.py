@@ -18,8 +18,7 @@ from recordings import GRAINS
 import warpgrains
 from warpgrains.errors import SceneError
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.chunk_writer import CHUNK_FRAMES
-from warpgrains.usd.chunks import find_chunks
+from warpgrains.usd.chunks import CHUNK_FRAMES, find_chunks
 from warpgrains.usd.recorder import chunks_of, recover
 
 SCRIPT = Path(endless_recording.__file__)

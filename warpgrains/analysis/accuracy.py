@@ -10,23 +10,16 @@ from warpgrains.simulation.simulation import Simulation
 
 @dataclass(frozen=True)
 class ErrorBound:
-    """How far the velocities of a step are from the exact ones.
-
-    Attributes
-    ----------
-    error : float or None
-        Largest difference of a component [m/s]; None where it is not above `solver_error`, so that it says
-        nothing of the step.
-    solver_error : float
-        What the velocities that it is measured against may be wrong by themselves [m/s]: proven by their
-        duality gap, for the step's gaps as they are rounded to double precision.
-    at_most : float
-        What the true error is proven not to exceed [m/s].
-    """
+    """How far the velocities of a step are from the exact ones."""
 
     error: float | None
+    """Largest difference of a component [m/s]; None where it is not above `solver_error`, so that it says
+    nothing of the step."""
     solver_error: float
+    """What the velocities that it is measured against may be wrong by themselves [m/s]: proven by their
+    duality gap, for the step's gaps as they are rounded to double precision."""
     at_most: float
+    """What the true error is proven not to exceed [m/s]."""
 
 
 def certify(simulation: Simulation) -> ErrorBound:

@@ -51,11 +51,7 @@ class _Projection(NamedTuple):
 def solve_exactly(problem: StepProblem, velocity: FloatArray) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
-    Parameters
-    ----------
-    problem : StepProblem
-    velocity : ndarray
-        Velocities that the exact ones are expected near, which spares a search [m/s], shape (n, 2).
+    Velocities that the exact ones are expected near spare a search [m/s], shape (n, 2).
 
     Raises
     ------

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, PolyCollection
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Annulus
 
-from warpgrains.analysis.curves import draw_curves
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.files import draft_of, require_writable_folder
@@ -28,6 +27,8 @@ _MARGIN = 0.02  # of the outer wall
 _OUTLINE = 0.3  # points, and less for small grains
 _WALL_COLOR = "0.35"
 _CHAIN_COLOR = "#c8191e"
+_LINE_WIDTH = 1.0  # points
+_MARK_COLOR = "0.75"
 _DOTS_PER_INCH = 120
 
 
@@ -103,7 +104,7 @@ def _draw(reader: RecordingReader, numbers: list[int], curves: bool) -> Figure:
         if number is not None:
             _draw_frame(axes, reader, number)
     if curves:
-        draw_curves(figure.add_subfigure(grid[1]), reader, reader.time[numbers])
+        _draw_curves(figure.add_subfigure(grid[1]), reader, reader.time[numbers])
     return figure
 
 
@@ -139,3 +140,35 @@ def _bands(chains: Chains) -> FloatArray:
     across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, np.newaxis]
     side = 0.5 * chains.width[:, np.newaxis] * across
     return np.stack([start - side, end - side, end + side, start + side], axis=1)
+
+
+def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: FloatArray) -> None:
+    """Draw kinetic energy, height and number of contacts over time, and mark some moments [s]."""
+    curves = measure(reader)
+    for axes, (label, values) in zip(
+        figure.subplots(1, len(curves), squeeze=False).flat, curves.items(), strict=True
+    ):
+        for moment in marked:
+            axes.axvline(moment, color=_MARK_COLOR, linewidth=_LINE_WIDTH)
+        axes.plot(reader.time, values, color="black", linewidth=_LINE_WIDTH)
+        axes.set_title(label, fontsize="small")
+        axes.tick_params(labelsize="small")
+        axes.set_xlabel("t [s]", fontsize="small")
+        axes.margins(x=0.0)
+
+
+def measure(reader: RecordingReader) -> dict[str, FloatArray]:
+    """Return each curve by its title, shape (f,).
+
+    A recording holds no masses: energy and height are means over the grains, each counted alike.
+    """
+    frames = range(len(reader.time))
+    curves = {
+        "kinetic energy per mass [J/kg]": [
+            0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames
+        ],
+        "mean height [m]": [reader.position(frame)[:, 1].mean() for frame in frames],
+    }
+    if reader.has_forces:
+        curves["contacts that push"] = [len(reader.chains(frame).width) for frame in frames]
+    return {title: np.array(values, dtype=np.float64) for title, values in curves.items()}

@@ -13,7 +13,9 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.walls import Wall
 
 
 class LinearConstraints(NamedTuple):
@@ -27,14 +29,7 @@ class LinearConstraints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StepProblem:
-    """A step from where it starts.
-
-    Attributes
-    ----------
-    scene : Scene
-    position, velocity : ndarray
-        Where the step starts [m], [m/s], shape (n, 2).
-    """
+    """A step from where it starts: centres [m] and velocities [m/s], shape (n, 2)."""
 
     scene: Scene
     position: FloatArray
@@ -47,37 +42,24 @@ class StepProblem:
         return v + scene.dt * (np.array(scene.gravity) - (scene.drag / scene.mass)[:, np.newaxis] * v)
 
     def constraints(self, speed: FloatArray) -> LinearConstraints:
-        """Return all constraints that velocities can violate, if no grain is faster than its speed.
-
-        Parameters
-        ----------
-        speed : ndarray
-            [m/s], shape (n,).
-        """
-        pairs = self._pairs(speed)
-        sides = [self._wall(speed, outer=True)]
-        if self.scene.radius_in > 0.0:
-            sides.append(self._wall(speed, outer=False))
-        rows = sparse.vstack([pairs.rows, *(side.rows for side in sides)], format="csr")
-        return LinearConstraints(rows, np.concatenate([pairs.bound, *(side.bound for side in sides)]))
+        """Return all constraints that velocities can violate if no grain is faster than its speed [m/s]."""
+        walls = self.scene.walls.seen_from(self.position, self.scene.radius)
+        parts = [self._pairs(speed), *(self._wall(wall, speed) for wall in walls)]
+        rows = sparse.vstack([part.rows for part in parts], format="csr")
+        return LinearConstraints(rows, np.concatenate([part.bound for part in parts]))
 
     def _pairs(self, speed: FloatArray) -> LinearConstraints:
         """Between grains (v_i - v_j) . n <= gap / dt."""
         scene, position = self.scene, self.position
         i, j = pairs_within(position, scene.radius, scene.dt * speed).T
-        d = position[j] - position[i]
-        distance = np.hypot(*d.T)
-        normal = d / distance[:, np.newaxis]
-        gap = distance - (scene.radius[i] + scene.radius[j])
+        normal, gap = pair_normals(position, i, j), pair_gaps(position, scene.radius, i, j)
         return LinearConstraints(_rows(scene.n, i, normal) - _rows(scene.n, j, normal), gap / scene.dt)
 
-    def _wall(self, speed: FloatArray, outer: bool) -> LinearConstraints:
-        """At the outer wall v . n <= gap / dt, at the inner one -v . n <= gap / dt."""
-        scene, rho = self.scene, np.hypot(*self.position.T)
-        gap = scene.radius_out - rho - scene.radius if outer else rho - scene.radius_in - scene.radius
-        i = np.flatnonzero(gap <= scene.dt * speed).astype(np.int64)
-        normal = (1.0 if outer else -1.0) * self.position[i] / rho[i, np.newaxis]
-        return LinearConstraints(_rows(scene.n, i, normal), gap[i] / scene.dt)
+    def _wall(self, wall: Wall, speed: FloatArray) -> LinearConstraints:
+        """At a wall v . n <= gap / dt, n into it."""
+        scene = self.scene
+        i = np.flatnonzero(wall.gap <= scene.dt * speed)
+        return LinearConstraints(_rows(scene.n, i, wall.normal[i]), wall.gap[i] / scene.dt)
 
 
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:
@@ -90,8 +72,7 @@ def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) ->
     j = np.concatenate([np.array(found, dtype=np.int64) for found in around])
     pair = np.unique(np.sort(np.stack([i, j], axis=1)[i != j], axis=1), axis=0)
     i, j = pair.T
-    gap = np.hypot(*(position[j] - position[i]).T) - (radius[i] + radius[j])
-    return pair[gap <= reach[i] + reach[j]]
+    return pair[pair_gaps(position, radius, i, j) <= reach[i] + reach[j]]
 
 
 def _rows(n: int, grain: IndexArray, normal: FloatArray) -> sparse.csr_array:

@@ -3,20 +3,14 @@
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.geometry import area_below
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.solver.forces import wall_contacts
 
 
 def quantities(scene: Scene, state: State) -> dict[str, float]:
-    """Return all of them by name; each is a function of this file.
-
-    Parameters
-    ----------
-    scene : Scene
-    state : State
-        A state of it.
-    """
+    """Return all of them by name, for a state of a scene; each is a function of this file."""
     up = upwards(scene.gravity)
     height = state.position @ up
     outer, inner = wall_forces(scene, state)
@@ -25,8 +19,8 @@ def quantities(scene: Scene, state: State) -> dict[str, float]:
         "potential_energy": potential_energy(scene.mass, state.position, scene.gravity),
         "outer_wall_force": outer,
         "inner_wall_force": inner,
-        "pile_height": pile_height(height, scene.radius, scene.radius_out),
-        "packing_fraction": packing_fraction(height, scene.radius, scene.radius_in, scene.radius_out),
+        "pile_height": pile_height(height, scene),
+        "packing_fraction": packing_fraction(height, scene),
     }
 
 
@@ -52,47 +46,22 @@ def wall_forces(scene: Scene, state: State) -> tuple[float, float]:
     return float(force[force > 0.0].sum()), float(np.abs(force[force < 0.0]).sum())
 
 
-def pile_height(height: FloatArray, radius: FloatArray, radius_out: float) -> float:
-    """Return how far the highest point of a grain is above the lowest point of the outer wall [m].
+def pile_height(height: FloatArray, scene: Scene) -> float:
+    """Return how far the highest point of a grain is above the lowest point of the walls [m].
 
-    Parameters
-    ----------
-    height
-        Of the grains' centres above the origin [m], shape (n,).
-    radius
-        [m], shape (n,).
-    radius_out
-        Radius of the outer wall [m].
+    Heights are those of the grains' centres above the origin [m], shape (n,).
     """
-    return float((height + radius).max() + radius_out)
+    return float((height + scene.radius).max() + scene.walls.depth)
 
 
-def packing_fraction(height: FloatArray, radius: FloatArray, radius_in: float, radius_out: float) -> float:
+def packing_fraction(height: FloatArray, scene: Scene) -> float:
     """Return which share of the space between the walls the grains fill, beneath their mean height.
 
     Below the mean of the heights, weighted by area, a pile is dense; its loose surface does not count, nor
     does where the walls end. Grains and space are cut at that height exactly.
 
-    Parameters
-    ----------
-    height
-        Of the grains' centres above the origin [m], shape (n,).
-    radius
-        [m], shape (n,).
-    radius_in, radius_out
-        Radii of the two walls [m].
+    Heights are those of the grains' centres above the origin [m], shape (n,).
     """
+    radius = scene.radius
     mean = (radius**2 * height).sum() / (radius**2).sum()
-    walls = area_below(np.array([radius_out, radius_in]), np.full(2, mean))
-    return float(area_below(radius, mean - height).sum() / (walls[0] - walls[1]))
-
-
-def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
-    """Return the areas [m2] of discs below a level [m], measured from their centres; shapes (n,).
-
-    The segment of a disc of radius r below a level h, -r <= h <= r, has the area
-    r^2 (pi/2 + asin(h/r)) + h sqrt(r^2 - h^2).
-    """
-    h = np.clip(level, -radius, radius)
-    angle = np.arcsin(np.divide(h, radius, out=np.zeros_like(h), where=radius > 0.0))
-    return radius**2 * (0.5 * np.pi + angle) + h * np.sqrt(radius**2 - h**2)
+    return float(area_below(radius, mean - height).sum() / scene.walls.area_below(mean))

@@ -10,8 +10,7 @@ from warpgrains.batch.resident import Done, ResidentSets
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import State
-from warpgrains.scene.state_checks import require_state
+from warpgrains.scene.state import State, require_state
 from warpgrains.simulation.simulation import find_device
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
@@ -20,15 +19,10 @@ from warpgrains.solver.threads import cores
 
 @dataclass(frozen=True)
 class SceneSummary(Summary):
-    """What a run of a batch did with one of its scenes; `seconds` is what it took of one core's time.
-
-    Attributes
-    ----------
-    error : str or None
-        Why the scene stopped before its end, at its last good state.
-    """
+    """What a run of a batch did with one of its scenes; `seconds` is what it took of one core's time."""
 
     error: str | None = None
+    """Why the scene stopped before its end, at its last good state."""
 
 
 class Batch:

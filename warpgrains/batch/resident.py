@@ -7,8 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import State
-from warpgrains.scene.state_checks import first_state
+from warpgrains.scene.state import State, first_state
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import Counts, Sizes, bytes_needed
 from warpgrains.solver.engine import Engine

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from warpgrains.console import start_warp, stdout_kept_clean
+from warpgrains.console import in_columns, start_warp, stdout_kept_clean
 from warpgrains.errors import SceneError
-from warpgrains.files import require_writable_folder
+from warpgrains.files import Row, require_writable_folder
 from warpgrains.scene import checks
+from warpgrains.simulation.options import ExecutionOptions
 from warpgrains.sweep.folder import SweepFolder
-from warpgrains.sweep.options import ExecutionOptions
 from warpgrains.sweep.sweep import Run, Sweep
-from warpgrains.tables import Row
 
 if TYPE_CHECKING:
     from warpgrains.sweep.plot import SweepPlot
@@ -56,7 +55,7 @@ def run(arguments: Namespace) -> bool:
     done = [row for row in rows if row["run"] in numbers]
     print(_lines(folder, share, left, done, perf_counter() - start))
     if plot is not None:
-        print(f"{'picture':<17} {plot.draw(folder.results)}")
+        print(in_columns({"picture": plot.draw(folder.results)}))
     return len(done) < len(share) or any(row["error"] for row in done)
 
 
@@ -142,4 +141,4 @@ def _lines(folder: SweepFolder, share: list[Run], left: list[Run], done: list[Ro
         "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
         "results": f"{folder.results}",
     }
-    return "\n".join(f"{name:<17} {value}" for name, value in rows.items())
+    return in_columns(rows)

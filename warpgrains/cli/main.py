@@ -1,12 +1,13 @@
-"""The command line. See `commands` for what they do."""
+"""The command line: a line a command in `COMMANDS`, its options, and where it is."""
 
 import argparse
 import sys
-from collections.abc import Sequence
-from typing import NoReturn
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import NamedTuple, NoReturn
 
 from warpgrains import __version__
-from warpgrains.cli import commands
 from warpgrains.errors import SceneError, SimulationError
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -27,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parsed = _parser().parse_args(arguments)
     try:
-        return FAILED if parsed.command(parsed) else DONE
+        return FAILED if parsed.command.do(parsed) else DONE
     except SceneError as error:
         return _complain(str(error), BAD_INPUT)
     except (SimulationError, OSError) as error:
@@ -36,7 +37,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain("interrupted", INTERRUPTED)
 
 
-class _Parser(argparse.ArgumentParser):
+class Command(NamedTuple):
+    """A command of the command line."""
+
+    home: str
+    """Module of this package, and the function that does it and returns whether something is wrong."""
+    add_options: Callable[[ArgumentParser], None]
+    help: str
+    description: str
+
+    def do(self, arguments: Namespace) -> bool:
+        """Carry it out; what is heavy is imported only now."""
+        module, _, function = self.home.partition(".")
+        return bool(getattr(import_module(f"warpgrains.cli.{module}"), function)(arguments))
+
+
+class _Parser(ArgumentParser):
     """A parser whose complaints are one line, like all others."""
 
     def error(self, message: str) -> NoReturn:
@@ -48,73 +64,33 @@ def _complain(message: str, code: int) -> int:
     return code
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> ArgumentParser:
     parser = _Parser(
         prog="warpgrains", description="Rigid frictionless grains in an annulus, on NVIDIA Warp."
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    _add_run(subparsers.add_parser("run", help="simulate a scene", description="Simulate a scene."))
-    _add_batch(
-        subparsers.add_parser(
-            "batch",
-            help="carry out the runs of a sweep",
-            description="Carry out the runs of a sweep; exit code 1: some run failed or is not finished.",
-        )
-    )
-    _add_check(
-        subparsers.add_parser(
-            "check",
-            help="check a recording",
-            description="Check in a recording what no USD validator checks; exit code 1: something is wrong.",
-        )
-    )
-    _add_recover(
-        subparsers.add_parser(
-            "recover",
-            help="make a file of what a killed run recorded",
-            description="Make a file of what a killed run recorded. To finish the run: run --resume.",
-        )
-    )
-    _add_plot(
-        subparsers.add_parser(
-            "plot",
-            help="draw frames and curves of a recording",
-            description="Draw frames of a recording side by side, and energy, height and contacts over time.",
-        )
-    )
-    _add_report(
-        subparsers.add_parser(
-            "report",
-            help="measure speed against error",
-            description="Measure speed against error: tables, CSV and pictures, in some minutes.",
-        )
-    )
+    for name, command in COMMANDS.items():
+        own = subparsers.add_parser(name, help=command.help, description=command.description)
+        own.set_defaults(command=command)
+        command.add_options(own)
     return parser
 
 
-def _add_run(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(command=commands.run)
-    parser.add_argument(
-        "scene", metavar="SCENE", nargs="?", help="a TOML file, or the name of a shipped scene"
-    )
+def _add_run(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("scene", metavar="SCENE", nargs="?", help="a TOML file, or the name of a shipped scene")
     _add_recording(parser.add_argument_group("recording"))
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate in all")
     length.add_argument(
         "--duration", type=float, metavar="T", help="time to simulate in all [s] (default: the scene's)"
     )
-    parser.add_argument(
-        "--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)"
-    )
-    parser.add_argument(
-        "--method", metavar="METHOD", help="gauss-seidel or accelerated (default: the scene's)"
-    )
-    parser.add_argument("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
-    parser.add_argument(
-        "--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)"
-    )
-    parser.add_argument(
+    add("--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)")
+    add("--method", metavar="METHOD", help="gauss-seidel or accelerated (default: the scene's)")
+    add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
+    add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)")
+    add(
         "--set",
         action="append",
         dest="overrides",
@@ -122,54 +98,48 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         help="replace a value of the scene, such as physics.drag=0.1; may be repeated",
     )
     _add_checkpoints(parser.add_argument_group("checkpoints"))
-    parser.add_argument("--json", action="store_true", help="print the summary as one JSON object")
+    add("--json", action="store_true", help="print the summary as one JSON object")
 
 
 def _add_recording(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
-    group.add_argument("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
-    group.add_argument(
-        "--color-by", metavar="WHAT", help="palette, radius, speed or pressure (default: palette)"
-    )
-    group.add_argument("--forces", action="store_true", help="draw force chains")
-    group.add_argument(
-        "--as-spheres", action="store_true", help="draw spheres, for viewers that draw no points"
-    )
+    add = group.add_argument
+    add("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
+    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    add("--color-by", metavar="WHAT", help="palette, radius, speed or pressure (default: palette)")
+    add("--forces", action="store_true", help="draw force chains")
+    add("--as-spheres", action="store_true", help="draw spheres, for viewers that draw no points")
 
 
 def _add_checkpoints(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--checkpoint", metavar="FILE", help="save the run to this .npz file as it goes")
-    group.add_argument(
-        "--every", type=int, metavar="K", help="time steps between two checkpoints (default: 1000)"
-    )
-    group.add_argument(
+    add = group.add_argument
+    add("--checkpoint", metavar="FILE", help="save the run to this .npz file as it goes")
+    add("--every", type=int, metavar="K", help="time steps between two checkpoints (default: 1000)")
+    add(
         "--resume",
         metavar="FILE",
         help="continue the run that left this checkpoint, and what it recorded: instead of SCENE",
     )
 
 
-def _add_batch(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(command=commands.batch)
-    parser.add_argument(
+def _add_batch(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add(
         "sweep",
         metavar="SWEEP",
         nargs="?",
         help="a sweep file, a folder of scenes, or the name of a shipped sweep",
     )
-    parser.add_argument(
-        "-o", "--output", metavar="DIR", required=True, help="folder for runs/NUMBER/ and results.csv"
-    )
-    parser.add_argument("--resume", action="store_true", help="go on with the runs that are not finished")
-    parser.add_argument(
+    add("-o", "--output", metavar="DIR", required=True, help="folder for runs/NUMBER/ and results.csv")
+    add("--resume", action="store_true", help="go on with the runs that are not finished")
+    add(
         "--plot",
         metavar="x=COLUMN,y=COLUMN[,color=COLUMN]",
         help="draw the results; without SWEEP, those that are there",
     )
-    parser.add_argument("--usd", action="store_true", help="record every run to its recording.usdc")
-    parser.add_argument("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
-    parser.add_argument("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
-    parser.add_argument("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
+    add("--usd", action="store_true", help="record every run to its recording.usdc")
+    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
+    add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
     group = parser.add_argument_group("many machines, which must all see DIR")
     cluster = group.add_mutually_exclusive_group()
     cluster.add_argument("--scheduler", metavar="ADDRESS", help="dask scheduler, such as tcp://host:8786")
@@ -180,42 +150,36 @@ def _add_batch(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--count", type=int, metavar="N", help="... of so many shares")
 
 
-def _add_check(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(command=commands.check)
+def _add_check(parser: ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="the recording, a USD file")
 
 
-def _add_recover(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(command=commands.recover)
+def _add_recover(parser: ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR", help="the run's chunks, such as run.usdc.chunks")
 
 
-def _add_plot(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(command=commands.plot)
-    parser.add_argument("file", metavar="FILE", help="the recording, a USD file")
-    parser.add_argument(
-        "-o", "--output", metavar="PNG", help="picture, .png, .pdf or .svg (default: FILE with .png)"
-    )
-    parser.add_argument(
+def _add_plot(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("file", metavar="FILE", help="the recording, a USD file")
+    add("-o", "--output", metavar="PNG", help="picture, .png, .pdf or .svg (default: FILE with .png)")
+    add(
         "--frames",
         type=_whole_numbers,
         metavar="N,N,...",
         help="frames to draw, from 0; -1 is the last (default: five, evenly spaced)",
     )
-    parser.add_argument(
-        "--no-curves", dest="curves", action="store_false", help="draw nothing but the frames"
-    )
+    add("--no-curves", dest="curves", action="store_false", help="draw nothing but the frames")
 
 
-def _add_report(parser: argparse.ArgumentParser) -> None:
-    parser.set_defaults(command=commands.report)
-    parser.add_argument(
+def _add_report(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add(
         "scenes",
         metavar="SCENE",
         nargs="*",
         help="TOML files, or names of shipped scenes (default: all shipped)",
     )
-    parser.add_argument("-o", "--output", metavar="DIR", required=True, help="folder to put the report in")
+    add("-o", "--output", metavar="DIR", required=True, help="folder to put the report in")
 
 
 def _whole_numbers(text: str) -> list[int]:
@@ -223,3 +187,38 @@ def _whole_numbers(text: str) -> list[int]:
         return [int(word) for word in text.split(",")]
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 0,20,-1") from None
+
+
+COMMANDS = {
+    "run": Command("run.run", _add_run, "simulate a scene", "Simulate a scene."),
+    "batch": Command(
+        "batch.run",
+        _add_batch,
+        "carry out the runs of a sweep",
+        "Carry out the runs of a sweep; exit code 1: some run failed or is not finished.",
+    ),
+    "check": Command(
+        "recordings.check",
+        _add_check,
+        "check a recording",
+        "Check in a recording what no USD validator checks; exit code 1: something is wrong.",
+    ),
+    "recover": Command(
+        "recordings.recover",
+        _add_recover,
+        "make a file of what a killed run recorded",
+        "Make a file of what a killed run recorded. To finish the run: run --resume.",
+    ),
+    "plot": Command(
+        "recordings.plot",
+        _add_plot,
+        "draw frames and curves of a recording",
+        "Draw frames of a recording side by side, and energy, height and contacts over time.",
+    ),
+    "report": Command(
+        "report.run",
+        _add_report,
+        "measure speed against error",
+        "Measure speed against error: tables, CSV and pictures, in some minutes.",
+    ),
+}

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from warpgrains.console import start_warp, stdout_kept_clean
 from warpgrains.errors import missing_extra
-from warpgrains.report.files import prepare
 from warpgrains.scene.reader import shipped_scenes
 from warpgrains.scene.scene import Scene
 
 
-def report(arguments: Namespace) -> bool:
+def run(arguments: Namespace) -> bool:
     """Measure speed against error of scenes, and print the names of the files that tell of it."""
     try:
         for library in ("matplotlib", "scipy", "clarabel"):
@@ -22,7 +21,6 @@ def report(arguments: Namespace) -> bool:
     scenes = [
         Scene.load(name).replace(on_unconverged="report") for name in arguments.scenes or shipped_scenes()
     ]
-    prepare(scenes, Path(arguments.output))  # refuse a bad folder before Warp starts and compiles kernels
     with stdout_kept_clean():
         start_warp()
         from warpgrains.report.report import write_report

@@ -8,18 +8,18 @@ import warnings
 from argparse import Namespace
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from tqdm import tqdm
 
-from warpgrains.console import start_warp, stdout_kept_clean
+from warpgrains.console import in_columns, start_warp, stdout_kept_clean
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state_checks import first_state
+from warpgrains.scene.state import first_state
+from warpgrains.simulation import run as runs
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.run import open_outputs, run
 from warpgrains.solver.statistics import RunStatistics, Summary, named
 
 # What a resumed run takes from its checkpoint: the option of each argument.
@@ -36,14 +36,13 @@ KEPT = {
 }
 
 
-def run_command(arguments: Namespace) -> bool:
+def run(arguments: Namespace) -> bool:
     """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
     start, options = _begin(arguments) if arguments.resume is None else _resume(arguments)
     if arguments.every is not None and options.checkpoint is None:
         raise SceneError("--every needs --checkpoint")
-    open_outputs(
-        options, start.scene, start.statistics
-    )  # refuse bad ones before Warp starts and compiles kernels
+    # bad outputs are refused before Warp starts and compiles kernels
+    runs.open_outputs(options, start.scene, start.statistics)
     with stdout_kept_clean():
         summary = _simulate(start, options, arguments.device, arguments.threads)
     results = _results(start.scene, summary)
@@ -100,20 +99,13 @@ def _simulate(start: Checkpoint, options: RunOptions, device: str, threads: int 
     if not simulation.is_compiled:
         print("compiling kernels for such a scene, this first time only ...", file=sys.stderr, flush=True)
     with warnings.catch_warnings():
-        warnings.showwarning = _tell
-        return run(simulation, options, start.statistics, progress=sys.stderr.isatty())
+        warnings.showwarning = _show_warning  # type: ignore[assignment]
+        return runs.run(simulation, options, start.statistics, progress=sys.stderr.isatty())
 
 
-def _tell(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
+def _show_warning(message: Warning | str, *where: Any) -> None:
     """Say on standard error what the run warns of, above its progress bar."""
-    tqdm.write(f"warpgrains: warning: {message}", file=file or sys.stderr)
+    tqdm.write(f"warpgrains: warning: {message}", file=sys.stderr)
 
 
 def _results(scene: Scene, summary: Summary) -> dict[str, Any]:
@@ -140,7 +132,7 @@ def _lines(results: dict[str, Any]) -> str:
         "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
         "output": results["output"] or "none (-o records one)",
     }
-    return "\n".join(f"{name:<17} {value}" for name, value in rows.items())
+    return in_columns(rows)
 
 
 def _without_solution(results: dict[str, Any]) -> str:

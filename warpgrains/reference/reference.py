@@ -2,8 +2,11 @@
 
 import ctypes
 import subprocess
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +15,8 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 
 SOURCE = Path(__file__).parent / "grains.c"
+FAST = ("-O3", "-march=native")
+MOST_GRAINS = 3000  # of a scene that is timed: it visits all pairs, and keeps a number for each
 
 _Doubles = ctypes.POINTER(ctypes.c_double)
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
@@ -142,3 +147,26 @@ def pair_index(pair: IntArray, n: int) -> IndexArray:
     """Return where pairs i < j stand among all pairs in lexicographic order."""
     i, j = pair.T.astype(np.int64)
     return i * (2 * n - i - 1) // 2 + (j - i - 1)
+
+
+class CReference(NamedTuple):
+    """The reference, or why there is none."""
+
+    start: Callable[[Scene, State], Reference] | None
+    """Put a scene in some state into it; its `update` takes a step, its `velocity` is what comes of it."""
+    status: str
+
+
+@cache
+def find_c_reference() -> CReference:
+    """Compile the reference, if there is a C compiler."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            library = build(Path(folder), FAST)
+        except RuntimeError as error:
+            return CReference(None, f"not available ({error})")
+
+    def start(scene: Scene, state: State) -> Reference:
+        return Reference(library, scene, state)
+
+    return CReference(start, f"cc {' '.join(FAST)}, all pairs, for scenes of up to {MOST_GRAINS} grains")

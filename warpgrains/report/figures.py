@@ -7,9 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from warpgrains.report.frontier import COSTS, FrontierRow
-from warpgrains.report.steps import Configuration, StepRow
-from warpgrains.report.trajectories import PathRow, fitted_order
+from warpgrains.report.rows import COSTS, Configuration, FrontierRow, PathRow, StepRow, fitted_order
 
 # Okabe and Ito, Color Universal Design: told apart by everyone, and by their lightness in print.
 _BLUE, _ORANGE, _GREY = "#0072b2", "#d55e00", "0.6"

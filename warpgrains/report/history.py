@@ -20,32 +20,19 @@ class Snapshot(NamedTuple):
 
 @dataclass(frozen=True)
 class History:
-    """What a scene goes through, at its own tolerance.
-
-    Attributes
-    ----------
-    first : State
-        Before the first step in which a contact acts.
-    hardest : State
-        Before the step of most iterations.
-    snapshots : list of Snapshot
-        onset: the first step with half as many contacts as there will ever be; hardest; end: the last step.
-        A step that is two of them is there once.
-    """
+    """What a scene goes through, at its own tolerance."""
 
     first: State
+    """Before the first step in which a contact acts."""
     hardest: State
+    """Before the step of most iterations."""
     snapshots: list[Snapshot]
+    """onset: the first step with half as many contacts as there will ever be; hardest; end: the last step.
+    A step that is two of them is there once."""
 
 
 def follow_history(scene: Scene, longest: int) -> History:
-    """Follow a scene by the accelerated method, in color order, to its own tolerance.
-
-    Parameters
-    ----------
-    scene : Scene
-    longest : int
-        Steps after which its history is cut off.
+    """Follow a scene by the accelerated method, in color order, for `longest` steps at most.
 
     Raises
     ------

@@ -1,7 +1,6 @@
 """One step, solved with ever more iterations: its wall time and its true error, in every configuration."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from statistics import median
 from time import perf_counter
@@ -12,9 +11,9 @@ import numpy as np
 from warpgrains.analysis.exact import solve_exactly
 from warpgrains.analysis.problem import StepProblem
 from warpgrains.arrays import FloatArray
-from warpgrains.report.c_reference import MOST_GRAINS, find_c_reference
+from warpgrains.reference.reference import MOST_GRAINS, find_c_reference
 from warpgrains.report.history import Snapshot
-from warpgrains.report.options import Budget
+from warpgrains.report.rows import Budget, Configuration, StepRow
 from warpgrains.scene.scene import METHODS, ORDERS, Scene
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import StepReport
@@ -24,62 +23,6 @@ CONVERGED = 1e-12  # m/s: a residual that more iterations do not improve
 CHECK_ITERATIONS = 30_000  # of the solution that the exact one is compared with
 
 Result = TypeVar("Result")
-
-
-class Configuration(NamedTuple):
-    """What solves a step."""
-
-    code: str
-    """warpgrains, or C reference."""
-    method: str
-    order: str
-    threads: int
-
-
-@dataclass(frozen=True)
-class StepRow:
-    """One step in one configuration: a row of steps.csv.
-
-    Attributes
-    ----------
-    scene, moment : str
-    time : float
-        Simulated time at which the step starts [s].
-    grains, contacts : int
-        Contacts that carry a correction after the step.
-    code, method, order, threads
-        What solved it, see `Configuration`.
-    iterations : int
-    wall_time : float
-        Median of the repeats [s].
-    error : float
-        Largest difference of a velocity component from the exact solution [m/s].
-    error_of_exact : float
-        Difference of the exact solution from that of the accelerated method, converged as far as it goes:
-        errors below it are not to be trusted [m/s].
-    error_of_nothing : float
-        Error of the free velocities, of a step without any contact [m/s].
-    """
-
-    scene: str
-    moment: str
-    time: float
-    grains: int
-    contacts: int
-    code: str
-    method: str
-    order: str
-    threads: int
-    iterations: int
-    wall_time: float
-    error: float
-    error_of_exact: float
-    error_of_nothing: float
-
-    @property
-    def configuration(self) -> Configuration:
-        """How it was solved."""
-        return Configuration(self.code, self.method, self.order, self.threads)
 
 
 class Measurement(NamedTuple):

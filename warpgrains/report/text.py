@@ -1,21 +1,14 @@
-"""The words and tables of a report: report.md, and rows as CSV."""
+"""The words and tables of a report: report.md."""
 
-import csv
-import io
 import os
 import platform
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
 
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.report.c_reference import find_c_reference
-from warpgrains.report.frontier import FrontierRow
-from warpgrains.report.options import Budget
-from warpgrains.report.steps import StepRow
-from warpgrains.report.trajectories import PathRow, fitted_order
+from warpgrains.reference.reference import find_c_reference
+from warpgrains.report.rows import Budget, Findings, FrontierRow, PathRow, StepRow, fitted_order
 from warpgrains.scene.scene import METHODS
 
 RELATIVE = {"1e-3": 1e-3, "1e-6": 1e-6}  # errors that the table asks for, of that of the free velocities
@@ -31,32 +24,6 @@ first of these whose error is below a thousandth and a millionth of that of the 
 without contacts), and the wall time of the step. The rows are in steps.csv, trajectories.csv and
 frontier.csv, all in m, s and m/s.
 """
-
-
-@dataclass(frozen=True)
-class Findings:
-    """All that was measured, scene after scene."""
-
-    steps: list[StepRow] = field(default_factory=list)
-    paths: list[PathRow] = field(default_factory=list)
-    frontier: list[FrontierRow] = field(default_factory=list)
-
-    def of(self, scene: str) -> "Findings":
-        """Return what was found of one scene."""
-        return Findings(
-            [row for row in self.steps if row.scene == scene],
-            [row for row in self.paths if row.scene == scene],
-            [row for row in self.frontier if row.scene == scene],
-        )
-
-
-def csv_text(rows: Sequence[Any]) -> str:
-    """Return rows, all of one dataclass, as CSV with a head."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(asdict(rows[0])), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(map(asdict, rows))
-    return text.getvalue()
 
 
 def markdown(found: Findings, budget: Budget) -> str:

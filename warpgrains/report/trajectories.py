@@ -1,13 +1,14 @@
-"""The error of a whole trajectory against dt."""
+"""The error of a whole trajectory against dt; and whether many short steps or few well solved ones pay."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.scene import Scene
+from warpgrains.errors import SimulationError
+from warpgrains.report.rows import COSTS, FrontierRow, PathRow
+from warpgrains.scene.scene import METHODS, Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
 
@@ -17,31 +18,6 @@ FINEST = 1 / 64  # the trajectory that the others are held against
 APART = 0.01  # of the smallest radius: where it and one of steps twice as long part, it ends
 SOLVED = 1e-9  # m/s: residual to which every step is solved
 SOLVED_ITERATIONS = 20_000
-
-
-@dataclass(frozen=True)
-class PathRow:
-    """A trajectory: a row of trajectories.csv.
-
-    Attributes
-    ----------
-    scene : str
-    horizon : float
-        How long it is [s].
-    dt : float
-        [s].
-    error : float
-        Largest distance of a coordinate from the trajectory of steps 1/64 as long as the scene's own, at any
-        multiple of four of the scene's own steps [m].
-    finest_error : float
-        The same distance of a trajectory of steps 1/32 as long: errors near it are not to be trusted [m].
-    """
-
-    scene: str
-    horizon: float
-    dt: float
-    error: float
-    finest_error: float
 
 
 class Path(NamedTuple):
@@ -58,13 +34,8 @@ class Path(NamedTuple):
 def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]:
     """Follow the grains from a state on, without its corrections, by steps of all lengths.
 
-    Parameters
-    ----------
-    scene : Scene
-    start : State
-    longest : int
-        Steps of the scene for which they are followed at most: four, and on while two trajectories of fine
-        steps stay together.
+    They are followed for four of the scene's own steps, and on while two trajectories of fine steps stay
+    together, for `longest` steps at most.
     """
     solved = begin_solved(scene, start)
     finest = follow(solved, FINEST, longest).position
@@ -80,6 +51,31 @@ def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]
             error=float(np.abs(position - finest[:together]).max()),
             finest_error=float(apart[:together].max()),
         )
+
+
+def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[FrontierRow]:
+    """Run from a state on, without its corrections, in color order, for so many of the scene's own steps."""
+    fastest = follow(begin_solved(scene, start), 1.0, horizon).fastest
+    for cost in COSTS:
+        for fraction in possible_fractions(scene):
+            for method in METHODS:
+                dt, iterations = scene.dt * fraction, round(cost * fraction)
+                limits = {"order": "color", "tolerance": 0.0, "max_iterations": iterations}
+                try:
+                    spending = begin(scene, start).replace(method=method, **limits)
+                    overlap = follow(spending, fraction, horizon).overlap
+                except SimulationError:
+                    overlap = np.nan
+                yield FrontierRow(
+                    scene=scene.name,
+                    method=method,
+                    horizon=horizon * scene.dt,
+                    cost=cost,
+                    dt=dt,
+                    iterations=iterations,
+                    overlap=overlap,
+                    wall_floor=(fastest * dt) ** 2 / (2.0 * scene.radius_out),
+                )
 
 
 def begin(scene: Scene, state: State) -> Scene:
@@ -116,11 +112,3 @@ def follow(scene: Scene, fraction: float, horizon: int) -> Path:
             fastest = max(fastest, float(np.hypot(*simulation.velocity.T).max()))
         position.append(simulation.position)
     return Path(np.stack(position), overlap, fastest)
-
-
-def fitted_order(rows: list[PathRow]) -> float | None:
-    """Return p of error = c dt^p, by least squares in the logarithms; None of fewer than two errors."""
-    rows = [row for row in rows if row.error > 0.0]
-    if len(rows) < 2:
-        return None
-    return float(np.polyfit(np.log([row.dt for row in rows]), np.log([row.error for row in rows]), 1)[0])

@@ -7,9 +7,8 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import SceneError
 
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
@@ -70,14 +69,6 @@ def unknown(what: str, name: Any, known: Iterable[str]) -> SceneError:
     return SceneError(f"unknown {what} {name!r}: {hint}: {', '.join(known)}")
 
 
-def domain(radius_in: Any, radius_out: Any) -> tuple[float, float]:
-    """Return the radii of the two walls [m], 0 <= radius_in < radius_out."""
-    inner, outer = not_negative("radius_in", radius_in), positive("radius_out", radius_out)
-    if inner >= outer:
-        raise SceneError(f"radius_in is {inner} m: it must be less than radius_out, {outer} m")
-    return inner, outer
-
-
 def vector(field: str, value: Any) -> tuple[float, float]:
     """Return two finite numbers as a pair."""
     components = list(value) if np.iterable(value) and not isinstance(value, str) else []
@@ -112,7 +103,7 @@ def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
     return _frozen(array)
 
 
-def of_grain(field: str, array: FloatArray, bad: NDArray[np.bool_]) -> str:
+def of_grain(field: str, array: FloatArray, bad: BoolArray) -> str:
     """Name the first grain that is bad, and its value: the start of an error message."""
     grain = int(np.argmax(bad))
     value = array[grain].tolist()

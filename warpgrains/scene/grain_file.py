@@ -19,19 +19,7 @@ COLUMNS = ("x", "y", "vx", "vy", "radius", "mass")
 
 
 def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
-    """Read the arrays of a file of grains.
-
-    Parameters
-    ----------
-    folder
-        Folder that holds the scene file.
-    name
-        Name of the file, as the scene gives it.
-
-    Returns
-    -------
-    dict
-        `position`, and those of `velocity`, `radius` and `mass` that the file has.
+    """Read `position` and what else a file of grains has; it is called `name` in the scene of that folder.
 
     Raises
     ------

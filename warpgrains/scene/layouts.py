@@ -1,4 +1,15 @@
-"""Where the grains start: each layout is a function, whose keyword parameters are the keys of `[grains]`."""
+"""Where the grains start: each layout is a function, whose keyword parameters are the keys of `[grains]`.
+
+Every layout gets the walls between which the grains are to be, and has some of these keys:
+
+======== ========================================
+count    number of grains
+radius   of every grain [m]
+spacing  distance of neighbours, in radii
+======== ========================================
+
+and raises SceneError, one line, where a value is not what it must be or the grains find no place.
+"""
 
 from collections.abc import Callable
 from math import floor, sqrt
@@ -6,10 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.overlaps import distance, overlapping_pairs
+from warpgrains.scene.geometry import overlapping_pairs
+from warpgrains.scene.walls import Annulus
 
 MOST_GRAINS = 10_000_000
 LEAST_SPACING = 0.1  # in radii: such grains all but coincide
@@ -21,8 +33,7 @@ Placement = tuple[FloatArray, FloatArray]
 
 
 def rows(
-    radius_in: float,
-    radius_out: float,
+    walls: Annulus,
     *,
     count: int,
     radius: float,
@@ -35,65 +46,35 @@ def rows(
 
     Parameters
     ----------
-    radius_in, radius_out
-        Radii of the two walls [m].
-    count
-        Number of grains.
-    radius
-        Radius of every grain [m].
     columns
         Grains a row. By default, as many as fit between the sides of the outer wall.
-    spacing
-        Distance of neighbours in a row and of rows, in radii.
     height
         Height of the lowest row's centres above the inner disc, in radii.
     shift
         Horizontal displacement of all grains [m]: a tiny one keeps a grain from balancing on top of the disc.
-
-    Raises
-    ------
-    SceneError
-        A value is not what it must be, or the rows reach the outer wall before all grains have a place.
     """
-    count, radius = _count(count), _radius(radius_in, radius_out, radius)
+    count, radius = _count(count), _radius(walls, radius)
     spacing = _spacing(spacing)
     height, shift = checks.number("grains.height", height), checks.number("grains.shift", shift)
     if columns is None:
-        widths = _fitting_widths(count, radius_out - radius, radius_in + height * radius, spacing * radius)
+        widths = _fitting_widths(
+            count, walls.radius_out - radius, walls.radius_in + height * radius, spacing * radius
+        )
     else:
         columns = checks.whole_number("grains.columns", columns)
         widths = np.full(-(-count // columns), columns)
     row = np.repeat(np.arange(len(widths)), np.minimum(widths, count))[:count]
     column = np.arange(count) - (np.cumsum(widths) - widths)[row]
     x = column * radius * spacing - (widths[row] - 1) * spacing / 2 * radius + shift
-    y = row * radius * spacing + height * radius + radius_in
+    y = row * radius * spacing + height * radius + walls.radius_in
     return np.column_stack([x, y]), np.full(count, radius)
 
 
-def lattice(
-    radius_in: float, radius_out: float, *, radius: float, count: int | None = None, spacing: float = 2.02
-) -> Placement:
-    """A hexagonal lattice between the walls, from the bottom up, each row from left to right.
-
-    Parameters
-    ----------
-    radius_in, radius_out
-        Radii of the two walls [m].
-    radius
-        Radius of every grain [m].
-    count
-        Number of grains. By default, as many as fit.
-    spacing
-        Distance of neighbours, in radii.
-
-    Raises
-    ------
-    SceneError
-        A value is not what it must be, or fewer than `count` grains fit.
-    """
-    radius = _radius(radius_in, radius_out, radius)
+def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing: float = 2.02) -> Placement:
+    """A hexagonal lattice from the bottom up, each row from left to right; by default of all that fit."""
+    radius = _radius(walls, radius)
     pitch = _spacing(spacing) * radius
-    reach = radius_out - radius
+    reach = walls.radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
     if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
         raise SceneError(
@@ -105,7 +86,7 @@ def lattice(
     x = (column + 0.5 * (row % 2)) * pitch
     y = np.broadcast_to(row * rise - reach, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
-    position = position[_is_between_walls(position, radius, radius_in, radius_out)]
+    position = position[walls.holds(position, np.full(len(position), radius))]
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
@@ -113,64 +94,48 @@ def lattice(
     return position[:count], np.full(count, radius)
 
 
-def random(radius_in: float, radius_out: float, *, count: int, radius: Any, seed: int = 0) -> Placement:
+def random(walls: Annulus, *, count: int, radius: Any, seed: int = 0) -> Placement:
     """Grains at random places between the walls, none overlapping: the same ones for the same seed.
 
     Parameters
     ----------
-    radius_in, radius_out
-        Radii of the two walls [m].
-    count
-        Number of grains.
     radius
         Radius of every grain [m], or the smallest and the largest one: radii are drawn evenly between them.
     seed
         Seed of the random numbers.
-
-    Raises
-    ------
-    SceneError
-        A value is not what it must be, or some grain found no free place.
     """
     count = _count(count)
     smallest, largest = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
     if smallest > largest:
         raise SceneError(f"grains.radius is ({smallest}, {largest}) m: the smallest radius comes first")
     for extreme in (smallest, largest):
-        _radius(radius_in, radius_out, extreme)
+        _radius(walls, extreme)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = smallest + (largest - smallest) * generator.random(count)
     position = np.empty((count, 2))
     placed = np.empty(0, dtype=np.int64)
     for group in np.array_split(np.argsort(-radii, kind="stable"), GROUPS):
-        placed = _place_at_random(generator, position, radii, placed, group, (radius_in, radius_out))
+        waiting = group
+        for _ in range(ATTEMPTS):  # all draw a place at once, and of two that overlap the first one stays
+            if len(waiting) == 0:
+                break
+            position[waiting] = (2.0 * generator.random((len(waiting), 2)) - 1.0) * walls.radius_out
+            inside = walls.holds(position[waiting], radii[waiting])
+            tried = np.concatenate([placed, waiting[inside]])
+            free = _is_free(position[tried], radii[tried])
+            placed, waiting = tried[free], np.concatenate([tried[~free], waiting[~inside]])
+        else:
+            raise SceneError(
+                f"grains.count is {count}: only {len(placed)} grains found a free place at random"
+            )
     return position, radii
 
 
-def column(
-    radius_in: float, radius_out: float, *, count: int, radius: float, spacing: float = 2.02
-) -> Placement:
-    """One grain above the other on the lowest point of the outer wall, from the bottom up.
-
-    Parameters
-    ----------
-    radius_in, radius_out
-        Radii of the two walls [m].
-    count
-        Number of grains.
-    radius
-        Radius of every grain [m].
-    spacing
-        Distance of neighbours, in radii; the lowest grain is as far from the wall as from its neighbour.
-
-    Raises
-    ------
-    SceneError
-        A value is not what it must be.
-    """
-    count, radius = _count(count), _radius(radius_in, radius_out, radius)
+def column(walls: Annulus, *, count: int, radius: float, spacing: float = 2.02) -> Placement:
+    """One grain above the other on the lowest point of the outer wall, as far from it as from each other."""
+    count, radius = _count(count), _radius(walls, radius)
     spacing = _spacing(spacing)
-    y = (np.arange(1, count + 1) * spacing - 1.0) * radius - radius_out
+    y = (np.arange(1, count + 1) * spacing - 1.0) * radius - walls.radius_out
     return np.column_stack([np.zeros(count), y]), np.full(count, radius)
 
 
@@ -182,13 +147,21 @@ LAYOUTS: dict[str, Callable[..., Placement]] = {
 }
 
 
+def _is_free(position: FloatArray, radius: FloatArray) -> BoolArray:
+    """Whether each disc overlaps none of those before it, shape (n,)."""
+    free = np.ones(len(position), dtype=bool)
+    for _, later in overlapping_pairs(position, radius):
+        free[later] = False
+    return free
+
+
 def _count(value: Any) -> int:
     return checks.whole_number("grains.count", value, most=MOST_GRAINS)
 
 
-def _radius(radius_in: float, radius_out: float, value: Any) -> float:
+def _radius(walls: Annulus, value: Any) -> float:
     radius = checks.positive("grains.radius", value)
-    if 2.0 * radius > radius_out - radius_in and (radius_in > 0.0 or radius >= radius_out):
+    if radius > walls.room or radius == walls.radius_out:
         raise SceneError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
     return radius
 
@@ -198,40 +171,6 @@ def _spacing(value: Any) -> float:
     if spacing < LEAST_SPACING:
         raise SceneError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
     return spacing
-
-
-def _is_between_walls(position: FloatArray, radius: Any, radius_in: float, radius_out: float) -> Any:
-    """Whether each disc is clear of both walls and of the origin, where the walls have no normal."""
-    rho = distance(position)
-    nearest = radius_in + radius if radius_in > 0.0 else 0.0
-    return (rho <= radius_out - radius) & (rho >= nearest) & (rho > 0.0)
-
-
-def _place_at_random(
-    generator: np.random.Generator,
-    position: FloatArray,
-    radius: FloatArray,
-    placed: IndexArray,
-    waiting: IndexArray,
-    walls: tuple[float, float],
-) -> IndexArray:
-    """Give the waiting grains a free place in `position`; return the grains that now have one.
-
-    In every attempt all waiting grains draw a place at once, and of two that overlap the first one stays.
-    """
-    for _ in range(ATTEMPTS):
-        if len(waiting) == 0:
-            return placed
-        position[waiting] = (2.0 * generator.random((len(waiting), 2)) - 1.0) * walls[1]
-        inside = _is_between_walls(position[waiting], radius[waiting], *walls)
-        tried = np.concatenate([placed, waiting[inside]])
-        free = np.ones(len(tried), dtype=bool)
-        for _, later in overlapping_pairs(position[tried], radius[tried]):
-            free[later] = False
-        placed, waiting = tried[free], np.concatenate([tried[~free], waiting[~inside]])
-    raise SceneError(
-        f"grains.count is {len(position)}: only {len(placed)} grains found a free place at random"
-    )
 
 
 def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> Any:

@@ -20,6 +20,8 @@ import inspect
 import os
 import tomllib
 from collections.abc import Callable, Iterable
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,7 @@ from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.grain_file import read_grains
 from warpgrains.scene.layouts import LAYOUTS, Placement
-from warpgrains.scene.shipped import read_text, shipped
+from warpgrains.scene.walls import Annulus
 
 Table = dict[str, Any]
 
@@ -41,11 +43,13 @@ SECTIONS = {
 }
 SOURCES = ("layout", "position", "file")
 PROPERTIES = ("mass", "density", "velocity")
+SHIPPED = {"scene": "", "sweep": "sweeps"}
+"""Where the shipped files of each kind are, seen from the folder of the scenes."""
 
 
 def shipped_scenes() -> list[str]:
     """Return the names of the scenes that come with the package."""
-    return shipped("scene")
+    return _shipped("scene")
 
 
 def read_scene(name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
@@ -68,6 +72,26 @@ def read_document(name_or_path: str | os.PathLike[str]) -> Table:
     return parse_toml(read_text(Path(name_or_path), "scene"), name_or_path)
 
 
+def read_text(path: Path, kind: str) -> str:
+    """Return the text of a scene or a sweep: of a file, or of a shipped one by its name.
+
+    Raises
+    ------
+    SceneError
+        There is none, or it cannot be read.
+    """
+    source: Path | Traversable = path
+    if path.is_dir() or not path.exists():
+        known = _shipped(kind)
+        if str(path) not in known:
+            raise checks.unknown(f"{kind}, neither a file nor a shipped one,", str(path), known)
+        source = _folder(kind) / f"{path}.toml"
+    try:
+        return source.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path} cannot be read: {error}") from None
+
+
 def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
     """Return what a TOML text of the file `path` holds."""
     try:
@@ -82,6 +106,16 @@ def require_key(section: str, key: str) -> None:
         raise checks.unknown("section", section, [*SECTIONS, "grains"])
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *_layout_keys()))
     _refuse_unknown_keys(section, {key: None}, known)
+
+
+def _shipped(kind: str) -> list[str]:
+    """Return the names of the scenes, or of the sweeps, that come with the package."""
+    names = (entry.name for entry in _folder(kind).iterdir())
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
+def _folder(kind: str) -> Traversable:
+    return files("warpgrains.scenes") / SHIPPED[kind]
 
 
 def _layout_keys() -> set[str]:
@@ -121,12 +155,11 @@ def _fields(document: Table, folder: Path) -> Table:
         raise SceneError("domain.radius_out is missing")
     if "grains" not in document:
         raise SceneError("section [grains] is missing")
-    return fields | _grains(
-        document["grains"], *checks.domain(fields.get("radius_in", 0.0), fields["radius_out"]), folder
-    )
+    walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
+    return fields | _grains(document["grains"], walls, folder)
 
 
-def _grains(table: Table, radius_in: float, radius_out: float, folder: Path) -> Table:
+def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
     """Return position, radius, mass and velocity of the grains."""
     sources = [key for key in SOURCES if key in table]
     if len(sources) != 1:
@@ -134,7 +167,7 @@ def _grains(table: Table, radius_in: float, radius_out: float, folder: Path) -> 
         raise SceneError(f"[grains] has {found}: it needs one of {', '.join(SOURCES)}")
     own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
     if sources == ["layout"]:
-        position, radius = _lay_out(table["layout"], own, radius_in, radius_out)
+        position, radius = _lay_out(table["layout"], own, walls)
         grains: Table = {"position": position, "radius": radius}
     else:
         _refuse_unknown_keys("grains", own, (sources[0], "radius"), PROPERTIES)
@@ -152,7 +185,7 @@ def _grains(table: Table, radius_in: float, radius_out: float, folder: Path) -> 
     return grains
 
 
-def _lay_out(layout: Any, parameters: Table, radius_in: float, radius_out: float) -> Placement:
+def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
     """Call a layout with the keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = _own_parameters(function)
@@ -160,7 +193,7 @@ def _lay_out(layout: Any, parameters: Table, radius_in: float, radius_out: float
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
             raise SceneError(f"grains.{name} is missing: layout {layout!r} needs it")
-    return function(radius_in, radius_out, **parameters)
+    return function(walls, **parameters)
 
 
 def _own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:

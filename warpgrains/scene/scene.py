@@ -11,9 +11,9 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.checks import of_grain
-from warpgrains.scene.overlaps import ROUNDING, distance, overlapping_pairs
+from warpgrains.scene.geometry import distance, overlapping_pairs
 from warpgrains.scene.reader import read_scene
+from warpgrains.scene.walls import Annulus
 
 ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated")
@@ -100,7 +100,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         self._check_each_field()
-        self._check_grains_between_walls()
+        self.walls.require_inside(self.position, self.radius)
         self._check_distinct_centres()
         self._check_drag_step()
 
@@ -134,6 +134,11 @@ class Scene:
         return len(self.position)
 
     @property
+    def walls(self) -> Annulus:
+        """What the grains are in."""
+        return Annulus(self.radius_in, self.radius_out)
+
+    @property
     def stops_on_residual(self) -> bool:
         """Whether the tolerance is on the residual."""
         return self.stop == "residual" or (self.stop == "default" and self.method == "accelerated")
@@ -153,11 +158,7 @@ class Scene:
     def count_overlaps(self) -> Overlaps:
         """Count the overlaps at the start, between grains and with the walls."""
         pairs = sum(len(first) for first, _ in overlapping_pairs(self.position, self.radius))
-        rho = distance(self.position)
-        gap = self.radius_out - rho - self.radius
-        if self.radius_in > 0.0:
-            gap = np.minimum(gap, rho - self.radius_in - self.radius)
-        return Overlaps(pairs, int(np.count_nonzero(gap < -ROUNDING * self.radius_out)))
+        return Overlaps(pairs, int(np.count_nonzero(self.walls.overlapped(self.position, self.radius))))
 
     def _check_each_field(self) -> None:
         position = checks.vectors("position", self.position)
@@ -166,14 +167,13 @@ class Scene:
         n = len(position)
         if len(velocity) != n:
             raise SceneError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
-        radius_in, radius_out = checks.domain(self.radius_in, self.radius_out)
+        walls = Annulus.checked(self.radius_in, self.radius_out)
         checked = {
             "position": position,
             "velocity": velocity,
             "radius": checks.positive_per_grain("radius", self.radius, n),
             "mass": checks.positive_per_grain("mass", self.mass, n),
-            "radius_in": radius_in,
-            "radius_out": radius_out,
+            **walls._asdict(),
             "gravity": checks.vector("gravity", self.gravity),
             "drag": checks.not_negative("drag", self.drag),
             "dt": checks.positive("dt", self.dt),
@@ -187,23 +187,6 @@ class Scene:
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
-
-    def _check_grains_between_walls(self) -> None:
-        rho = distance(self.position)
-        room = (self.radius_out - self.radius_in) / 2.0 if self.radius_in > 0.0 else self.radius_out
-        too_large = self.radius > room * (1.0 + ROUNDING)
-        if too_large.any():
-            raise SceneError(
-                f"{of_grain('radius', self.radius, too_large)}: at most {room} m fit between the walls"
-            )
-        demands = (
-            (rho == 0.0, "the origin is no place for a grain: the walls have no direction there"),
-            (rho > self.radius_out, f"it is outside the outer wall, radius_out {self.radius_out} m"),
-            (rho < self.radius_in, f"it is inside the inner wall, radius_in {self.radius_in} m"),
-        )
-        for bad, reason in demands:
-            if bad.any():
-                raise SceneError(f"{of_grain('position', self.position, bad)}: {reason}")
 
     def _check_distinct_centres(self) -> None:
         in_order = np.lexsort(self.position.T)

@@ -1,9 +1,21 @@
-"""States: all that the steps after them depend on."""
+"""States: all that the steps after them depend on, and whether something read from a file is one.
+
+A state of other grains would lead the kernels out of their arrays.
+"""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,3 +84,69 @@ class State:
     velocity: FloatArray
     corrections: Corrections
     lists: Lists | None = None
+
+
+def first_state(scene: Scene) -> State:
+    """Return the state at the start of a scene."""
+    nothing = Corrections(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(scene.n))
+    return State(0, scene.position, scene.velocity, nothing)
+
+
+def require_state(state: State, n: int) -> None:
+    """Raise SceneError unless a simulation of n grains can continue from a state."""
+    checks.whole_number("steps", state.steps, least=0)
+    _require_array("position", state.position, np.float64, (n, 2))
+    _require_array("velocity", state.velocity, np.float64, (n, 2))
+    _require_corrections(state.corrections, n)
+    if state.lists is not None:
+        _require_lists(state.lists, n)
+        _require_listed(state.corrections, state.lists, n)
+
+
+def _require_corrections(corrections: Corrections, n: int) -> None:
+    _require_pairs("pair", corrections.pair, n)
+    _require_array("pair_correction", corrections.pair_correction, np.float64, (len(corrections.pair),))
+    _require_array("wall_correction", corrections.wall_correction, np.float64, (n,))
+
+
+def _require_lists(lists: Lists, n: int) -> None:
+    _require_pairs("listed pair", lists.pair, n)
+    _require_array("listed wall", lists.wall, np.int32, (len(lists.wall),))
+    _require_ascending("listed wall", lists.wall, n)
+    shapes = {"reach": (n,), "recent": (n,), "built_position": (n, 2), "built_velocity": (n, 2)}
+    for name, shape in shapes.items():
+        _require_array(name, getattr(lists, name), np.float64, shape)
+
+
+def _require_listed(corrections: Corrections, lists: Lists, n: int) -> None:
+    pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
+    walls = np.isin(np.flatnonzero(corrections.wall_correction), lists.wall)
+    if not (pairs.all() and walls.all()):
+        raise SceneError("a contact of the state carries a correction and is not listed")
+
+
+def _require_pairs(name: str, pair: IntArray, n: int) -> None:
+    _require_array(name, pair, np.int32, (len(pair), 2))
+    i, j = pair.T
+    if not ((i >= 0) & (i < j) & (j < n)).all():
+        raise SceneError(f"{name} of the state is not of grains i < j of {n}")
+    _require_ascending(name, _keys(pair, n), n * n)
+
+
+def _require_ascending(name: str, values: np.ndarray[Any, Any], end: int) -> None:
+    """Check that values are ascending in the range from 0 to `end`, exclusive."""
+    bounded = np.concatenate([[-1], values, [end]])
+    if not (np.diff(bounded) > 0).all():
+        raise SceneError(f"{name} of the state is not in ascending order")
+
+
+def _require_array(name: str, array: np.ndarray[Any, Any], dtype: type, shape: tuple[int, ...]) -> None:
+    if array.dtype != dtype or array.shape != shape:
+        found, wanted = f"{array.dtype} {array.shape}", f"{np.dtype(dtype)} {shape}"
+        raise SceneError(f"{name} of the state is {found}: it must be {wanted}")
+
+
+def _keys(pair: IntArray, n: int) -> np.ndarray[Any, Any]:
+    """Number all pairs of n grains in lexicographic order, shape (m,)."""
+    i, j = pair.astype(np.int64).T
+    return i * n + j

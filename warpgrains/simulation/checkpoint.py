@@ -19,8 +19,7 @@ from warpgrains import __version__
 from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder, write_whole
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import Corrections, Lists, State
-from warpgrains.scene.state_checks import require_state
+from warpgrains.scene.state import Corrections, Lists, State, require_state
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
@@ -44,22 +43,14 @@ _DAMAGE = (
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """What a checkpoint holds.
-
-    Attributes
-    ----------
-    scene : Scene
-    state : State
-    options : RunOptions or None
-        What the run was to do, if it was a run that wrote the checkpoint.
-    statistics : RunStatistics
-        What the run had done.
-    """
+    """What a checkpoint holds."""
 
     scene: Scene
     state: State
     options: RunOptions | None
+    """What the run was to do, if it was a run that wrote the checkpoint."""
     statistics: RunStatistics
+    """What the run had done."""
 
 
 def require_checkpoint_path(path: Path) -> None:

@@ -1,31 +1,20 @@
-"""What a run is to do beside simulating its scene: all that a resumed run must know again."""
+"""What a run is to do beside simulating its scene, which a resumed run must know again, and by what means."""
 
 import os
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
 from warpgrains.scene import checks
 
+OnProgress = Callable[[float], None]
+"""Hears of progress, in runs."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
     """How long a run is, and what it writes.
-
-    Parameters
-    ----------
-    steps : int
-        Time steps in all.
-    record : str, optional
-        USD file to write the frames to.
-    fps : float
-        Wanted frames per second of simulated time [1/s].
-    color_by, forces, as_spheres
-        What the frames show, see `Recorder`.
-    checkpoint : str, optional
-        File that is to hold the state, and all that it takes to resume the run.
-    every : int
-        Steps between two checkpoints; the start and the end of a run have one anyway.
 
     Raises
     ------
@@ -34,13 +23,19 @@ class RunOptions:
     """
 
     steps: int
+    """Time steps in all."""
     record: str | None = None
+    """USD file to write the frames to."""
     fps: float = 60.0
+    """Wanted frames per second of simulated time [1/s]."""
     color_by: str = "palette"
     forces: bool = False
     as_spheres: bool = False
+    """These three say what the frames show, see `Recorder`."""
     checkpoint: str | None = None
+    """File that is to hold the state, and all that it takes to resume the run."""
     every: int = 1000
+    """Steps between two checkpoints; the start and the end of a run have one anyway."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "steps", checks.whole_number("steps", self.steps, least=0))
@@ -63,3 +58,15 @@ class RunOptions:
         if record is not None:
             record = os.path.normpath(checkpoint.parent / record)
         return cls(**{**stored, "record": record, "checkpoint": str(checkpoint)})
+
+
+@dataclass(frozen=True)
+class ExecutionOptions:
+    """With what runs are executed."""
+
+    device: str = "cpu"
+    """A Warp device, "cpu" or "cuda:0"."""
+    threads: int | None = None
+    """OS threads on a CPU; None for as many as there are cores."""
+    fps: float | None = None
+    """Frames recorded a second of simulated time [1/s], if runs are to be recorded."""

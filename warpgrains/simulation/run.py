@@ -76,8 +76,8 @@ def open_outputs(
         require_checkpoint_path(Path(options.checkpoint))
     if options.record is None:
         return nullcontext()
+    from warpgrains.usd.flatten import reopen
     from warpgrains.usd.recorder import Recorder, chunks_of
-    from warpgrains.usd.reopen import reopen
 
     record = Path(options.record)
     if statistics.frames and record.is_file() and not chunks_of(record).exists():

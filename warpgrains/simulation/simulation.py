@@ -9,8 +9,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import State
-from warpgrains.scene.state_checks import first_state, require_state
+from warpgrains.scene.state import State, first_state, require_state
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
     read_checkpoint,

@@ -36,7 +36,10 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     try:
         going_on = True
         while going_on:
-            works = [partial(_do, each) for each in zip(*(engine.works(threads) for engine in engines), strict=True)]
+            works = [
+                partial(_do, each)
+                for each in zip(*(engine.works(threads) for engine in engines), strict=True)
+            ]
             if len(works) == 1 and on_progress is None:
                 works[0]()
             else:

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
+from warpgrains.errors import SimulationError
 from warpgrains.kernels import batch as kernels
 from warpgrains.kernels.launch import Launcher
 from warpgrains.kernels.step import step
 from warpgrains.kernels.threads import TeamRecord
 from warpgrains.kernels.types import NOT_CONVERGED, NOT_FINITE, SOLVED, UNPROVED, WITHOUT_ROOM
-from warpgrains.errors import SimulationError
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, Lists, State
 from warpgrains.solver import tuning

@@ -1,7 +1,7 @@
 """Steps that no velocities solve: found, proved, and the grains that cannot fit named.
 
-The contacts of a step demand J v <= b, with (J v)_c = (v_i - v_j) . n of a pair, v_i . n at the outer wall
-and -v_i . n at the inner one, and b_c = gap_c / dt (SPEC.md, "Why it is hard"). Weights y >= 0 of the
+The contacts of a step demand J v <= b, with (J v)_c = (v_i - v_j) . n of a pair, v_i . n at a wall,
+whose n points into it, and b_c = gap_c / dt (SPEC.md, "Why it is hard"). Weights y >= 0 of the
 contacts prove, for any velocities v that meet these demands (Farkas 1902; y are forces that balance each
 other, J^T y = 0, though they press overlaps apart, b . y < 0),
 
@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.overlaps import ROUNDING, distance
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections
 from warpgrains.solver.forces import pair_contacts
@@ -67,7 +66,7 @@ class UnilateralConstraints:
     first, second : ndarray
         Grain i of every contact, shape (m,), and j of those between grains, which come first, shape (k,).
     normal : ndarray
-        n of pairs and at the outer wall, -n at the inner one, shape (m,).
+        n, from i to j or into the wall, shape (m,).
     gap_rate : ndarray
         b [m/s], shape (m,).
     rounding : float
@@ -86,24 +85,19 @@ class UnilateralConstraints:
     def of(cls, scene: Scene, position: FloatArray, corrections: Corrections) -> Self:
         """Collect the contacts, for grains at these positions [m], shape (n, 2)."""
         pairs = pair_contacts(scene, position, corrections)
-        rho = distance(position)
-        outward = _complex(position) / rho
         first: list[Grains] = [corrections.pair[:, 0]]
         normal, gap = [_complex(pairs.normal)], [pairs.gap]
-        for sign, wall_gap in ((1.0, scene.radius_out - rho), (-1.0, rho - scene.radius_in)):
-            if sign < 0.0 and scene.radius_in == 0.0:
-                continue
-            wall_gap = wall_gap - scene.radius
-            at_wall = np.flatnonzero((sign * corrections.wall_correction > 0.0) | (wall_gap < 0.0))
+        for wall in scene.walls.seen_from(position, scene.radius):
+            at_wall = np.flatnonzero((wall.sign * corrections.wall_correction > 0.0) | (wall.gap < 0.0))
             first.append(at_wall)
-            normal.append(sign * outward[at_wall])
-            gap.append(wall_gap[at_wall])
+            normal.append(_complex(wall.normal[at_wall]))
+            gap.append(wall.gap[at_wall])
         return cls(
             first=np.concatenate(first),
             second=corrections.pair[:, 1],
             normal=np.concatenate(normal),
             gap_rate=np.concatenate(gap) / scene.dt,
-            rounding=ROUNDING * scene.radius_out / scene.dt,
+            rounding=scene.walls.rounding / scene.dt,
             grains=scene.n,
         )
 
@@ -168,7 +162,7 @@ def find_infeasibility_proof(
     contacts = UnilateralConstraints.of(scene, position, corrections)
     if not (contacts.gap_rate < 0.0).any():
         return None  # at rest, every demand is met
-    too_fast = 2.0 * scene.radius_out / scene.dt
+    too_fast = scene.walls.diameter / scene.dt
     excess = contacts.approach(_complex(velocity)) - contacts.gap_rate
     last_slope, direction = np.zeros(scene.n, complex), np.zeros(scene.n, complex)
     last_size = float("inf")

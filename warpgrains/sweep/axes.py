@@ -26,14 +26,7 @@ Values = list[Any]
 
 
 def axis_values(name: str, axis: Any) -> Values:
-    """Return the values of an axis.
-
-    Parameters
-    ----------
-    name
-        The key that takes them, such as "physics.drag".
-    axis
-        What the sweep file holds for it.
+    """Return the values of an axis: of what the sweep file holds for a key, such as "physics.drag".
 
     Raises
     ------

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from warpgrains.console import start_warp
 from warpgrains.errors import SceneError
-from warpgrains.sweep.options import ExecutionOptions, OnProgress
-from warpgrains.sweep.run_folder import RunFolder
+from warpgrains.simulation.options import ExecutionOptions, OnProgress
+from warpgrains.sweep.folder import RunFolder
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -42,12 +42,8 @@ def finish_on_cluster(
 
     Parameters
     ----------
-    folders
-        The runs, none of them finished.
-    execution
-        With what; without `threads`, with as many as a worker has.
-    on_progress
-        Is called when a bundle is finished.
+    folders, execution, on_progress
+        As for `finish_runs`; without `threads`, a worker uses as many as it has.
     scheduler
         Address of a dask scheduler, such as "tcp://host:8786"; or
     slurm_jobs

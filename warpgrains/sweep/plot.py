@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from warpgrains.analysis.plots import save_figure
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
+from warpgrains.files import Row, read_table
 from warpgrains.scene import checks
 from warpgrains.sweep.results import UNITS
-from warpgrains.tables import Row, read_table
 
 _SIZE = (6.0, 3.6)  # inches
 LEAST_RATIO_FOR_LOG = 10.0  # of the largest to the smallest value on a logarithmic axis
@@ -24,19 +24,13 @@ LEAST_RATIO_FOR_LOG = 10.0  # of the largest to the smallest value on a logarith
 
 @dataclass(frozen=True)
 class SweepPlot:
-    """What is drawn: a point a run, and a line through the means at each x.
-
-    Attributes
-    ----------
-    x, y : str
-        Columns of the results.
-    color : str or None
-        Column whose values have a color and a line each.
-    """
+    """What is drawn: a point a run, and a line through the means at each x."""
 
     x: str
     y: str
+    """Both are columns of the results."""
     color: str | None = None
+    """Column whose values have a color and a line each."""
 
     @classmethod
     def parse(cls, text: str) -> Self:

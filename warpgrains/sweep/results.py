@@ -1,66 +1,36 @@
 """The result of a run, a row of a table.
 
-================== ======= ============================================================================
-column             unit    meaning
-================== ======= ============================================================================
-run                        number of the run
-scene                      name of the base scene
-section.key                what the run takes from the axes of the sweep, a column an axis
-grains                     number of grains
-steps                      time steps done
-time               s       simulated time
-iterations_mean            iterations a step
-iterations_max             most iterations of a step
-unconverged                steps that stopped short of the tolerance
-worst_overlap      m       worst overlap after any step
-..                         at the end of the run, see `quantities`:
-kinetic_energy     J
-potential_energy   J
-outer_wall_force   N
-inner_wall_force   N
-pile_height        m
-packing_fraction
-error                      why the run failed, if it did
-seconds            s       wall time; the table of all results leaves it out
-================== ======= ============================================================================
-
-All but the last are the same whenever, wherever and after however many interruptions the run is done.
+First come the number of the run, the scene, and what it takes from the axes of the sweep, a column an axis.
+Then those of `UNITS`, the same whenever, wherever and after however many interruptions the run is done. The
+last is `seconds`, its wall time, which the table of all results leaves out.
 """
 
 from warpgrains.analysis.quantities import quantities
+from warpgrains.files import Row
 from warpgrains.simulation.checkpoint import Checkpoint
-from warpgrains.tables import Row
 
 UNITS = {
     "grains": "",
     "steps": "",
-    "time": "s",
-    "iterations_mean": "",
+    "time": "s",  # simulated
+    "iterations_mean": "",  # a step
     "iterations_max": "",
-    "unconverged": "",
-    "worst_overlap": "m",
-    "kinetic_energy": "J",
+    "unconverged": "",  # steps that stopped short of the tolerance
+    "worst_overlap": "m",  # after any step
+    "kinetic_energy": "J",  # at the end of the run, as all that follow: see `quantities`
     "potential_energy": "J",
     "outer_wall_force": "N",
     "inner_wall_force": "N",
     "pile_height": "m",
     "packing_fraction": "",
-    "error": "",
+    "error": "",  # why the run failed, if it did
 }
 """Units of the columns that every sweep has, in their order."""
 SECONDS = "seconds"
 
 
 def result(labels: Row, reached: Checkpoint) -> Row:
-    """Return the result of a run that has reached its end.
-
-    Parameters
-    ----------
-    labels
-        The first columns.
-    reached : Checkpoint
-        The end.
-    """
+    """Return the result of a run that has reached its end; its labels are the first columns."""
     scene, summary = reached.scene, reached.statistics.summary(None)
     values = {
         "grains": scene.n,

@@ -4,18 +4,28 @@ A group proceeds in slices of about a second. Every now and then its runs save w
 killed process loses little; at its end each run gets its result.
 """
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from time import perf_counter
+from typing import TYPE_CHECKING
 
-from warpgrains.batch.batch import Batch
+from warpgrains.arrays import FloatArray
+from warpgrains.batch.batch import Batch, SceneSummary
 from warpgrains.errors import SceneError, SimulationError
-from warpgrains.sweep.options import ExecutionOptions, OnProgress
-from warpgrains.sweep.results import failure
-from warpgrains.sweep.run_folder import RunFolder
-from warpgrains.sweep.sweep_run import SweepRun
+from warpgrains.scene.state import State
+from warpgrains.simulation.checkpoint import Checkpoint
+from warpgrains.simulation.options import ExecutionOptions, OnProgress, RunOptions
+from warpgrains.simulation.run import open_outputs
+from warpgrains.solver.statistics import RunStatistics
+from warpgrains.sweep.folder import RunFolder
+from warpgrains.sweep.results import failure, result
+
+if TYPE_CHECKING:
+    from warpgrains.usd.recorder import Recorder
 
 SLICE = 1.0  # s
 FIRST_SLICE, GROWTH = 4, 8  # steps of the first slice, and by how much the next one may be longer
@@ -26,19 +36,85 @@ MOST_WAITING = 256  # runs that wait for others with as many steps left
 MOST_GRAINS = 2_000_000  # in a group
 
 
+class SweepRun:
+    """A run while it is carried out, beside others of its group; see `RunFolder.begin`.
+
+    Raises
+    ------
+    SceneError
+        Its scene is none, or its checkpoint is damaged.
+    """
+
+    def __init__(self, folder: RunFolder, fps: float | None):
+        start = folder.begin(fps)
+        self.folder, self.scene, self.statistics, self.state = (
+            folder,
+            start.scene,
+            start.statistics,
+            start.state,
+        )
+        self.options = start.options or RunOptions(steps=start.scene.steps)
+        self.error: str | None = None
+        self._recorder: Recorder | None = None
+
+    @property
+    def left(self) -> int:
+        """Steps left."""
+        return self.options.steps - self.statistics.steps
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether there are frames to record still."""
+        return self._recorder is not None and self.error is None
+
+    @property
+    def until_frame(self) -> int:
+        """Steps until the next frame is due; those to the end, if none is."""
+        if self._recorder is None or self.error is not None:
+            return self.options.steps
+        return self.statistics.frames * self._recorder.stride - self.statistics.steps
+
+    def open(self, outputs: ExitStack) -> None:
+        """Open what the run writes to."""
+        self._recorder = outputs.enter_context(open_outputs(self.options, self.scene, self.statistics))
+
+    def count(self, summary: SceneSummary) -> None:
+        """Count what the run did, unless it had failed before."""
+        if self.error is None:
+            self.statistics.add(RunStatistics.of_summary(summary))
+            self.error = summary.error
+
+    def record(self, position: FloatArray, velocity: FloatArray) -> None:
+        """Record a frame."""
+        assert self._recorder is not None
+        self._recorder.record(position, velocity)
+        self.statistics.frames += 1
+
+    def reach(self, state: State) -> None:
+        """Take the state that the run has reached; the frames it counts are on the disk."""
+        self.state = state
+        if self._recorder is not None:
+            self._recorder.flush()
+
+    def keep(self) -> None:
+        """Save where the run is."""
+        self.folder.keep(self._reached())
+
+    def finish(self) -> None:
+        """Save the result."""
+        if self.error is None:
+            self.folder.finish(result(self.folder.labels, self._reached()))
+        else:
+            self.folder.finish(failure(self.folder.labels, self.error, self.statistics.seconds))
+
+    def _reached(self) -> Checkpoint:
+        return Checkpoint(self.scene, self.state, self.options, self.statistics)
+
+
 def finish_runs(folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress) -> None:
-    """Carry runs out to their end, each from where it is.
+    """Carry out runs that are not finished to their end, each from where it is.
 
     A run that fails gets a result that says why, and the others go on.
-
-    Parameters
-    ----------
-    folders
-        The runs, none of them finished.
-    execution
-        With what.
-    on_progress
-        Is called with every advance, in runs.
 
     Raises
     ------

@@ -25,8 +25,14 @@ from typing import Any, Self
 
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.reader import Table, parse_toml, read_document, require_key, shipped_scenes
-from warpgrains.scene.shipped import read_text
+from warpgrains.scene.reader import (
+    Table,
+    parse_toml,
+    read_document,
+    read_text,
+    require_key,
+    shipped_scenes,
+)
 from warpgrains.scene.toml_text import toml_text, toml_value
 from warpgrains.sweep.axes import axis_values
 
@@ -39,40 +45,26 @@ Values = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A scene that runs start from.
-
-    Attributes
-    ----------
-    name : str
-        What it is called.
-    sections : dict
-        What its file holds, and what the sweep sets.
-    grain_files : dict
-        Files of grains that its runs name, by name; the runs read copies of them, see `copy_name`.
-    """
+    """A scene that runs start from."""
 
     name: str
+    """What it is called."""
     sections: Table
+    """What its file holds, and what the sweep sets."""
     grain_files: dict[str, Path]
+    """Files of grains that its runs name, by name; the runs read copies of them, see `copy_name`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run of a sweep.
-
-    Attributes
-    ----------
-    number : int
-        Its place in the sweep, from 0.
-    base : Base
-        The scene it starts from.
-    values : dict
-        What it takes from the axes, by key.
-    """
+    """One run of a sweep."""
 
     number: int
+    """Its place in the sweep, from 0."""
     base: Base
+    """The scene it starts from."""
     values: Values
+    """What it takes from the axes, by key."""
 
     def text(self, copies: str) -> str:
         """Return its scene file; copies of the files of grains are in the folder `copies`, seen from it."""
@@ -89,27 +81,16 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """All runs of a sweep.
-
-    Attributes
-    ----------
-    runs : list of Run
-        In the order of the axes, the last one changing fastest.
-    axes : tuple of str
-        Keys of the axes.
-    """
+    """All runs of a sweep."""
 
     runs: list[Run]
+    """In the order of the axes, the last one changing fastest."""
     axes: tuple[str, ...]
+    """Keys of the axes."""
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a sweep file, or a folder of scenes.
-
-        Parameters
-        ----------
-        path
-            A sweep file; a folder of scenes, each a run; or the name of a shipped sweep.
+        """Read a sweep file, a folder of scenes, each a run, or the shipped sweep of that name.
 
         Raises
         ------

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
 from pxr import Sdf
 
 from warpgrains.errors import SceneError
@@ -31,6 +32,8 @@ from warpgrains.usd.layers import (
 STATIC = "static.usdc"
 MANIFEST = "manifest.usda"
 ROOT = "root.usda"
+CHUNK_FRAMES = 100
+CHUNK_BYTES = 16e6
 
 _CHUNK_NAME = re.compile(r"chunk\.(\d{8})\.usdc")
 _SECONDS_BETWEEN_ROOTS = 1.0
@@ -43,14 +46,9 @@ def find_chunks(folder: Path) -> list[tuple[int, Path]]:
 
 
 class ChunkFolder:
-    """The folder of one growing recording.
+    """The folder of one growing recording: the first chunk creates it, `cut` continues one.
 
-    Parameters
-    ----------
-    path : Path
-        The folder; the first chunk creates it, `cut` continues one.
-    static : Sdf.Layer
-        What no frame changes; it declares the attributes that the frames set.
+    What no frame changes, `static`, declares the attributes that the frames set.
     """
 
     def __init__(self, path: Path, static: Sdf.Layer) -> None:
@@ -90,15 +88,7 @@ class ChunkFolder:
             self.show(frames)
 
     def append(self, first: int, frames: Sequence[Samples]) -> None:
-        """Write one chunk, and now and then the root that shows all chunks.
-
-        Parameters
-        ----------
-        first : int
-            Number of the chunk's first frame.
-        frames : sequence of mappings
-            The value of each attribute, frame by frame.
-        """
+        """Write one chunk, whose first frame is number `first`, and now and then the root that shows all."""
         if not self._is_ours:
             self._start(frames[0])
         name = f"chunk.{first:08d}.usdc"
@@ -148,6 +138,51 @@ class ChunkFolder:
             publish(draft, self.path / name)
         finally:
             draft.unlink(missing_ok=True)
+
+
+class ChunkWriter:
+    """Writes a chunk when 100 frames or 16 MB have come together.
+
+    It writes then and there, not in a thread: a killed run must not lose a second chunk, the one that a
+    thread was about to write. Frames that could not be written are kept and tried again.
+
+    The folder may hold some frames already.
+    """
+
+    def __init__(self, folder: ChunkFolder, frames: int) -> None:
+        self._folder = folder
+        self._written = frames
+        self._pending: list[Samples] = []
+        self._pending_bytes = 0
+
+    @property
+    def frames(self) -> int:
+        """Number of frames so far, on the disk or not."""
+        return self._written + len(self._pending)
+
+    @property
+    def has_written(self) -> bool:
+        """Whether there are chunks on the disk."""
+        return self._written > 0
+
+    def add(self, samples: Samples) -> None:
+        """Append one frame: the value of each attribute."""
+        self._pending.append(samples)
+        self._pending_bytes += sum(np.asarray(value).nbytes for value in samples.values())
+        if len(self._pending) >= CHUNK_FRAMES or self._pending_bytes >= CHUNK_BYTES:
+            self._write()
+
+    def flush(self) -> None:
+        """Put all frames so far on the disk, and show them."""
+        if self._pending:
+            self._write()
+        if self.frames:
+            self._folder.show(self.frames)
+
+    def _write(self) -> None:
+        self._folder.append(self._written, self._pending)
+        self._written += len(self._pending)
+        self._pending, self._pending_bytes = [], 0
 
 
 def _text(layer: Sdf.Layer) -> str:

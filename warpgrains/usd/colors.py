@@ -16,19 +16,14 @@ COLORINGS = ("palette", "radius", "speed", "pressure")
 
 @dataclass(frozen=True)
 class Frame:
-    """One moment of a run, as it is drawn.
-
-    Attributes
-    ----------
-    position, velocity : ndarray
-        [m] and [m/s], shape (n, 2).
-    contacts, wall_contacts
-        Contact forces, None where nothing that is drawn needs them.
-    """
+    """One moment of a run, as it is drawn."""
 
     position: FloatArray
+    """[m], shape (n, 2)."""
     velocity: FloatArray
+    """[m/s], shape (n, 2)."""
     contacts: PairContacts | None = None
+    """Forces between grains; None, as those with walls, where nothing that is drawn needs them."""
     wall_contacts: WallContacts | None = None
 
     def forces(self) -> tuple[PairContacts, WallContacts]:

@@ -1,5 +1,6 @@
-"""One flat file out of a folder of chunks, with no more in memory than a chunk or two."""
+"""One flat file out of a folder of chunks, with no more in memory than a chunk or two; and back again."""
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -7,7 +8,7 @@ from pxr import Sdf, UsdUtils
 
 from warpgrains.errors import SceneError
 from warpgrains.files import publish
-from warpgrains.usd.chunks import STATIC, find_chunks
+from warpgrains.usd.chunks import STATIC, ChunkFolder, ChunkWriter, find_chunks
 from warpgrains.usd.layers import (
     animated_attributes,
     count_codes,
@@ -40,14 +41,8 @@ def count_frames(folder: Path) -> int:
 def flatten(folder: Path, target: Path, frames: int) -> None:
     """Write the first `frames` frames of the chunks in `folder` to the one file `target`.
 
-    Parameters
-    ----------
-    folder : Path
-        Chunks as `ChunkFolder` leaves them; it is left as it is.
-    target : Path
-        ``.usdc``, ``.usda`` or ``.usdz``; replaced only when the new file is whole and on the disk.
-    frames : int
-        Where a chunk ends.
+    There must be the end of a chunk. The file, ``.usdc``, ``.usda`` or ``.usdz``, is replaced only when the
+    new one is whole and on the disk.
 
     Raises
     ------
@@ -68,6 +63,28 @@ def flatten(folder: Path, target: Path, frames: int) -> None:
         publish(draft, target)
 
 
+def reopen(recording: Path, chunks: Path) -> None:
+    """Write the frames of a recording to a new folder of chunks, which appears when it is whole.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read, or the folder cannot be written.
+    """
+    draft = chunks.with_name(f".{chunks.name}.draft")
+    with reporting_os_errors(recording):
+        flat = Sdf.Layer.FindOrOpen(str(recording))
+        attributes = animated_attributes(flat)
+        folder = ChunkFolder(draft, _without_frames(flat, attributes))
+        if draft.exists():
+            folder.remove()
+        writer = ChunkWriter(folder, 0)
+        for code in flat.ListAllTimeSamples():
+            writer.add({attribute: flat.QueryTimeSample(attribute, code) for attribute in attributes})
+        writer.flush()
+    os.rename(draft, chunks)
+
+
 def _join(static: Path, chunks: list[Path], frames: int, binary: Path) -> list[Sdf.Path]:
     """Write the static layer and all chunks to the usdc file `binary`; return what is animated."""
     flat = Sdf.Layer.CreateNew(str(binary))
@@ -86,3 +103,14 @@ def _join(static: Path, chunks: list[Path], frames: int, binary: Path) -> list[S
             unsaved = 0
     flat.Save()
     return attributes
+
+
+def _without_frames(flat: Sdf.Layer, attributes: list[Sdf.Path]) -> Sdf.Layer:
+    """Return an anonymous layer with everything that no frame changes."""
+    static = Sdf.Layer.CreateAnonymous(".usdc")
+    static.TransferContent(flat)
+    for attribute in attributes:
+        static.GetAttributeAtPath(attribute).ClearInfo("timeSamples")
+    static.ClearStartTimeCode()
+    static.ClearEndTimeCode()
+    return static

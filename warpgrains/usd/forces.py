@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.walls import outward
 from warpgrains.usd.colors import Frame, force_scale
 from warpgrains.usd.values import covering_extent, triples
 
@@ -23,11 +24,6 @@ class ForceChains:
 
     A segment is as wide as the smallest grain when its force is `force_scale`, and proportionally
     narrower; it is never wider than the smallest grain.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is drawn.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -71,7 +67,7 @@ class ForceChains:
         leaning = np.flatnonzero(wall_contacts.force)
         wall_force = wall_contacts.force[leaning]
         centre = frame.position[leaning]
-        outwards = centre / np.hypot(*centre.T)[:, np.newaxis]
-        foot = centre + (np.sign(wall_force) * self._radius[leaning])[:, np.newaxis] * outwards
+        reach = np.sign(wall_force) * self._radius[leaning]
+        foot = centre + reach[:, np.newaxis] * outward(centre)
         ends = np.concatenate([between, np.stack([centre, foot], axis=1)])
         return ends, np.concatenate([contacts.force[pushes], np.abs(wall_force)])

@@ -15,15 +15,7 @@ _COLOR = GRAINS.AppendProperty("primvars:displayColor")
 
 
 class GrainPoints:
-    """Grains as points with a width; `widths` are diameters.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is drawn.
-    colors : GrainColors
-        How grains are colored.
-    """
+    """Grains as points with a width; `widths` are diameters."""
 
     _position = GRAINS.AppendProperty("points")
 

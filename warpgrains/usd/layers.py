@@ -50,17 +50,7 @@ def manifest_layer(static: Sdf.Layer, attributes: Iterable[Sdf.Path]) -> Sdf.Lay
 
 
 def clips_layer(static: Path, manifest: Path, chunks: Sequence[tuple[int, Path]], last: int) -> Sdf.Layer:
-    """Return the layer that shows chunks on the static layer, as value clips.
-
-    Parameters
-    ----------
-    static, manifest : Path
-        Layers in the folder of the chunks.
-    chunks : sequence of (int, Path)
-        First frame and file of each chunk.
-    last : int
-        Number of the last frame.
-    """
+    """Return the layer that shows chunks, by first frame and file, on the static layer, as value clips."""
     root = Sdf.Layer.CreateAnonymous(".usda")
     below = Sdf.Layer.FindOrOpen(str(static))
     for key in below.pseudoRoot.ListInfoKeys():

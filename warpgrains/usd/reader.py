@@ -5,30 +5,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.usd.forces import FORCES
 from warpgrains.usd.grains import GRAINS
-
-WALLS = Sdf.Path("/World/Walls")
+from warpgrains.usd.walls import read_walls
 
 
 @dataclass(frozen=True)
 class Chains:
-    """The force chains of a frame.
-
-    Attributes
-    ----------
-    ends : ndarray
-        Both ends of each segment [m], shape (m, 2, 2).
-    width : ndarray
-        Width of each segment [m], shape (m,): proportional to the force up to the smallest grain's.
-    """
+    """The force chains of a frame."""
 
     ends: FloatArray
+    """Both ends of each segment [m], shape (m, 2, 2)."""
     width: FloatArray
+    """Width of each segment [m], shape (m,): proportional to the force up to the smallest grain's."""
 
 
 class RecordingReader:
@@ -75,7 +68,7 @@ class RecordingReader:
             else _values(prim.GetAttribute("scales"))[:, 0]
         )
         self.radius = np.broadcast_to(radius, (len(self.position(0)),))
-        self.walls = [_ring(wall) for wall in self._stage.GetPrimAtPath(WALLS).GetChildren()]
+        self.walls = read_walls(self._stage)
         self.has_forces = bool(self._stage.GetPrimAtPath(FORCES))
 
     def position(self, frame: int) -> FloatArray:
@@ -106,11 +99,6 @@ def open_recording(path: Path) -> Usd.Stage:
         return Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
         raise SceneError(f"recording '{path}' is not a USD file that can be read") from error
-
-
-def _ring(wall: Usd.Prim) -> tuple[float, float]:
-    radius = np.hypot(*_values(wall.GetAttribute("points"))[:, :2].T)
-    return float(radius.min()), float(radius.max())
 
 
 def _values(attribute: Usd.Attribute, code: float = 0.0) -> Any:

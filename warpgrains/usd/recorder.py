@@ -14,8 +14,7 @@ from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder
 from warpgrains.scene.scene import Scene
 from warpgrains.solver.forces import PairContacts, WallContacts
-from warpgrains.usd.chunk_writer import ChunkWriter
-from warpgrains.usd.chunks import ChunkFolder
+from warpgrains.usd.chunks import ChunkFolder, ChunkWriter
 from warpgrains.usd.colors import Frame, GrainColors
 from warpgrains.usd.flatten import count_frames, flatten
 from warpgrains.usd.forces import ForceChains

@@ -22,12 +22,7 @@ def vec3f(values: NDArray[Any]) -> Vt.Vec3fArray:
 def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> Vt.Vec3fArray:
     """Return the float32 box [m] that covers spheres, rounded outwards.
 
-    Parameters
-    ----------
-    shown : ndarray
-        Centres as the file shows them [m], float32, shape (n, 3), n >= 1.
-    half_width : ndarray
-        Half the widths that the file shows [m], shape (n,).
+    Centres [m], shape (n, 3), n >= 1, and half the widths [m], shape (n,), are as the file shows them.
     """
     edges = np.empty((3, len(shown)))  # a row a component: NumPy reduces long rows much faster
     box = np.empty((2, 3), dtype=np.float32)

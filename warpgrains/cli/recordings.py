@@ -1,23 +1,9 @@
-"""What the subcommands do. Each returns whether something is wrong; heavy imports wait until one runs."""
+"""`warpgrains check`, `recover` and `plot`: what is done with recordings."""
 
 from argparse import Namespace
 from pathlib import Path
 
 from warpgrains.errors import missing_extra
-
-
-def run(arguments: Namespace) -> bool:
-    """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
-    from warpgrains.cli.run import run_command
-
-    return run_command(arguments)
-
-
-def batch(arguments: Namespace) -> bool:
-    """Carry out the runs of a sweep; whether some failed or are not finished."""
-    from warpgrains.cli.batch import run
-
-    return run(arguments)
 
 
 def check(arguments: Namespace) -> bool:
@@ -49,10 +35,3 @@ def plot(arguments: Namespace) -> bool:
     numbers = plot(arguments.file, output, arguments.frames, arguments.curves)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
-
-
-def report(arguments: Namespace) -> bool:
-    """Measure speed against error of scenes, and print the names of the files that tell of it."""
-    from warpgrains.cli.report import report
-
-    return report(arguments)

@@ -1,0 +1,88 @@
+"""Discs in the plane: distances, gaps, areas, and which of them overlap; the solver has its own search."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray, IndexArray, IntArray
+
+ROUNDING = 8 * np.finfo(np.float64).eps
+"""A gap within this share of the size of the coordinates is a touch, not an overlap."""
+
+Grains = IndexArray | IntArray
+
+
+def distance(vectors: FloatArray) -> FloatArray:
+    """Return the lengths of vectors, shape (m, 2) to (m,), in the arithmetic of the solver."""
+    with np.errstate(over="ignore"):
+        return np.sqrt(vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1])
+
+
+def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) -> FloatArray:
+    """Return the gaps between discs i and j [m], shape (m,)."""
+    return distance(position[j] - position[i]) - (radius[i] + radius[j])
+
+
+def pair_normals(position: FloatArray, i: Grains, j: Grains) -> FloatArray:
+    """Return the unit vectors from the centres of discs i to those of discs j, shape (m, 2)."""
+    d = position[j] - position[i]
+    return d / distance(d)[:, np.newaxis]
+
+
+def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
+    """Return the areas [m2] of discs below a level [m], measured from their centres; shapes (n,).
+
+    The segment of a disc of radius r below a level h, -r <= h <= r, has the area
+    r^2 (pi/2 + asin(h/r)) + h sqrt(r^2 - h^2).
+    """
+    h = np.clip(level, -radius, radius)
+    angle = np.arcsin(np.divide(h, radius, out=np.zeros_like(h), where=radius > 0.0))
+    return radius**2 * (0.5 * np.pi + angle) + h * np.sqrt(radius**2 - h**2)
+
+
+def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """Find the pairs of discs that overlap, each once, in memory proportional to n.
+
+    The discs are taken by size class, a factor of two wide. A disc and one of its own class or a smaller
+    one can only overlap if their cells, as wide as the largest diameter of the class, are neighbours. So
+    a few huge discs among many small ones cost no more than discs of one size.
+
+    Parameters
+    ----------
+    position
+        Centres [m], shape (n, 2).
+    radius
+        Radii [m], shape (n,), all > 0.
+
+    Yields
+    ------
+    i, j
+        Indices of overlapping discs, i < j, in pieces of any length and in no special order.
+    """
+    size_class = np.frexp(radius)[1]
+    touch = ROUNDING * np.abs(position).max(initial=0.0)
+    for this_class in np.unique(size_class):
+        members = np.flatnonzero(size_class == this_class)
+        seekers = np.flatnonzero(size_class <= this_class)
+        cell = np.floor((position - position.min(axis=0)) / (2.0 * radius[members].max())).astype(np.int64)
+        stride = cell[:, 1].max() + 3
+        key = cell[:, 0] * stride + cell[:, 1]
+        members = members[np.argsort(key[members], kind="stable")]
+        for neighbour in (column + row for column in (-stride, 0, stride) for row in (-1, 0, 1)):
+            for place, among in _matches(key[seekers] + neighbour, key[members]):
+                i, j = seekers[place], members[among]
+                overlap = pair_gaps(position, radius, i, j) < -touch
+                overlap &= (size_class[i] != size_class[j]) | (i < j)
+                if overlap.any():
+                    yield np.minimum(i, j)[overlap], np.maximum(i, j)[overlap]
+
+
+def _matches(keys: IndexArray, ascending: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """Find all k, m with keys[k] == ascending[m]; each k is in as many pieces as it has matches."""
+    first = np.searchsorted(ascending, keys, side="left")
+    last = np.searchsorted(ascending, keys, side="right")
+    k = np.arange(len(keys))
+    while (busy := first < last).any():
+        k, first, last = k[busy], first[busy], last[busy]
+        yield k, first
+        first = first + 1

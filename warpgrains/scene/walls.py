@@ -1,0 +1,108 @@
+"""The walls: an annulus about the origin, and all that the host knows of it.
+
+The device knows it in kernels/, recordings in usd/walls.py, the C reference in reference/grains.c.
+"""
+
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import ROUNDING, area_below, distance
+
+
+class Wall(NamedTuple):
+    """One wall, as each grain sees it."""
+
+    sign: float
+    """Of the corrections dv_b at it."""
+    normal: FloatArray
+    """Unit vectors into it, shape (n, 2)."""
+    gap: FloatArray
+    """Free distances [m], shape (n,)."""
+
+
+class Annulus(NamedTuple):
+    """The space between two circles about the origin."""
+
+    radius_in: float
+    """Radius of the inner wall [m]; 0 means that there is none."""
+    radius_out: float
+    """Radius of the outer wall [m]."""
+
+    @classmethod
+    def checked(cls, radius_in: Any, radius_out: Any) -> Self:
+        """Return the annulus of two values; raise SceneError unless 0 <= radius_in < radius_out."""
+        walls = cls(checks.not_negative("radius_in", radius_in), checks.positive("radius_out", radius_out))
+        if walls.radius_in >= walls.radius_out:
+            raise SceneError(
+                f"radius_in is {walls.radius_in} m: it must be less than radius_out, {walls.radius_out} m"
+            )
+        return walls
+
+    @property
+    def room(self) -> float:
+        """Radius of the largest grain that fits [m]."""
+        return (self.radius_out - self.radius_in) / 2.0 if self.radius_in > 0.0 else self.radius_out
+
+    @property
+    def diameter(self) -> float:
+        """How far apart two places in it are at most [m]."""
+        return 2.0 * self.radius_out
+
+    @property
+    def depth(self) -> float:
+        """How far its lowest point is below the origin, whichever way is down [m]."""
+        return self.radius_out
+
+    @property
+    def rounding(self) -> float:
+        """A gap within it of zero is a touch, not an overlap [m]."""
+        return ROUNDING * self.radius_out
+
+    def seen_from(self, position: FloatArray, radius: FloatArray) -> list[Wall]:
+        """Return each wall as seen by grains at these positions [m], shape (n, 2), of these radii [m]."""
+        rho, normal = distance(position), outward(position)
+        walls = [Wall(1.0, normal, self.radius_out - rho - radius)]
+        if self.radius_in > 0.0:
+            walls.append(Wall(-1.0, -normal, rho - self.radius_in - radius))
+        return walls
+
+    def overlapped(self, position: FloatArray, radius: FloatArray) -> BoolArray:
+        """Whether each grain overlaps a wall, shape (n,)."""
+        gap = np.min([wall.gap for wall in self.seen_from(position, radius)], axis=0)
+        return gap < -self.rounding
+
+    def holds(self, position: FloatArray, radius: FloatArray) -> BoolArray:
+        """Whether each disc is between the walls, and off the origin, where they have no normal."""
+        rho = distance(position)
+        nearest = self.radius_in + radius if self.radius_in > 0.0 else 0.0
+        return (rho <= self.radius_out - radius) & (rho >= nearest) & (rho > 0.0)
+
+    def require_inside(self, position: FloatArray, radius: FloatArray) -> None:
+        """Raise SceneError unless all grains fit between the walls, and have their centres there."""
+        rho = distance(position)
+        too_large = radius > self.room * (1.0 + ROUNDING)
+        if too_large.any():
+            grain = checks.of_grain("radius", radius, too_large)
+            raise SceneError(f"{grain}: at most {self.room} m fit between the walls")
+        demands = (
+            (rho == 0.0, "the origin is no place for a grain: the walls have no direction there"),
+            (rho > self.radius_out, f"it is outside the outer wall, radius_out {self.radius_out} m"),
+            (rho < self.radius_in, f"it is inside the inner wall, radius_in {self.radius_in} m"),
+        )
+        for bad, reason in demands:
+            if bad.any():
+                raise SceneError(f"{checks.of_grain('position', position, bad)}: {reason}")
+
+    def area_below(self, level: float) -> float:
+        """Return how much of it is below a level [m2], measured from the origin [m]."""
+        outer, inner = area_below(np.array([self.radius_out, self.radius_in]), np.full(2, level))
+        return float(outer - inner)
+
+
+def outward(position: FloatArray) -> FloatArray:
+    """Return the unit vectors from the origin, normal to both walls, shape (n, 2)."""
+    return position / distance(position)[:, np.newaxis]

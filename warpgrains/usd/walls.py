@@ -1,0 +1,59 @@
+"""The walls of a recording: flat rings about the origin."""
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from warpgrains.scene.walls import Annulus
+from warpgrains.usd.values import vec3f
+
+WALLS = Sdf.Path("/World/Walls")
+
+_COLOR = Gf.Vec3f(0.1, 0.1, 0.12)
+_SEGMENTS = 256
+_THICKNESS = 0.02  # of radius_out
+
+
+def define_walls(stage: Usd.Stage, walls: Annulus) -> None:
+    """Author the prims of the walls, outside the space that they leave to the grains."""
+    UsdGeom.Xform.Define(stage, WALLS)
+    radius_in, radius_out = walls
+    thickness = _THICKNESS * radius_out
+    _define_ring(stage, WALLS.AppendChild("Outer"), radius_out, radius_out + thickness)
+    if radius_in > 0:
+        _define_ring(stage, WALLS.AppendChild("Inner"), max(radius_in - thickness, radius_in / 2), radius_in)
+
+
+def half_width(walls: Annulus) -> float:
+    """Return how far from the origin the walls are drawn [m]."""
+    return (1.0 + _THICKNESS) * walls.radius_out
+
+
+def read_walls(stage: Usd.Stage) -> list[tuple[float, float]]:
+    """Return inner and outer radius of each wall, as thick as it is drawn [m]."""
+    return [_ring(wall) for wall in stage.GetPrimAtPath(WALLS).GetChildren()]
+
+
+def _ring(wall: Usd.Prim) -> tuple[float, float]:
+    points = np.array(wall.GetAttribute("points").Get(), dtype=np.float64)
+    rho = np.hypot(*points[:, :2].T)
+    return float(rho.min()), float(rho.max())
+
+
+def _define_ring(stage: Usd.Stage, path: Sdf.Path, inner: float, outer: float) -> None:
+    """Define the flat ring between two radii [m] in the plane z = 0, made of quadrilaterals facing +z."""
+    angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    here = np.arange(_SEGMENTS, dtype=np.int32)
+    onward = np.roll(here, -1)
+    corners = np.stack([here, here + _SEGMENTS, onward + _SEGMENTS, onward], axis=1)
+    points = vec3f(np.concatenate([inner * circle, outer * circle]))
+    ring = UsdGeom.Mesh.Define(stage, path)
+    ring.CreatePointsAttr(points)
+    ring.CreateFaceVertexCountsAttr(Vt.IntArray(_SEGMENTS, 4))
+    ring.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(corners.ravel()))
+    ring.CreateNormalsAttr(Vt.Vec3fArray(2 * _SEGMENTS, Gf.Vec3f(0, 0, 1)))
+    ring.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    ring.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    ring.CreateDoubleSidedAttr(True)
+    ring.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    ring.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(Vt.Vec3fArray([_COLOR]))
