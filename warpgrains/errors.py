@@ -9,6 +9,6 @@ class SimulationError(RuntimeError):
     """A run failed: the message says which step and which grain, the last good state is kept."""
 
 
-def missing_extra(what: str, error: ModuleNotFoundError) -> SceneError:
-    """Return the error for something that needs a library of the extra [report] which is not installed."""
-    return SceneError(f"{what} needs {error.name}: pip install 'warpgrains[report]'")
+def missing_extra(what: str, error: ModuleNotFoundError, extra: str = "report") -> SceneError:
+    """Return the error for something that needs a library of an extra which is not installed."""
+    return SceneError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'")

@@ -24,6 +24,15 @@ def require_writable_folder(folder: Path) -> None:
         raise SceneError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
 
 
+def require_place(kind: str, path: Path, *suffixes: str) -> None:
+    """Raise SceneError unless a file of this kind, with one of these endings, can be created there now."""
+    if path.suffix not in suffixes:
+        raise SceneError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
+    if path.is_dir():
+        raise SceneError(f"{kind} '{path}' is a folder")
+    require_writable_folder(path.parent)
+
+
 def sync(path: Path) -> None:
     """Wait until the file or folder `path` is on the disk."""
     descriptor = os.open(path, os.O_RDONLY)

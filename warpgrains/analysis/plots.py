@@ -15,7 +15,7 @@ from matplotlib.patches import Annulus
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.files import draft_of, require_writable_folder
+from warpgrains.files import draft_of, require_place
 from warpgrains.usd.reader import Chains, RecordingReader
 
 SUFFIXES = (".png", ".pdf", ".svg")
@@ -59,7 +59,7 @@ def plot(
         The recording cannot be read, has no such frame, or the picture cannot be written there.
     """
     output = Path(output)
-    _require_place(output)
+    require_place("picture", output, *SUFFIXES)
     reader = RecordingReader(recording)
     numbers = _numbers(frames, len(reader.time))
     figure = _draw(reader, numbers, curves and len(reader.time) > 1)
@@ -71,14 +71,6 @@ def save_figure(figure: Figure, output: Path) -> None:
     """Put a picture under its name, whole."""
     with draft_of(output) as draft:
         figure.savefig(draft, dpi=_DOTS_PER_INCH)
-
-
-def _require_place(output: Path) -> None:
-    if output.suffix not in SUFFIXES:
-        raise SceneError(f"picture '{output}' must end in {', '.join(SUFFIXES)}")
-    if output.is_dir():
-        raise SceneError(f"picture '{output}' is a folder")
-    require_writable_folder(output.parent)
 
 
 def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:

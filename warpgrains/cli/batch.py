@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from warpgrains.console import in_columns, start_warp, stdout_kept_clean
-from warpgrains.errors import SceneError
+from warpgrains.errors import SceneError, missing_extra
 from warpgrains.files import Row, require_writable_folder
 from warpgrains.scene import checks
 from warpgrains.simulation.options import ExecutionOptions
@@ -66,7 +66,7 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
     try:
         from warpgrains.sweep.plot import SweepPlot
     except ModuleNotFoundError as error:
-        raise SceneError(f"--plot needs {error.name}: pip install 'warpgrains[report]'") from error
+        raise missing_extra("--plot", error) from error
     return SweepPlot.parse(arguments.plot)
 
 

@@ -61,6 +61,16 @@ def one_of(field: str, value: Any, known: Iterable[str]) -> str:
     return str(value)
 
 
+def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
+    """Return the one name of the known ones that is given."""
+    known = list(known)
+    found = [name for name in known if name in given]
+    if len(found) != 1:
+        has = " and ".join(found) or "none of them"
+        raise SceneError(f"{what} has {has}: it needs one of {', '.join(known)}")
+    return found[0]
+
+
 def unknown(what: str, name: Any, known: Iterable[str]) -> SceneError:
     """Return the error for a name that nobody knows, with the nearest known one, if any is near."""
     known = sorted(known)

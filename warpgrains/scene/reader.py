@@ -161,16 +161,13 @@ def _fields(document: Table, folder: Path) -> Table:
 
 def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
     """Return position, radius, mass and velocity of the grains."""
-    sources = [key for key in SOURCES if key in table]
-    if len(sources) != 1:
-        found = " and ".join(sources) or "none of them"
-        raise SceneError(f"[grains] has {found}: it needs one of {', '.join(SOURCES)}")
+    source = checks.only_one("[grains]", table, SOURCES)
     own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
-    if sources == ["layout"]:
+    if source == "layout":
         position, radius = _lay_out(table["layout"], own, walls)
         grains: Table = {"position": position, "radius": radius}
     else:
-        _refuse_unknown_keys("grains", own, (sources[0], "radius"), PROPERTIES)
+        _refuse_unknown_keys("grains", own, (source, "radius"), PROPERTIES)
         grains = {"position": own["position"]} if "position" in own else read_grains(folder, own["file"])
         _give_once(grains, own, "radius")
     grains["position"] = checks.vectors("position", grains["position"])

@@ -17,7 +17,7 @@ import numpy as np
 
 from warpgrains import __version__
 from warpgrains.errors import SceneError
-from warpgrains.files import require_writable_folder, write_whole
+from warpgrains.files import require_place, write_whole
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, Lists, State, require_state
 from warpgrains.simulation.options import RunOptions
@@ -55,11 +55,7 @@ class Checkpoint:
 
 def require_checkpoint_path(path: Path) -> None:
     """Raise SceneError unless a checkpoint can be written there now."""
-    if path.suffix != ".npz":
-        raise SceneError(f"checkpoint '{path}' must end in .npz")
-    if path.is_dir():
-        raise SceneError(f"checkpoint '{path}' is a folder")
-    require_writable_folder(path.parent)
+    require_place("checkpoint", path, ".npz")
     if path.exists() and not _is_checkpoint(path):
         raise SceneError(f"'{path}' is there and is no checkpoint: it is not replaced")
 

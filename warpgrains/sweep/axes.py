@@ -45,17 +45,14 @@ def axis_values(name: str, axis: Any) -> Values:
 
 
 def _generated(name: str, axis: dict[str, Any]) -> Values:
-    kinds = [kind for kind in _KINDS if kind in axis]
-    if len(kinds) != 1:
-        found = " and ".join(kinds) or "none of them"
-        raise SceneError(f"axes.{name} has {found}: it needs one of {', '.join(_KINDS)}")
-    generate, known = _KINDS[kinds[0]]
+    kind = checks.only_one(f"axes.{name}", axis, _KINDS)
+    generate, known = _KINDS[kind]
     for key in axis:
         if key not in known:
             raise checks.unknown(f"key in axes.{name}", key, known)
     for key in known:
         if key not in axis:
-            raise SceneError(f"axes.{name}.{key} is missing: a {kinds[0]} needs it")
+            raise SceneError(f"axes.{name}.{key} is missing: a {kind} needs it")
     return generate(f"axes.{name}", axis)
 
 

@@ -14,7 +14,7 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 from warpgrains.console import start_warp
-from warpgrains.errors import SceneError
+from warpgrains.errors import SceneError, missing_extra
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import RunFolder
 
@@ -112,7 +112,7 @@ def _client(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
         if slurm_jobs is not None:
             from dask_jobqueue import SLURMCluster
     except ModuleNotFoundError as error:
-        raise SceneError(f"a cluster needs {error.name}: pip install 'warpgrains[cluster]'") from error
+        raise missing_extra("a cluster", error, "cluster") from error
     if slurm_jobs is None:
         try:
             client = Client(scheduler, timeout=CONNECT_WITHIN)

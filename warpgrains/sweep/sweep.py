@@ -8,7 +8,7 @@ section  keys                meaning
 ..       combine             "grid" (default): every value of an axis with every one of the others;
                              "zip": the first values of all axes, then the second ones, ...
 set      section.key         a value that replaces the base scene's in all runs
-axes     section.key         values of which every run has one, see `sweep_axes`
+axes     section.key         values of which every run has one, see `axes`
 ======== =================== ======================================================================
 
 The keys are those of scene files: ``physics.drag = [0.1, 0.5]`` in ``[axes]`` is an axis of two values.
@@ -153,15 +153,11 @@ def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[A
 
 
 def _base_paths(document: Table, folder: Path) -> list[Path]:
-    given = [key for key in ("scene", "folder") if key in document]
-    if len(given) != 1:
-        raise SceneError(
-            f"a sweep has {' and '.join(given) or 'none of them'}: it needs one of scene, folder"
-        )
-    name = document[given[0]]
+    given = checks.only_one("a sweep", document, ("scene", "folder"))
+    name = document[given]
     if not isinstance(name, str):
-        raise SceneError(f"{given[0]} is {name!r}: it must be the name of a {given[0]}")
-    if given == ["scene"]:
+        raise SceneError(f"{given} is {name!r}: it must be the name of a {given}")
+    if given == "scene":
         return [Path(name) if name in shipped_scenes() and not (folder / name).exists() else folder / name]
     scenes = sorted((folder / name).glob("*.toml"))
     if not scenes:

@@ -1,7 +1,9 @@
 """What the eye gets from numbers: colors of grains, and the speeds and forces they are measured against."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +11,9 @@ from numpy.typing import NDArray
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene.scene import Scene
-from warpgrains.solver.forces import PairContacts, WallContacts
+
+if TYPE_CHECKING:
+    from warpgrains.solver.forces import PairContacts, WallContacts
 
 COLORINGS = ("palette", "radius", "speed", "pressure")
 

@@ -1,25 +1,29 @@
 """Recordings: a run as a USD file that other programs read."""
 
+from __future__ import annotations
+
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf
 
 from warpgrains.errors import SceneError
-from warpgrains.files import require_writable_folder
+from warpgrains.files import require_place
 from warpgrains.scene.scene import Scene
-from warpgrains.solver.forces import PairContacts, WallContacts
 from warpgrains.usd.chunks import ChunkFolder, ChunkWriter
 from warpgrains.usd.colors import Frame, GrainColors
 from warpgrains.usd.flatten import count_frames, flatten
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainPoints, GrainSpheres
 from warpgrains.usd.stage import Drawing, static_layer
+
+if TYPE_CHECKING:
+    from warpgrains.solver.forces import PairContacts, WallContacts
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
 
@@ -123,7 +127,7 @@ class Recorder:
             self._drawings.append(ForceChains(scene))
         static = static_layer(scene, recording_rate(scene.dt, self.stride), self._drawings)
         self._folder = ChunkFolder(self.chunks, static)
-        _require_place(self.path)
+        require_place("output", self.path, *SUFFIXES)
         if resume_at is None:
             self._folder.require_absent()
         else:
@@ -235,12 +239,3 @@ def recover(folder: str | Path) -> tuple[Path, int]:
 def chunks_of(path: Path) -> Path:
     """Return the folder that holds the frames of the recording `path` until it is whole."""
     return path.with_name(path.name + ".chunks")
-
-
-def _require_place(path: Path) -> None:
-    """Raise SceneError unless a recording can be written to `path`."""
-    if path.suffix not in SUFFIXES:
-        raise SceneError(f"output '{path}' must end in {', '.join(SUFFIXES)}")
-    if path.is_dir():
-        raise SceneError(f"output '{path}' is a folder")
-    require_writable_folder(path.parent)
