@@ -5,9 +5,9 @@ A sweep is coordinate descent on the dual objective of the step (MODEL.md, eq. 1
     phi = 1/2 sum_i m_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = m_i m_j / (m_i + m_j), m_i at a wall.
 
 Between two sweeps, corrections x and velocities go on along the line from the last ones,
-y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13). With
-beta grows the over-relaxation of the sweep (Young 1954). Here is the sweep from y, with what it has done to
-phi; restart.py accepts or rejects it, stops momentum, and goes on.
+y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13).
+With beta grows the over-relaxation of the sweep (Young 1954). Here is the sweep from y, with what it has done
+to phi; restart.py accepts or rejects it, stops momentum, and goes on.
 
 The sums that decide this are taken over chunks of fixed length and then in order, so that they, too, are
 the same for any number of threads.
@@ -16,19 +16,11 @@ the same for any number of threads.
 import warp as wp
 
 from . import law
-from .access import (
-    dv_of,
-    first_of,
-    gap_rate_of,
-    normal_of,
-    second_of,
-    set_dv,
-    set_velocity,
-    velocity_of,
-)
+from .access import number_at, read_pair, set_number, set_vector, vector_at
 from .gauss_seidel import weights_of
+from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
-from .types import Contacts, Grains, Momentum, Scene, grain_count, pair_count, wall_count
+from .types import Contacts, Grains, Momentum, Pair
 from .verlet import monitor
 from .walls import has_inner, wall_cost, wall_projection
 
@@ -69,23 +61,21 @@ def correct_pair(
     grains: Grains, contacts: Contacts, momentum: Momentum, c: int, beta: f64, relaxation: f64
 ) -> wp.vec3d:
     """One pair's correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
-    i = first_of(contacts.pairs, c)
-    j = second_of(contacts.pairs, c)
-    n = normal_of(contacts.pairs, c)
-    gap_rate = gap_rate_of(contacts.pairs, c)
+    pair = Pair()
+    read_pair(contacts.pairs, c, pair)
     weight = weights_of(contacts, c)
-    x = dv_of(contacts.pair_dv, c)
-    ahead = beta * (x - dv_of(momentum.pair_last, c))
-    vi = velocity_of(grains.next_velocity, i)
-    vj = velocity_of(grains.next_velocity, j)
-    excess = wp.dot(vi - vj, n) - gap_rate
+    x = number_at(contacts.pair_dv, c)
+    ahead = beta * (x - number_at(momentum.pair_last, c))
+    vi = vector_at(grains.next_velocity, pair.i)
+    vj = vector_at(grains.next_velocity, pair.j)
+    excess = wp.dot(vi - vj, pair.n) - pair.gap_rate
     dv = law.pair_correction(relaxation * excess, x + ahead, f64(0.0))
-    set_velocity(grains.next_velocity, i, vi - dv * n * weight[0])
-    set_velocity(grains.next_velocity, j, vj + dv * n * weight[1])
-    set_dv(momentum.pair_last, c, x)
-    set_dv(contacts.pair_dv, c, x + ahead + dv)
-    mu = mass_in_phi(grains, contacts, i) * weight[0]
-    rise = gap_rate * ahead - ENOUGH * dv * (excess - f64(0.5) * dv)
+    set_vector(grains.next_velocity, pair.i, vi - dv * pair.n * weight[0])
+    set_vector(grains.next_velocity, pair.j, vj + dv * pair.n * weight[1])
+    set_number(momentum.pair_last, c, x)
+    set_number(contacts.pair_dv, c, x + ahead + dv)
+    mu = mass_in_phi(grains, contacts, pair.i) * weight[0]
+    rise = pair.gap_rate * ahead - ENOUGH * dv * (excess - f64(0.5) * dv)
     return wp.vec3d(wp.abs(dv), mu * rise, -mu * dv * (ahead + dv))
 
 
@@ -129,8 +119,8 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
             zeta = wp.max(zeta, result[0])
             part = part + wp.vec2d(result[1], result[2])
             if monitored != 0:
-                monitor(s, first_of(contacts.pairs, c))
-                monitor(s, second_of(contacts.pairs, c))
+                monitor(s, contacts.pairs[c].i)
+                monitor(s, contacts.pairs[c].j)
             c += 1
         s.momentum.pair_part[chunk + k] = part
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)

@@ -12,91 +12,43 @@ from .walls import WallContact
 f64 = wp.float64
 
 
-@wp.func_native("return velocity.data[i];")
-def velocity_of(velocity: wp.array(dtype=wp.vec2d), i: int) -> wp.vec2d:
-    """Read a velocity [m/s]."""
+@wp.func_native("return vectors.data[i];")
+def vector_at(vectors: wp.array(dtype=wp.vec2d), i: int) -> wp.vec2d:
+    """Read a vector."""
     ...
 
 
-@wp.func_native("velocity.data[i] = value;")
-def set_velocity(velocity: wp.array(dtype=wp.vec2d), i: int, value: wp.vec2d):
-    """Write a velocity [m/s]."""
+@wp.func_native("vectors.data[i] = value;")
+def set_vector(vectors: wp.array(dtype=wp.vec2d), i: int, value: wp.vec2d):
+    """Write a vector."""
     ...
 
 
-@wp.func_native("return pairs.data[c].n;")
-def normal_of(pairs: wp.array(dtype=Pair), c: int) -> wp.vec2d:
-    """Read a unit normal."""
+@wp.func_native("return numbers.data[c];")
+def number_at(numbers: wp.array(dtype=f64), c: int) -> f64:
+    """Read a number."""
     ...
 
 
-@wp.func_native("return pairs.data[c].gap_rate;")
-def gap_rate_of(pairs: wp.array(dtype=Pair), c: int) -> f64:
-    """Read gap / dt [m/s]."""
+@wp.func_native("numbers.data[c] = value;")
+def set_number(numbers: wp.array(dtype=f64), c: int, value: f64):
+    """Write a number."""
     ...
 
 
-@wp.func_native("return pairs.data[c].i;")
-def first_of(pairs: wp.array(dtype=Pair), c: int) -> int:
-    """Read a pair's first grain."""
+@wp.func_native("pair = pairs.data[c];")
+def read_pair(pairs: wp.array(dtype=Pair), c: int, pair: wp.ref[Pair]):
+    """Read a pair."""
     ...
 
 
-@wp.func_native("return pairs.data[c].j;")
-def second_of(pairs: wp.array(dtype=Pair), c: int) -> int:
-    """Read a pair's second grain."""
-    ...
-
-
-@wp.func_native("return dv.data[c];")
-def dv_of(dv: wp.array(dtype=f64), c: int) -> f64:
-    """Read a correction [m/s]."""
-    ...
-
-
-@wp.func_native("dv.data[c] = value;")
-def set_dv(dv: wp.array(dtype=f64), c: int, value: f64):
-    """Write a correction [m/s]."""
-    ...
-
-
-@wp.func_native("return walls.data[c].i;")
-def grain_of(walls: wp.array(dtype=WallContact), c: int) -> int:
-    """Read which grain may reach a wall."""
-    ...
-
-
-@wp.func_native("return walls.data[c].n;")
-def wall_normal_of(walls: wp.array(dtype=WallContact), c: int) -> wp.vec2d:
-    """Read a unit normal."""
-    ...
-
-
-@wp.func_native("return walls.data[c].gap_rate_out;")
-def outer_gap_rate_of(walls: wp.array(dtype=WallContact), c: int) -> f64:
-    """Read gap / dt at the outer wall [m/s]."""
-    ...
-
-
-@wp.func_native("return walls.data[c].gap_rate_in;")
-def inner_gap_rate_of(walls: wp.array(dtype=WallContact), c: int) -> f64:
-    """Read gap / dt at the inner wall [m/s]."""
-    ...
-
-
-@wp.func_native("return walls.data[c].dv;")
-def wall_dv_of(walls: wp.array(dtype=WallContact), c: int) -> f64:
-    """Read a correction at the walls [m/s]."""
+@wp.func_native("wall = walls.data[c];")
+def read_wall(walls: wp.array(dtype=WallContact), c: int, wall: wp.ref[WallContact]):
+    """Read a contact with a wall."""
     ...
 
 
 @wp.func_native("walls.data[c].dv = value;")
 def set_wall_dv(walls: wp.array(dtype=WallContact), c: int, value: f64):
-    """Write a correction at the walls [m/s]."""
-    ...
-
-
-@wp.func_native("return weights.data[c];")
-def weight_of(weights: wp.array(dtype=wp.vec2d), c: int) -> wp.vec2d:
-    """Read the mass shares of a pair."""
+    """Write the correction of a contact with a wall."""
     ...

@@ -1,4 +1,4 @@
-"""Many scenes shared out among teams of CPU threads: each takes a free one, advances it for a while, takes another.
+"""Many scenes shared out among teams of CPU threads: each takes a free one and advances it for a while.
 
 Scenes are handed out, not split in equal parts: a slow one keeps one team busy, and no other waits for it.
 No result depends on who advances a scene, or when: it reads and writes nothing but its own record.
@@ -9,10 +9,10 @@ from functools import cache
 import warp as wp
 
 from .fuse import fuse
+from .record import SOLVED, Scene, SceneRecord
 from .stages import OPTIONS
 from .step import step
 from .threads import Team, TeamRecord, barrier
-from .types import SOLVED, Scene, SceneRecord
 
 f64 = wp.float64
 TIME_SLICE = wp.constant(f64(1.0e-3))  # seconds after which a team looks for another scene

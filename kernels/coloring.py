@@ -1,7 +1,7 @@
 """In which order the pairs are swept, and which of them may be swept together.
 
-Every candidate pair (in lexicographic order, as the neighbor list holds them) is given an independent set. The
-sets are swept one after the other; pairs of one set share no grain, so they may be swept together.
+Every candidate pair (in lexicographic order, as the neighbor list holds them) is given an independent set.
+The sets are swept one after the other; pairs of one set share no grain, so they may be swept together.
 
 - levels: a pair's set is above those of all earlier pairs that share a grain with it. Sweeping by sets gives
   every pair exactly what it would have read in the sequential loop: the same bits.
@@ -14,7 +14,8 @@ list has changed.
 
 import warp as wp
 
-from .types import Ints, NeighborList, Scene, grain_count, pair_count
+from .record import Scene, grain_count, pair_count
+from .types import Ints, NeighborList
 
 MASK_COLORS = wp.constant(64)
 

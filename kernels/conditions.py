@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .types import Scene
+from .record import Scene
 
 
 @wp.func

@@ -4,7 +4,8 @@ import warp as wp
 
 from . import law
 from .neighbors import is_at, place_in_row
-from .types import WITHOUT_ROOM, Pair, Scene, grain_count
+from .record import WITHOUT_ROOM, Scene, grain_count
+from .types import Pair
 
 f64 = wp.float64
 
@@ -44,7 +45,7 @@ def begin_list(s: Scene):
 
 @wp.func
 def keep_active_pairs(s: Scene, i: int):
-    """A pair that carries a correction must stay listed: where it is lost, widen its skins and search again."""
+    """A pair that carries a correction must stay listed: where it is lost, widen its skins, search again."""
     k = s.neighbors.start[i]
     for k_old in range(s.workspace.old.start[i], s.workspace.old.start[i + 1]):
         j = s.workspace.old.neighbor[k_old]

@@ -3,8 +3,8 @@
 import warp as wp
 
 from . import law
+from .record import Scene, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
-from .types import Scene, pair_count, wall_count
 from .walls import wall_overlap
 
 f64 = wp.float64
@@ -37,7 +37,7 @@ def move(s: Scene, i: int):
 
 @wp.func
 def overlaps(team: Team, s: Scene):
-    """Worst overlap [m] of the listed contacts, and how many are active: those not listed have stayed silent."""
+    """Worst overlap [m] of the listed contacts, and how many are active; all others have stayed silent."""
     worst = f64(0.0)
     active = int(0)
     begin, end = thread_range(team, 0, pair_count(s))

@@ -1,4 +1,4 @@
-"""Stages launched on a GPU: each is a launch of its own, loops and conditions are nodes of the captured graph.
+"""Stages launched on a GPU: each is a launch of its own, loops and conditions are nodes of the graph.
 
 The stages are those of the CPU's kernel, wrapped the same way (fuse.py); the end of a launch is the barrier.
 """
@@ -11,9 +11,9 @@ import warp as wp
 
 from .conditions import sweeping
 from .fuse import fuse
+from .record import Scene, SceneRecord
 from .stages import OPTIONS, Each, If, Serial, Sets, Shared, Stage, While
 from .threads import TeamRecord, member
-from .types import Scene, SceneRecord
 
 GPU_THREADS = 1 << 16
 GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum

@@ -27,7 +27,7 @@ def pair_gap(distance: f64, radius_i: f64, radius_j: f64) -> f64:
 
 @wp.func
 def pair_correction(vn: f64, dvc: f64, gap_rate: f64) -> f64:
-    """Change dv of a pair's correction dv_c [m/s] (eq. 6); gap_rate = gap / dt just closes the gap in a step."""
+    """Change dv of a pair's correction dv_c [m/s] (eq. 6); gap_rate = gap / dt closes the gap in a step."""
     return wp.max(f64(0.0), vn + dvc - gap_rate) - dvc
 
 

@@ -7,7 +7,8 @@ the pair, so that few large grains among many small ones cost no more than the c
 
 import warp as wp
 
-from .types import Ints, NeighborList, Scene, grain_count
+from .record import Scene, grain_count
+from .types import Ints, NeighborList
 from .walls import WallContact, is_near_wall
 
 f64 = wp.float64

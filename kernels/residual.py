@@ -10,9 +10,10 @@ vn = gap/dt to within eta, one that does not has vn <= gap/dt + eta.
 import warp as wp
 
 from . import law
+from .record import Scene, pair_count
 from .segments import pairs_of, walls_of
 from .threads import Team, partial_index, thread_range
-from .types import Contacts, Scene, Vectors, pair_count
+from .types import Contacts, Vectors
 from .walls import has_inner, wall_residual
 
 f64 = wp.float64

@@ -13,10 +13,10 @@ the two would hold a push that no correction has, and that every sweep repeats.
 import warp as wp
 
 from .accelerated import CHUNK, chunks_in, mass_in_phi, part_count
-from .access import set_velocity, velocity_of
+from .access import set_vector, vector_at
+from .record import Scene, grain_count, wall_count
 from .stopping import decide_to_stop
 from .threads import Team, thread_range
-from .types import Scene, grain_count, wall_count
 from .verlet import monitor, monitor_next
 
 f64 = wp.float64
@@ -85,16 +85,16 @@ def roll_back_wall(s: Scene, c: int):
 @wp.func
 def roll_back_velocity(s: Scene, i: int):
     """Give a grain the velocity that it had before a rejected sweep."""
-    set_velocity(s.grains.next_velocity, i, velocity_of(s.momentum.last_velocity, i))
+    set_vector(s.grains.next_velocity, i, vector_at(s.momentum.last_velocity, i))
 
 
 @wp.func
 def take_rebuilt_velocity(s: Scene, i: int):
     """Give a grain the velocity that its corrections make, and move the last one by as much."""
-    rebuilt = velocity_of(s.grains.rebuilt_velocity, i)
-    last = velocity_of(s.momentum.last_velocity, i)
-    set_velocity(s.momentum.last_velocity, i, last + (rebuilt - velocity_of(s.grains.next_velocity, i)))
-    set_velocity(s.grains.next_velocity, i, rebuilt)
+    rebuilt = vector_at(s.grains.rebuilt_velocity, i)
+    last = vector_at(s.momentum.last_velocity, i)
+    set_vector(s.momentum.last_velocity, i, last + (rebuilt - vector_at(s.grains.next_velocity, i)))
+    set_vector(s.grains.next_velocity, i, rebuilt)
 
 
 @wp.func
@@ -113,11 +113,11 @@ def extrapolate(team: Team, s: Scene):
         i = k * CHUNK
         stop = wp.min(n, (k + 1) * CHUNK)
         while i < stop:
-            v = velocity_of(grains.next_velocity, i)
-            change = v - velocity_of(last_velocity, i)
+            v = vector_at(grains.next_velocity, i)
+            change = v - vector_at(last_velocity, i)
             y = v + beta * change
-            set_velocity(last_velocity, i, v)
-            set_velocity(grains.next_velocity, i, y)
+            set_vector(last_velocity, i, v)
+            set_vector(grains.next_velocity, i, y)
             m = mass_in_phi(grains, contacts, i)
             energy = energy + m * wp.dot(change, v + y)
             size = size + m * wp.dot(v, v)

@@ -2,14 +2,14 @@
 
 Where threads meet after every independent set, each takes its share of it. Where every thread has a strip of
 its own (strips.py), it sweeps its segments; before each, it waits until each other thread has ended as many
-of its own as `dependencies` tells. Either way a pair finds the velocities that it would find if all pairs were
-swept one by one in the common order.
+of its own as `dependencies` tells. Either way a pair finds the velocities that it would find if all pairs
+were swept one by one in the common order.
 """
 
 import warp as wp
 
+from .record import Scene, wall_count
 from .threads import Team, barrier, thread_range, wait_until
-from .types import Scene, wall_count
 
 
 @wp.func_native("""
@@ -46,7 +46,7 @@ def wait_for_others(team: Team, s: Scene, segment: int):
 
 @wp.func
 def begin_pass(team: Team, s: Scene):
-    """Begin a pass over the pairs. Returns this thread's first set, or segment, and the one after its last."""
+    """Begin a pass over the pairs. Returns this thread's first set, or segment, and the end of its last."""
     first = int(0)
     last = s.contacts.count.sets
     if s.has_strips != 0:

@@ -1,8 +1,8 @@
-"""How far a new list of candidates must reach: its skins and its lifetime (verlet.py says what they prove)."""
+"""How far a new list must reach: its skins and its lifetime (verlet.py says what they prove)."""
 
 import warp as wp
 
-from .types import Scene, grain_count
+from .record import Scene, grain_count
 
 f64 = wp.float64
 FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(1.6))  # skin over need, before and after a miss

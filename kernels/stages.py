@@ -7,7 +7,6 @@ write what they read.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Union
 
 import warp as wp
 
@@ -68,4 +67,4 @@ class While:
     stages: Sequence["Stage"]
 
 
-Stage = Union[Serial, Each, Shared, Sets, If, While]
+Stage = Serial | Each | Shared | Sets | If | While

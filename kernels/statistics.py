@@ -2,8 +2,8 @@
 
 import warp as wp
 
+from .record import UNPROVED, Scene
 from .stopping import has_converged
-from .types import UNPROVED, Scene
 
 
 @wp.func

@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from .types import EXPIRED, NOT_CONVERGED, SOLVED, Floats, Scene
+from .record import EXPIRED, NOT_CONVERGED, SOLVED, Scene
+from .types import Floats
 from .verlet import check_all, outcome_of_check, reserve
 
 f64 = wp.float64

@@ -12,7 +12,7 @@ The strips decide who sweeps a pair, and not what it finds: no result depends on
 
 import warp as wp
 
-from .types import Scene, grain_count, pair_count, wall_count
+from .record import Scene, grain_count, pair_count, wall_count
 
 f64 = wp.float64
 LAG = wp.constant(1024)

@@ -1,20 +1,13 @@
-"""A scene as the kernels see it: contacts as records, arrays bundled by purpose, and the numbers of a step.
-
-The numbers of a record change while a kernel runs, as the contents of its arrays do; lengths and parameters do
-not.
-"""
+"""Contacts as records, and the arrays of a scene bundled by purpose."""
 
 import warp as wp
 
-from .walls import WallContact, Walls
+from .walls import WallContact
 
 f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
-
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED = (wp.constant(k) for k in range(6))
-"""Outcomes of a step: UNPROVED is solved as far as it can be, and worth a search for a proof that it cannot."""
 
 
 @wp.struct
@@ -129,52 +122,6 @@ class Verlet:
 
 
 @wp.struct
-class StepState:
-    """What the step has done so far, and what is reported of it."""
-
-    iterations: wp.int32
-    zeta: f64  # of the last iteration [m/s]
-    residual: f64  # eta [m/s]
-    overlap: f64  # worst after the move [m]
-    active: wp.int32  # contacts that carry a correction
-    rebuilds: wp.int32  # lists built
-    redos: wp.int32  # attempts that a missing contact made void
-    outcome: wp.int32
-
-
-@wp.struct
-class Control:
-    """What is to be done next (conditions.py): a GPU's graph reads it as well."""
-
-    starting: wp.int32
-    unsolved: wp.int32
-    unlisted: wp.int32
-    searching: wp.int32
-    roomy: wp.int32
-    unordered: wp.int32
-    tiled: wp.int32
-    attempting: wp.int32
-    iterating: wp.int32
-    sampling: wp.int32
-    rejected: wp.int32
-    measuring: wp.int32
-    rebuilding: wp.int32
-    accepted: wp.int32
-    sweeping: wp.int32
-    set: wp.int32  # that is swept now, where every set is a launch of its own
-
-
-@wp.struct
-class Partial:
-    """What every thread has found; the maximum or sum over all threads counts."""
-
-    zeta: Floats
-    residual: Floats
-    overlap: Floats
-    active: Ints
-
-
-@wp.struct
 class MomentumState:
     """How far the accelerated method goes on (accelerated.py)."""
 
@@ -202,9 +149,7 @@ class Strips:
 
     strip: Ints  # of every grain
     bins: Ints  # pairs by place, for cutting space into strips
-    last: wp.array(
-        dtype=wp.vec2i
-    )  # of every grain: the strip of its last pair so far, and the index after it
+    last: wp.array(dtype=wp.vec2i)  # of every grain: strip of its last pair so far, and index after it
     cursor: Ints  # of every strip: its next pair
     late_cursor: Ints  # the same, LAG pairs before
     seen: Ints  # of every strip and other strip: the pair before which it waits already
@@ -227,90 +172,3 @@ class Workspace:
     row_sum: Floats  # of every grain: its shares of its contacts
     next_level: Ints  # by grain
     used_colors: wp.array(dtype=wp.uint64)  # by grain
-
-
-@wp.struct
-class StoppingCriterion:
-    """When to stop iterating."""
-
-    on_residual: wp.int32  # whether the tolerance is on the residual, or on zeta
-    tolerance: f64  # [m/s]
-    max_iterations: wp.int32
-    raise_on_unconverged: wp.int32  # whether a step that has not converged is not taken
-
-
-@wp.struct
-class Tuning:
-    """Lengths with which lists are made, and limits within which the proof of `verlet.py` holds."""
-
-    smallest_radius: f64  # [m]
-    room: f64  # that a list's lifetime leaves to the grains [m]
-    acceleration: f64  # |gravity| [m/s2]
-    rounding: f64  # of a position [m]
-    reserve: f64  # of a base skin, that must be left before the iteration starts
-    monitor_threshold: f64  # change of velocity that need not be monitored, in base skins [1/s]
-    tile: wp.int32  # pairs that are interleaved
-
-
-@wp.struct
-class RunStatistics:
-    """What is added up of the steps of a run; `warpgrains.solver.statistics` has a field of each name."""
-
-    steps: wp.int32
-    unconverged: wp.int32
-    iterations: wp.int64
-    rebuilds: wp.int64
-    redos: wp.int64
-    iterations_max: wp.int32
-    to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
-    residual: f64
-    overlap: f64
-
-
-@wp.struct
-class SceneRecord:
-    """One scene: its state, its list of contacts, and its parameters."""
-
-    grains: Grains
-    contacts: Contacts
-    verlet: Verlet
-    momentum: Momentum
-    grid: CellGrid
-    neighbors: NeighborList
-    workspace: Workspace
-    strips: Strips
-    control: Control
-    partial: Partial
-    step: StepState
-    statistics: RunStatistics
-    stopping: StoppingCriterion
-    tuning: Tuning
-    walls: Walls
-    gravity: wp.vec2d  # [m/s2]
-    drag: f64  # [kg/s]
-    dt: f64  # [s]
-    by_color: wp.int32  # whether pairs are swept by colors, or by levels
-    merge: wp.int32  # whether all independent sets are swept as one
-    has_strips: wp.int32  # whether threads have strips of their own, or share every set out
-
-
-Scene = wp.ref[SceneRecord]
-"""A stage is handed the record itself: what it writes, the next one reads."""
-
-
-@wp.func
-def grain_count(s: Scene) -> int:
-    """How many grains there are."""
-    return s.grains.position.shape[0]
-
-
-@wp.func
-def pair_count(s: Scene) -> int:
-    """How many pairs are listed."""
-    return s.contacts.count.pairs
-
-
-@wp.func
-def wall_count(s: Scene) -> int:
-    """How many grains are listed at the walls."""
-    return s.contacts.count.walls

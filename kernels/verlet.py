@@ -21,8 +21,8 @@ contacts; these changes add up to `unmonitored_change`, with which all grains ar
 
 import warp as wp
 
-from .access import velocity_of
-from .types import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
+from .access import vector_at
+from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
 
 f64 = wp.float64
 
@@ -50,7 +50,7 @@ def is_finite(x: wp.vec2d) -> bool:
 @wp.func
 def monitor(s: Scene, i: int):
     """Keep the peak deviation of grain i, and see whether its skin still allows it."""
-    peak = wp.length_sq(deviation(s, velocity_of(s.grains.next_velocity, i), i))
+    peak = wp.length_sq(deviation(s, vector_at(s.grains.next_velocity, i), i))
     if peak > s.verlet.peak_deviation[i]:
         s.verlet.peak_deviation[i] = peak
         if peak > s.verlet.peak_limit[i]:
@@ -60,7 +60,7 @@ def monitor(s: Scene, i: int):
 @wp.func
 def sample(s: Scene, i: int):
     """Take what grain i may have reached unmonitored, on the way to its velocity, into its peak."""
-    v = velocity_of(s.grains.next_velocity, i)
+    v = vector_at(s.grains.next_velocity, i)
     peak = wp.length(deviation(s, v, i)) + s.verlet.numbers.sampled_change
     s.verlet.peak_deviation[i] = wp.max(s.verlet.peak_deviation[i], peak * peak)
 

@@ -3,10 +3,10 @@
 import warp as wp
 
 from . import law
+from .record import Scene
 from .residual import apply_pair
 from .segments import pairs_of, walls_of
 from .threads import Team
-from .types import Scene
 from .walls import frozen_wall
 
 

@@ -1,4 +1,4 @@
-"""Independent sets of pairs: no two that share a grain, every pair once, and levels in the sequential order."""
+"""Independent sets: no two pairs that share a grain, every pair once, levels in the sequential order."""
 
 import graphs
 import numpy as np
@@ -7,8 +7,8 @@ from stages import OneRecord, record_of_graph
 
 from warpgrains.arrays import IntArray
 from warpgrains.kernels.coloring import gather, group_pairs, place_pairs, tile_pairs
+from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each, Serial
-from warpgrains.kernels.types import grain_count
 
 GRAPHS = {
     "empty": graphs.empty(),

@@ -67,7 +67,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     record.make_room(int(record["neighbors.total"][0]))
     record.run(*SEARCH)
     assert record.record["control"]["roomy"]
-    return record.contacts.listed_pairs()
+    return record.memory.listed_pairs()
 
 
 def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:

@@ -10,9 +10,9 @@ from stages import OneRecord, record_of_graph
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.coloring import gather, group_pairs, place_pairs
+from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each, Serial
 from warpgrains.kernels.strips import cut_into_strips, deal_pairs, find_dependencies, number_segments
-from warpgrains.kernels.types import grain_count
 
 GRAPHS = {
     "empty": graphs.empty(),

@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from warpgrains.kernels.types import SceneRecord
+from warpgrains.kernels.record import SceneRecord
 from warpgrains.solver.buffers import ALIGNMENT, Layout, Sizes, bytes_needed, fields
 
 PAIRS = 11
 GRAINS = np.array([1, 2, 7, 60])
 
 
-@pytest.fixture(
-    params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "accelerated", "strips", "sets shared"]
-)
+@pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "ahead", "strips", "shared"])
 def sizes(request: pytest.FixtureRequest) -> Sizes:
     accelerated, team = request.param
     return Sizes(GRAINS, np.full_like(GRAINS, PAIRS), np.array([0, 1, 0, 1]), accelerated, team)

@@ -4,8 +4,8 @@ import warp as wp
 
 from warpgrains import Scene, State
 from warpgrains.kernels.launch import Launcher
+from warpgrains.kernels.record import SOLVED, UNPROVED, WITHOUT_ROOM
 from warpgrains.kernels.step import step
-from warpgrains.kernels.types import SOLVED, UNPROVED, WITHOUT_ROOM
 from warpgrains.scene.state import first_state
 from warpgrains.solver.engine import Engine
 

@@ -8,11 +8,11 @@ import warp as wp
 from warpgrains import Scene
 from warpgrains.arrays import IntArray
 from warpgrains.kernels.fuse import fuse
+from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import Stage
 from warpgrains.kernels.threads import TeamRecord
-from warpgrains.kernels.types import SceneRecord
-from warpgrains.solver.contact_list import ContactList
 from warpgrains.solver.records import SceneRecords
+from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.threads import team_of
 
 KERNELS: dict[str, wp.Kernel] = {}
@@ -42,7 +42,7 @@ class OneRecord:
         self._records = SceneRecords([scene], team, wp.get_device("cpu"))
         self._records.make_room(0, pairs)
         self.record = self._records.host[0]
-        self.contacts = ContactList(self._records, 0)
+        self.memory = SceneMemory(self._records, 0, scene)
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
         return self._records.array(0, name)

@@ -5,8 +5,8 @@ A state of other grains would lead the kernels out of their arrays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,8 +38,8 @@ class Corrections:
 
 
 @dataclass(frozen=True, eq=False)
-class Lists:
-    """What is listed as a candidate contact, and what the watch has seen of it (kernels/watch.py).
+class VerletList:
+    """What is listed as a candidate contact, and what is known of how long it will do (kernels/verlet.py).
 
     Colors depend on what is listed, so a run in color order continues with the same bits only from these.
 
@@ -47,18 +47,20 @@ class Lists:
     ----------
     pair, wall : ndarray
         Listed pairs i < j in lexicographic order, shape (m, 2), and listed grains at the walls, shape (k,).
-    reach, recent, built_position, built_velocity, frame, scalar : ndarray
-        As in `kernels.data.Watch`.
+    skin, recent_deviation : ndarray
+        Of every grain [m], [m/s], shape (n,).
+    reference_position, reference_velocity : ndarray
+        Of every grain when the list was built [m], [m/s], shape (n, 2).
+    frame, scalar : ndarray
+        The vectors and the numbers of `kernels.types.VerletNumbers`, shapes (3, 2) and (8,).
     """
-
-    WATCHED: ClassVar = ("reach", "recent", "built_position", "built_velocity", "frame", "scalar")
 
     pair: IntArray
     wall: IntArray
-    reach: FloatArray
-    recent: FloatArray
-    built_position: FloatArray
-    built_velocity: FloatArray
+    skin: FloatArray = field(metadata={"stored": "reach"})
+    recent_deviation: FloatArray = field(metadata={"stored": "recent"})
+    reference_position: FloatArray = field(metadata={"stored": "built_position"})
+    reference_velocity: FloatArray = field(metadata={"stored": "built_velocity"})
     frame: FloatArray
     scalar: FloatArray
 
@@ -75,7 +77,7 @@ class State:
         [m] and [m/s], shape (n, 2).
     corrections : Corrections
         What the contacts carry.
-    lists : Lists or None
+    lists : VerletList or None
         What was listed; without it, a run in color order continues with an order of its own.
     """
 
@@ -83,7 +85,7 @@ class State:
     position: FloatArray
     velocity: FloatArray
     corrections: Corrections
-    lists: Lists | None = None
+    lists: VerletList | None = None
 
 
 def first_state(scene: Scene) -> State:
@@ -109,16 +111,18 @@ def _require_corrections(corrections: Corrections, n: int) -> None:
     _require_array("wall_correction", corrections.wall_correction, np.float64, (n,))
 
 
-def _require_lists(lists: Lists, n: int) -> None:
+def _require_lists(lists: VerletList, n: int) -> None:
     _require_pairs("listed pair", lists.pair, n)
     _require_array("listed wall", lists.wall, np.int32, (len(lists.wall),))
     _require_ascending("listed wall", lists.wall, n)
-    shapes = {"reach": (n,), "recent": (n,), "built_position": (n, 2), "built_velocity": (n, 2)}
+    shapes = {"frame": (3, 2), "scalar": (8,)}
+    shapes |= dict.fromkeys(("skin", "recent_deviation"), (n,))
+    shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (n, 2))
     for name, shape in shapes.items():
         _require_array(name, getattr(lists, name), np.float64, shape)
 
 
-def _require_listed(corrections: Corrections, lists: Lists, n: int) -> None:
+def _require_listed(corrections: Corrections, lists: VerletList, n: int) -> None:
     pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
     walls = np.isin(np.flatnonzero(corrections.wall_correction), lists.wall)
     if not (pairs.all() and walls.all()):

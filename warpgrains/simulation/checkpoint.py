@@ -2,7 +2,8 @@
 
 The entry `header` is JSON text in UTF-8: format, version, and all numbers and texts. A float in it is written
 so that the same double is read back. Every array is an entry of its own, called `part.field` after the
-dataclasses `Scene`, `State`, `Corrections` and `Lists`. Who changes these raises `VERSION`.
+dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`; a field may be stored under a
+name of its own). Who changes these raises `VERSION`.
 """
 
 import io
@@ -19,7 +20,7 @@ from warpgrains import __version__
 from warpgrains.errors import SceneError
 from warpgrains.files import require_place, write_whole
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import Corrections, Lists, State, require_state
+from warpgrains.scene.state import Corrections, State, VerletList, require_state
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
@@ -112,10 +113,16 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
     for part, record in _parts(checkpoint.scene, state).items():
         content = {field.name: getattr(record, field.name) for field in fields(record)}
         own = [name for name, value in content.items() if isinstance(value, np.ndarray)]
-        arrays |= {f"{part}.{name}": content[name] for name in own}
+        stored = _stored_names(type(record))
+        arrays |= {f"{part}.{stored[name]}": content[name] for name in own}
         elsewhere = (*own, "corrections", "lists")
         header[part] = {name: value for name, value in content.items() if name not in elsewhere}
     return {"header": np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays}
+
+
+def _stored_names(kind: type) -> dict[str, str]:
+    """Return what checkpoints call the fields of a dataclass."""
+    return {field.name: field.metadata.get("stored", field.name) for field in fields(kind)}
 
 
 def _parts(scene: Scene, state: State) -> dict[str, Any]:
@@ -157,7 +164,10 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
         return header[name] | own
 
     scene = Scene(**part("scene"))
-    lists = Lists(**part("lists")) if "lists" in header else None
+    lists = None
+    if "lists" in header:
+        stored = part("lists")
+        lists = VerletList(**{name: stored[own] for name, own in _stored_names(VerletList).items()})
     state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
     require_state(state, scene.n)
     options = None if header["plan"] is None else RunOptions.restored(header["plan"], path)

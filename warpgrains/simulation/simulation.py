@@ -54,6 +54,7 @@ class Simulation:
         where = find_device(device)
         self._threads = threads_for(self.scene, where, threads)
         self._engine = Engine([self.scene], where, self._threads)
+        self._stepped = False
         self.restore(first_state(self.scene))
 
     @property
@@ -97,7 +98,7 @@ class Simulation:
 
     @property
     def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:
-        """Steps of the last `advance` that have no solution: their numbers, and the grains that cannot fit."""
+        """Steps of the last `advance` that have no solution: their numbers, and grains that cannot fit."""
         return self._engine.infeasible_steps(0)
 
     def run(

@@ -26,8 +26,8 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     def glance() -> None:
         nonlocal left
         before, left = left, _left(engines)
-        if on_progress is not None:
-            on_progress(before - left)
+        assert on_progress is not None
+        on_progress(before - left)
 
     def halt() -> None:
         for engine in engines:
@@ -36,14 +36,9 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     try:
         going_on = True
         while going_on:
-            works = [
-                partial(_do, each)
-                for each in zip(*(engine.works(threads) for engine in engines), strict=True)
-            ]
-            if len(works) == 1 and on_progress is None:
-                works[0]()
-            else:
-                side_by_side(works, glance, halt)
+            by_thread = zip(*(engine.works(threads) for engine in engines), strict=True)
+            works = [partial(_do, works) for works in by_thread]
+            side_by_side(works, None if on_progress is None else glance, halt)
             going_on = sum(engine.service() for engine in engines) > 0
     finally:
         for engine in engines:

@@ -10,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpgrains.kernels.accelerated import CHUNK
-from warpgrains.kernels.types import SceneRecord
+from warpgrains.kernels.record import SceneRecord
 from warpgrains.scene.scene import Scene
 
 Counts = NDArray[np.int64]
@@ -218,8 +218,11 @@ class Block:
         memory = np.zeros((size // LINE + 2) * LINE, np.uint8)
         first = -memory.__array_interface__["data"][0] % LINE
         self.host = memory[first : first + size]
-        self._device = None if device.is_cpu else wp.array(self.host, dtype=wp.uint8, device=device)
-        self.pointer = self.host.__array_interface__["data"][0] if device.is_cpu else self._device.ptr
+        self.pointer: int = self.host.__array_interface__["data"][0]
+        self._device = None
+        if device.is_cuda:
+            self._device = wp.array(self.host, dtype=wp.uint8, device=device)
+            self.pointer = self._device.ptr
 
     def pull(self) -> None:
         """Let the host see what the device has written."""

@@ -8,7 +8,8 @@ import numpy as np
 import warp as wp
 
 from warpgrains.kernels.launch import GPU_PARTIALS
-from warpgrains.kernels.types import SceneRecord, VerletNumbers
+from warpgrains.kernels.record import SceneRecord
+from warpgrains.kernels.types import VerletNumbers
 from warpgrains.scene.scene import Scene
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Counts, Layout, Sizes, bytes_needed, fields, grid_width

@@ -35,26 +35,33 @@ def team_of(size: int) -> list[TeamRecord]:
 
 
 def side_by_side(
-    works: Sequence[Callable[[], None]], glance: Callable[[], None], halt: Callable[[], None]
+    works: Sequence[Callable[[], None]],
+    glance: Callable[[], None] | None = None,
+    halt: Callable[[], None] | None = None,
 ) -> None:
-    """Do works on a thread each.
+    """Do works on a thread each; one that nobody watches is done on the caller's.
 
     Parameters
     ----------
     works : sequence of callable
-    glance : callable
+    glance : callable, optional
         Called now and then, and at the end.
-    halt : callable
+    halt : callable, optional
         Called once if this thread is interrupted: it asks the works to end soon. They are waited for.
     """
+    if len(works) == 1 and glance is None:
+        return works[0]()
     with ThreadPoolExecutor(len(works)) as executor:
         futures = [executor.submit(work) for work in works]
         try:
             while wait(futures, timeout=GLANCE).not_done:
-                glance()
+                if glance is not None:
+                    glance()
         except BaseException:
-            halt()
+            if halt is not None:
+                halt()
             raise
     for future in futures:
         future.result()
-    glance()
+    if glance is not None:
+        glance()

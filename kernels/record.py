@@ -1,0 +1,158 @@
+"""A scene as the kernels see it: one record of its arrays, of the numbers of a step, and of parameters.
+
+The numbers change while a kernel runs, as the contents of the arrays do; lengths and parameters do not.
+"""
+
+import warp as wp
+
+from .types import (
+    CellGrid,
+    Contacts,
+    Floats,
+    Grains,
+    Ints,
+    Momentum,
+    NeighborList,
+    Strips,
+    Verlet,
+    Workspace,
+)
+from .walls import Walls
+
+f64 = wp.float64
+
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED = (wp.constant(k) for k in range(6))
+"""Outcomes of a step: an UNPROVED one is taken, and worth a search for a proof that none solves it."""
+
+
+@wp.struct
+class StepState:
+    """What the step has done so far, and what is reported of it."""
+
+    iterations: wp.int32
+    zeta: f64  # of the last iteration [m/s]
+    residual: f64  # eta [m/s]
+    overlap: f64  # worst after the move [m]
+    active: wp.int32  # contacts that carry a correction
+    rebuilds: wp.int32  # lists built
+    redos: wp.int32  # attempts that a missing contact made void
+    outcome: wp.int32
+
+
+@wp.struct
+class Control:
+    """What is to be done next (conditions.py): a GPU's graph reads it as well."""
+
+    starting: wp.int32
+    unsolved: wp.int32
+    unlisted: wp.int32
+    searching: wp.int32
+    roomy: wp.int32
+    unordered: wp.int32
+    tiled: wp.int32
+    attempting: wp.int32
+    iterating: wp.int32
+    sampling: wp.int32
+    rejected: wp.int32
+    measuring: wp.int32
+    rebuilding: wp.int32
+    accepted: wp.int32
+    sweeping: wp.int32
+    set: wp.int32  # that is swept now, where every set is a launch of its own
+
+
+@wp.struct
+class Partial:
+    """What every thread has found; the maximum or sum over all threads counts."""
+
+    zeta: Floats
+    residual: Floats
+    overlap: Floats
+    active: Ints
+
+
+@wp.struct
+class StoppingCriterion:
+    """When to stop iterating."""
+
+    on_residual: wp.int32  # whether the tolerance is on the residual, or on zeta
+    tolerance: f64  # [m/s]
+    max_iterations: wp.int32
+    raise_on_unconverged: wp.int32  # whether a step that has not converged is not taken
+
+
+@wp.struct
+class Tuning:
+    """Lengths with which lists are made, and limits within which the proof of `verlet.py` holds."""
+
+    smallest_radius: f64  # [m]
+    room: f64  # that a list's lifetime leaves to the grains [m]
+    acceleration: f64  # |gravity| [m/s2]
+    rounding: f64  # of a position [m]
+    reserve: f64  # of a base skin, that must be left before the iteration starts
+    monitor_threshold: f64  # change of velocity that need not be monitored, in base skins [1/s]
+    tile: wp.int32  # pairs that are interleaved
+
+
+@wp.struct
+class RunStatistics:
+    """What is added up of the steps of a run; `warpgrains.solver.statistics` has a field of each name."""
+
+    steps: wp.int32
+    unconverged: wp.int32
+    iterations: wp.int64
+    rebuilds: wp.int64
+    redos: wp.int64
+    iterations_max: wp.int32
+    to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
+    residual: f64
+    overlap: f64
+
+
+@wp.struct
+class SceneRecord:
+    """One scene: its state, its list of contacts, and its parameters."""
+
+    grains: Grains
+    contacts: Contacts
+    verlet: Verlet
+    momentum: Momentum
+    grid: CellGrid
+    neighbors: NeighborList
+    workspace: Workspace
+    strips: Strips
+    control: Control
+    partial: Partial
+    step: StepState
+    statistics: RunStatistics
+    stopping: StoppingCriterion
+    tuning: Tuning
+    walls: Walls
+    gravity: wp.vec2d  # [m/s2]
+    drag: f64  # [kg/s]
+    dt: f64  # [s]
+    by_color: wp.int32  # whether pairs are swept by colors, or by levels
+    merge: wp.int32  # whether all independent sets are swept as one
+    has_strips: wp.int32  # whether threads have strips of their own, or share every set out
+
+
+Scene = wp.ref[SceneRecord]
+"""A stage is handed the record itself: what it writes, the next one reads."""
+
+
+@wp.func
+def grain_count(s: Scene) -> int:
+    """How many grains there are."""
+    return s.grains.position.shape[0]
+
+
+@wp.func
+def pair_count(s: Scene) -> int:
+    """How many pairs are listed."""
+    return s.contacts.count.pairs
+
+
+@wp.func
+def wall_count(s: Scene) -> int:
+    """How many grains are listed at the walls."""
+    return s.contacts.count.walls
