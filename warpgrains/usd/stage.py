@@ -10,7 +10,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.usd.colors import Frame
 from warpgrains.usd.walls import define_walls, half_width
 
-_CAMERA_MARGIN = 1.05  # half-width of the picture, of all that the walls take
+_CAMERA_MARGIN = 1.05  # half-width of the picture, in that of the walls
 _FOCAL_LENGTH = 50.0
 _APERTURE = 24.0
 
@@ -33,7 +33,7 @@ def static_layer(scene: Scene, rate: float, drawings: Iterable[Drawing]) -> Sdf.
     for drawing in drawings:
         drawing.define(stage)
     define_walls(stage, scene.walls)
-    _define_camera(stage, half_width(scene.walls))
+    _define_camera(stage, half_width(scene.walls, _CAMERA_MARGIN))
     return layer
 
 
@@ -54,7 +54,7 @@ def _define_metadata(stage: Usd.Stage, scene: Scene, rate: float) -> None:
 
 def _define_camera(stage: Usd.Stage, shown: float) -> None:
     """Define a perspective camera on the z axis: Blender misreads the aperture of an orthographic one."""
-    distance = _CAMERA_MARGIN * shown * 2.0 * _FOCAL_LENGTH / _APERTURE
+    distance = shown * 2.0 * _FOCAL_LENGTH / _APERTURE
     camera = UsdGeom.Camera.Define(stage, "/World/Camera")
     camera.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, distance))
     camera.CreateProjectionAttr(UsdGeom.Tokens.perspective)

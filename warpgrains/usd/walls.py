@@ -23,9 +23,9 @@ def define_walls(stage: Usd.Stage, walls: Annulus) -> None:
         _define_ring(stage, WALLS.AppendChild("Inner"), max(radius_in - thickness, radius_in / 2), radius_in)
 
 
-def half_width(walls: Annulus) -> float:
-    """Return how far from the origin the walls are drawn [m]."""
-    return (1.0 + _THICKNESS) * walls.radius_out
+def half_width(walls: Annulus, margin: float) -> float:
+    """Return how far from the origin a picture of the walls reaches [m], `margin` times as far as they do."""
+    return margin * (1.0 + _THICKNESS) * walls.radius_out
 
 
 def read_walls(stage: Usd.Stage) -> list[tuple[float, float]]:
