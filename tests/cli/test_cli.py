@@ -119,10 +119,10 @@ def test_bad_command_is_one_line(capfd, arguments):
 
 @pytest.mark.parametrize("error", [SimulationError("step 3: grain 1 is lost"), OSError("disk full")])
 def test_failed_run_says_why_and_leaves_nothing(scene, tmp_path, capfd, monkeypatch, error):
-    def fail(self):
+    def fail(self, steps, on_progress):
         raise error
 
-    monkeypatch.setattr(Simulation, "step", fail)
+    monkeypatch.setattr(Simulation, "advance", fail)
     assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 1
     require_last_line(*capfd.readouterr(), f"warpgrains: error: {error}")
     assert list(tmp_path.iterdir()) == [scene]
@@ -218,14 +218,14 @@ def test_what_a_library_prints_from_c_goes_to_stderr():
 
 
 def test_interrupted_run_leaves_nothing(scene, tmp_path, capfd, monkeypatch):
-    step = Simulation.step
+    advance = Simulation.advance
 
-    def interrupt_fifth_step(self):
+    def interrupt_fifth_step(self, steps, on_progress):
         if self.time >= 0.04:
             raise KeyboardInterrupt
-        return step(self)
+        return advance(self, steps, on_progress)
 
-    monkeypatch.setattr(Simulation, "step", interrupt_fifth_step)
+    monkeypatch.setattr(Simulation, "advance", interrupt_fifth_step)
     assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
     require_last_line(*capfd.readouterr(), "warpgrains: error: interrupted")
     assert list(tmp_path.iterdir()) == [scene]

@@ -44,15 +44,16 @@ def stop_at(monkeypatch):
     """Make the step after so many steps fail as a killed process would, once."""
 
     def stop(steps):
-        step = Simulation.step
+        advance = Simulation.advance
 
-        def step_or_stop(self):
-            if self.state().steps == steps:
-                monkeypatch.setattr(Simulation, "step", step)
-                raise KeyboardInterrupt
-            return step(self)
+        def advance_or_stop(self, count, on_progress):
+            if self.steps + count <= steps:
+                return advance(self, count, on_progress)
+            advance(self, steps - self.steps, on_progress)
+            monkeypatch.setattr(Simulation, "advance", advance)
+            raise KeyboardInterrupt
 
-        monkeypatch.setattr(Simulation, "step", step_or_stop)
+        monkeypatch.setattr(Simulation, "advance", advance_or_stop)
 
     return stop
 

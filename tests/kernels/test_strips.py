@@ -102,6 +102,7 @@ def strips(position: FloatArray, pairs_a_grain: int, count: int) -> IntArray:
     n = len(position)
     scene = Scene(position=position, radius=1e-3, mass=1.0, radius_out=100.0)
     record = OneRecord(scene, pairs_a_grain * n + 1, team=count)
+    record["grains.position"][:] = position
     record["neighbors.start"][:] = pairs_a_grain * np.arange(n + 1)
     record.record["contacts"]["count"]["pairs"] = pairs_a_grain * n
     record["strips.strip"][:] = -7
