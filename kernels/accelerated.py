@@ -16,11 +16,19 @@ the same for any number of threads.
 import warp as wp
 
 from . import law
-from .access import number_at, read_pair, set_number, set_vector, vector_at
-from .gauss_seidel import weights_of
+from .access import (
+    first_of,
+    gap_rate_of,
+    normal_of,
+    number_at,
+    second_of,
+    set_number,
+    set_vector,
+    vector_at,
+)
 from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
-from .types import Contacts, Grains, Momentum, Pair
+from .types import Contacts, Floats, Grains, Vectors
 from .verlet import monitor
 from .walls import has_inner, wall_cost, wall_projection
 
@@ -58,25 +66,37 @@ def relaxation_factor(s: Scene) -> f64:
 
 @wp.func
 def correct_pair(
-    grains: Grains, contacts: Contacts, momentum: Momentum, c: int, beta: f64, relaxation: f64
+    velocity: Vectors, contacts: Contacts, last: Floats, c: int, shares: wp.vec3d, momentum: wp.vec2d
 ) -> wp.vec3d:
-    """One pair's correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
-    pair = Pair()
-    read_pair(contacts.pairs, c, pair)
-    weight = weights_of(contacts, c)
+    """One pair's correction from y, in place. Returns |dv|, cost in phi less gain, slope.
+
+    `last` are the corrections one sweep back, `shares` those of the grains and mu_c, `momentum` is beta and
+    the over-relaxation.
+    """
+    i = first_of(contacts.pairs, c)
+    j = second_of(contacts.pairs, c)
+    n = normal_of(contacts.pairs, c)
+    gap_rate = gap_rate_of(contacts.pairs, c)
     x = number_at(contacts.pair_dv, c)
-    ahead = beta * (x - number_at(momentum.pair_last, c))
-    vi = vector_at(grains.next_velocity, pair.i)
-    vj = vector_at(grains.next_velocity, pair.j)
-    excess = wp.dot(vi - vj, pair.n) - pair.gap_rate
-    dv = law.pair_correction(relaxation * excess, x + ahead, f64(0.0))
-    set_vector(grains.next_velocity, pair.i, vi - dv * pair.n * weight[0])
-    set_vector(grains.next_velocity, pair.j, vj + dv * pair.n * weight[1])
-    set_number(momentum.pair_last, c, x)
+    ahead = momentum[0] * (x - number_at(last, c))
+    vi = vector_at(velocity, i)
+    vj = vector_at(velocity, j)
+    excess = wp.dot(vi - vj, n) - gap_rate
+    dv = law.pair_correction(momentum[1] * excess, x + ahead, f64(0.0))
+    set_vector(velocity, i, vi - dv * n * shares[0])
+    set_vector(velocity, j, vj + dv * n * shares[1])
+    set_number(last, c, x)
     set_number(contacts.pair_dv, c, x + ahead + dv)
-    mu = mass_in_phi(grains, contacts, pair.i) * weight[0]
-    rise = pair.gap_rate * ahead - ENOUGH * dv * (excess - f64(0.5) * dv)
-    return wp.vec3d(wp.abs(dv), mu * rise, -mu * dv * (ahead + dv))
+    rise = gap_rate * ahead - ENOUGH * dv * (excess - f64(0.5) * dv)
+    return wp.vec3d(wp.abs(dv), shares[2] * rise, -shares[2] * dv * (ahead + dv))
+
+
+@wp.func
+def shares_of(grains: Grains, contacts: Contacts, c: int) -> wp.vec3d:
+    """Parts of a pair's correction that its grains take, and mu_c."""
+    weight = vector_at(contacts.weights, c)
+    mass = number_at(grains.mass, first_of(contacts.pairs, c))
+    return wp.vec3d(weight[0], weight[1], mass * weight[0])
 
 
 @wp.func
@@ -103,10 +123,11 @@ def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
 def sweep_pairs_ahead(team: Team, s: Scene, k: int):
     """Correct the pairs of a set."""
     zeta = f64(0.0)
-    grains, contacts, momentum = s.grains, s.contacts, s.momentum
-    beta = s.momentum.state.beta
-    relaxation = relaxation_factor(s)
+    grains, contacts, pair_last = s.grains, s.contacts, s.momentum.pair_last
+    momentum = wp.vec2d(s.momentum.state.beta, relaxation_factor(s))
     monitored = s.verlet.flags.monitored
+    weighted = contacts.weights.shape[0] > 0
+    shares = wp.vec3d(f64(0.5), f64(0.5), f64(0.5))  # by unit mass where all masses are equal
     start = s.contacts.set_start[k]
     stop = s.contacts.set_start[k + 1]
     begin, end = thread_range(team, start // CHUNK, chunks_in(stop))
@@ -115,7 +136,9 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
         c = wp.max(start, chunk * CHUNK)
         last = wp.min(stop, (chunk + 1) * CHUNK)
         while c < last:
-            result = correct_pair(grains, contacts, momentum, c, beta, relaxation)
+            if weighted:
+                shares = shares_of(grains, contacts, c)
+            result = correct_pair(grains.next_velocity, contacts, pair_last, c, shares, momentum)
             zeta = wp.max(zeta, result[0])
             part = part + wp.vec2d(result[1], result[2])
             if monitored != 0:

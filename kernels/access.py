@@ -36,9 +36,27 @@ def set_number(numbers: wp.array(dtype=f64), c: int, value: f64):
     ...
 
 
-@wp.func_native("pair = pairs.data[c];")
-def read_pair(pairs: wp.array(dtype=Pair), c: int, pair: wp.ref[Pair]):
-    """Read a pair."""
+@wp.func_native("return pairs.data[c].n;")
+def normal_of(pairs: wp.array(dtype=Pair), c: int) -> wp.vec2d:
+    """Read a pair's unit normal."""
+    ...
+
+
+@wp.func_native("return pairs.data[c].gap_rate;")
+def gap_rate_of(pairs: wp.array(dtype=Pair), c: int) -> f64:
+    """Read a pair's gap / dt [m/s]."""
+    ...
+
+
+@wp.func_native("return pairs.data[c].i;")
+def first_of(pairs: wp.array(dtype=Pair), c: int) -> int:
+    """Read a pair's first grain."""
+    ...
+
+
+@wp.func_native("return pairs.data[c].j;")
+def second_of(pairs: wp.array(dtype=Pair), c: int) -> int:
+    """Read a pair's second grain."""
     ...
 
 

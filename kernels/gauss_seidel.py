@@ -3,12 +3,23 @@
 import warp as wp
 
 from . import law
-from .access import number_at, read_pair, read_wall, set_number, set_vector, set_wall_dv, vector_at
+from .access import (
+    first_of,
+    gap_rate_of,
+    normal_of,
+    number_at,
+    read_wall,
+    second_of,
+    set_number,
+    set_vector,
+    set_wall_dv,
+    vector_at,
+)
 from .record import Scene
 from .segments import pairs_of, walls_of
 from .stopping import decide_to_stop
 from .threads import Team, partial_index
-from .types import Contacts, Pair, Vectors
+from .types import Contacts, Vectors
 from .verlet import monitor, monitor_next
 from .walls import WallContact, has_inner, wall_projection
 
@@ -16,26 +27,18 @@ f64 = wp.float64
 
 
 @wp.func
-def weights_of(contacts: Contacts, c: int) -> wp.vec2d:
-    """Parts of a pair's correction that its grains take."""
-    if contacts.weights.shape[0] > 0:
-        return vector_at(contacts.weights, c)
-    return wp.vec2d(f64(0.5), f64(0.5))
-
-
-@wp.func
-def correct_pair(velocity: Vectors, contacts: Contacts, c: int) -> f64:
-    """One pair's correction, in place. Returns |dv|."""
-    pair = Pair()
-    read_pair(contacts.pairs, c, pair)
-    weight = weights_of(contacts, c)
-    vi = vector_at(velocity, pair.i)
-    vj = vector_at(velocity, pair.j)
-    vn = wp.dot(vi - vj, pair.n)
+def correct_pair(velocity: Vectors, contacts: Contacts, c: int, weight: wp.vec2d) -> f64:
+    """One pair's correction, in place; its grains take these shares of it. Returns |dv|."""
+    i = first_of(contacts.pairs, c)
+    j = second_of(contacts.pairs, c)
+    n = normal_of(contacts.pairs, c)
+    vi = vector_at(velocity, i)
+    vj = vector_at(velocity, j)
+    vn = wp.dot(vi - vj, n)
     dv_before = number_at(contacts.pair_dv, c)
-    dv = law.pair_correction(vn, dv_before, pair.gap_rate)
-    set_vector(velocity, pair.i, vi - dv * pair.n * weight[0])
-    set_vector(velocity, pair.j, vj + dv * pair.n * weight[1])
+    dv = law.pair_correction(vn, dv_before, gap_rate_of(contacts.pairs, c))
+    set_vector(velocity, i, vi - dv * n * weight[0])
+    set_vector(velocity, j, vj + dv * n * weight[1])
     set_number(contacts.pair_dv, c, dv_before + dv)
     return wp.abs(dv)
 
@@ -60,18 +63,27 @@ def sweep_pairs(team: Team, s: Scene, k: int):
     velocity = s.grains.next_velocity
     contacts = s.contacts
     begin, end = pairs_of(team, s, k)
-    if s.verlet.flags.monitored == 0:
-        c = begin
+    equal = wp.vec2d(f64(0.5), f64(0.5))
+    c = begin
+    if s.verlet.flags.monitored != 0:
         while c < end:
-            zeta = wp.max(zeta, correct_pair(velocity, contacts, c))
-            c += 1
-    else:
-        for c in range(begin, end):
-            change = correct_pair(velocity, contacts, c)
+            weight = equal
+            if contacts.weights.shape[0] > 0:
+                weight = contacts.weights[c]
+            change = correct_pair(velocity, contacts, c, weight)
             if change > f64(0.0):
                 zeta = wp.max(zeta, change)
                 monitor(s, contacts.pairs[c].i)
                 monitor(s, contacts.pairs[c].j)
+            c += 1
+    elif contacts.weights.shape[0] > 0:
+        while c < end:
+            zeta = wp.max(zeta, correct_pair(velocity, contacts, c, vector_at(contacts.weights, c)))
+            c += 1
+    else:
+        while c < end:
+            zeta = wp.max(zeta, correct_pair(velocity, contacts, c, equal))
+            c += 1
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 
 

@@ -114,15 +114,15 @@ def find_pairs(s: Scene, a: int):
     radius = f64(2.0) * s.grid.extent[a] * TOO_WIDE
     first_x, last_x = cell_of(x[0] - radius, s.grid.size), cell_of(x[0] + radius, s.grid.size)
     first_y, last_y = cell_of(x[1] - radius, s.grid.size), cell_of(x[1] + radius, s.grid.size)
-    all_cells = last_x - first_x >= s.grid.width or last_y - first_y >= s.grid.width
-    if all_cells:
-        first_x, last_x = 0, s.grid.width - 1
-        first_y, last_y = 0, s.grid.width - 1
-    for cy in range(first_y, last_y + 1):
-        for cx in range(first_x, last_x + 1):
-            bucket = bucket_of(cx, cy, s.grid.width)
-            for k in range(s.grid.cell_start[bucket], s.grid.cell_start[bucket + 1]):
-                try_pair(s, a, s.grid.cell_grain[k])
+    if last_x - first_x >= s.grid.width or last_y - first_y >= s.grid.width:
+        for b in range(grain_count(s)):
+            try_pair(s, a, b)
+    else:
+        for cy in range(first_y, last_y + 1):
+            for cx in range(first_x, last_x + 1):
+                bucket = bucket_of(cx, cy, s.grid.width)
+                for k in range(s.grid.cell_start[bucket], s.grid.cell_start[bucket + 1]):
+                    try_pair(s, a, s.grid.cell_grain[k])
 
 
 @wp.func

@@ -84,7 +84,6 @@ WARM_START = [
     Serial(verlet.clear_check),
     Serial(verlet.find_frame),
     Each(grain_count, verlet.begin_check),
-    Each(grain_count, verlet.foresee),
     Serial(stopping.begin_iterating),
 ]
 

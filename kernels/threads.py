@@ -33,14 +33,21 @@ def member(team: TeamRecord, rank: int) -> TeamRecord:
 @wp.func
 def thread_range(team: Team, begin: int, end: int):
     """The part of [begin, end) that is this thread's: consecutive, and nearly equal for all threads."""
-    rank, size, count = wp.int64(team.rank), wp.int64(team.size), wp.int64(end - begin)
-    return begin + int(count * rank / size), begin + int(count * (rank + wp.int64(1)) / size)
+    first, last = begin, end
+    if team.size > 1:
+        rank, size, count = wp.int64(team.rank), wp.int64(team.size), wp.int64(end - begin)
+        first = begin + int(count * rank / size)
+        last = begin + int(count * (rank + wp.int64(1)) / size)
+    return first, last
 
 
 @wp.func
 def partial_index(team: Team, partials: int) -> int:
     """Where this thread keeps its part of a maximum or a sum: CPU threads each have their own."""
-    return team.rank % partials
+    k = team.rank
+    if k >= partials:
+        k = k % partials
+    return k
 
 
 @wp.func_native("""

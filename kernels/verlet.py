@@ -86,14 +86,6 @@ def find_frame(s: Scene):
 
 
 @wp.func
-def begin_check(s: Scene, i: int):
-    """The peak deviation before the first iteration, and what the skin still allows."""
-    s.verlet.peak_deviation[i] = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
-    allowed = (s.verlet.skin[i] - displacement(s, s.grains.position[i], i)) / s.dt
-    s.verlet.peak_limit[i] = wp.max(f64(0.0), allowed) * allowed
-
-
-@wp.func
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     """See whether a skin suffices with `least` [m] to spare, for so many times the last step's deviation."""
     x = s.grains.position[i]
@@ -113,8 +105,11 @@ def reserve(s: Scene) -> f64:
 
 
 @wp.func
-def foresee(s: Scene, i: int):
-    """Before the iteration: whether the list is likely to hold."""
+def begin_check(s: Scene, i: int):
+    """The peak deviation before the first iteration, what the skin still allows, and whether it will do."""
+    s.verlet.peak_deviation[i] = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
+    allowed = (s.verlet.skin[i] - displacement(s, s.grains.position[i], i)) / s.dt
+    s.verlet.peak_limit[i] = wp.max(f64(0.0), allowed) * allowed
     check_skin(s, i, reserve(s), f64(1.0))
 
 

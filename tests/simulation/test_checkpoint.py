@@ -259,7 +259,7 @@ class TestBadFile:
             ({"lists__pair": np.array([[0, 2], [0, 1]], np.int32)}, "listed pair of the state is not in"),
             ({"lists__pair": np.zeros((0, 2), np.int32)}, "carries a correction and is not listed"),
             ({"lists__wall": np.array([15], np.int32)}, "listed wall of the state"),
-            ({"lists__reach": np.zeros(14)}, "reach of the state"),
+            ({"lists__reach": np.zeros(14)}, "skin of the state"),
             ({"header": {"state": {"steps": -1}}}, "steps is -1"),
             ({"header": {"state": {}}}, "steps"),
             ({"header": {"tally": {"strides": 3}}}, "strides"),

@@ -16,6 +16,7 @@ from warpgrains.scene.scene import Scene
 Counts = NDArray[np.int64]
 ALIGNMENT = 16  # bytes
 LINE = 128  # bytes that cores pass on together
+FEW = 40  # grains that are not worth a grid
 BINS = 4096  # of the coordinate that is cut into strips
 
 
@@ -113,8 +114,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
 
 
 def grid_width(n: Any) -> Any:
-    """Return how many cells a side the grid for n grains has."""
-    return 1 << np.ceil(np.log2(n) / 2).astype(np.int64)
+    """Return how many cells a side the grid for n grains has; few grains are all looked at."""
+    return np.where(n <= FEW, 1, 1 << np.ceil(np.log2(n) / 2).astype(np.int64))
 
 
 @dataclass(frozen=True)
