@@ -15,12 +15,12 @@ from .stages import Each, If, Serial, Sets, Shared, Stage, While
 from .threads import Team, barrier, thread_range
 
 
+WIDTH = 5  # of a sequence
+
+
 def fuse(stages: Sequence[Stage]) -> wp.Function:
     """Return the function that runs stages in turn, the threads meeting after each."""
-    run = _fused(stages[0])
-    for stage in stages[1:]:
-        run = _in_turn(run, _fused(stage))
-    return run
+    return _in_turn([_fused(stage) for stage in stages])
 
 
 def _fused(stage: Stage) -> wp.Function:
@@ -40,11 +40,26 @@ def _fused(stage: Stage) -> wp.Function:
             return _while(condition, fuse(stages))
 
 
-def _in_turn(first: wp.Function, second: wp.Function) -> wp.Function:
+@wp.func
+def nothing(team: Team, s: Scene):
+    """Fill up a sequence."""
+
+
+def _in_turn(runs: list[wp.Function]) -> wp.Function:
+    """Return the function that runs others in turn, a few at a time."""
+    if len(runs) == 1:
+        return runs[0]
+    if len(runs) > WIDTH:
+        return _in_turn([_in_turn(runs[:WIDTH]), *runs[WIDTH:]])
+    first, second, third, fourth, fifth = [*runs, *[nothing] * WIDTH][:WIDTH]
+
     @wp.func
     def in_turn(team: Team, s: Scene):
         first(team, s)
         second(team, s)
+        third(team, s)
+        fourth(team, s)
+        fifth(team, s)
 
     return in_turn
 

@@ -29,6 +29,7 @@ def start_warp() -> None:
     import warp
 
     warp.config.log_level = warp.LOG_WARNING
+    warp.config.use_precompiled_headers = False  # they cost more than they save where one kernel is compiled
     with TemporaryFile() as remarks:
         with _redirected(STDERR, remarks.fileno()):
             warp.init()
