@@ -14,7 +14,6 @@ from .segments import begin_pass, end_pass, end_set
 from .stages import Each, If, Serial, Sets, Shared, Stage, While
 from .threads import Team, barrier, thread_range
 
-
 WIDTH = 5  # of a sequence
 
 

@@ -7,6 +7,7 @@ the pair, so that few large grains among many small ones cost no more than the c
 
 import warp as wp
 
+from .access import number_at, vector_at
 from .record import Scene, grain_count
 from .types import Ints, NeighborList
 from .walls import WallContact, is_near_wall
@@ -56,10 +57,7 @@ def clear_cell(s: Scene, b: int):
 
 @wp.func
 def count_in_cell(s: Scene, i: int):
-    """The extent of every grain, and how many grains every bucket holds, in cell_cursor."""
-    w = s.verlet.reference_velocity[i] - s.verlet.numbers.mean_velocity
-    path = s.verlet.numbers.lifetime * wp.length(w)
-    s.grid.extent[i] = s.grains.radius[i] + s.verlet.skin[i] + path
+    """How many grains every bucket holds, in cell_cursor."""
     wp.atomic_add(s.grid.cell_cursor, bucket_at(s, s.grains.position[i]), 1)
     s.neighbors.cursor[i] = 0
 
@@ -73,56 +71,77 @@ def start_cells(s: Scene):
 
 @wp.func
 def fill_cell(s: Scene, i: int):
-    """Put a grain in its bucket; cell_cursor counts down to zero."""
-    b = bucket_at(s, s.grains.position[i])
-    place = wp.atomic_sub(s.grid.cell_cursor, b, 1) - 1
-    s.grid.cell_grain[s.grid.cell_start[b] + place] = i
+    """Put a grain in its bucket, with its extent; cell_cursor counts down to zero."""
+    x = s.grains.position[i]
+    b = bucket_at(s, x)
+    k = s.grid.cell_start[b] + wp.atomic_sub(s.grid.cell_cursor, b, 1) - 1
+    w = s.verlet.reference_velocity[i] - s.verlet.numbers.mean_velocity
+    path = s.verlet.numbers.lifetime * wp.length(w)
+    s.grid.grain[k] = i
+    s.grid.position[k] = x
+    s.grid.extent[k] = s.grains.radius[i] + s.verlet.skin[i] + path
 
 
 @wp.func
 def is_within_reach(s: Scene, a: int, b: int) -> bool:
-    """The criterion of verlet.py, and before it that of the extents, which is quicker and wider."""
+    """The criterion of verlet.py."""
     distance = wp.length(s.grains.position[b] - s.grains.position[a])
-    if distance > (s.grid.extent[a] + s.grid.extent[b]) * TOO_WIDE:
-        return False
     w = s.verlet.reference_velocity[b] - s.verlet.reference_velocity[a]
     reach = s.verlet.skin[a] + s.verlet.skin[b] + s.verlet.numbers.lifetime * wp.length(w)
     return distance <= (s.grains.radius[a] + s.grains.radius[b] + reach) * TOO_WIDE
 
 
 @wp.func
-def try_pair(s: Scene, a: int, b: int):
-    """Take a pair within reach, if a is the one to find it: the larger, or, of equals, the first.
-
-    It is counted in the row of its first grain, and written down if there is room.
-    """
-    extent_a = s.grid.extent[a]
-    extent_b = s.grid.extent[b]
-    if extent_b > extent_a or (extent_b == extent_a and b <= a):
-        return
-    if is_within_reach(s, a, b):
-        wp.atomic_add(s.neighbors.cursor, wp.min(a, b), 1)
-        place = wp.atomic_add(s.neighbors.total, 0, 1)
-        if place < s.neighbors.found.shape[0]:
-            s.neighbors.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
+def note_pair(s: Scene, a: int, b: int):
+    """Count a pair in the row of its first grain, and write it down if there is room."""
+    wp.atomic_add(s.neighbors.cursor, wp.min(a, b), 1)
+    place = wp.atomic_add(s.neighbors.total, 0, 1)
+    if place < s.neighbors.found.shape[0]:
+        s.neighbors.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
 
 
 @wp.func
-def find_pairs(s: Scene, a: int):
-    """Find a grain's pairs in the cells around it, or among all grains where that is less to look at."""
-    x = s.grains.position[a]
-    radius = f64(2.0) * s.grid.extent[a] * TOO_WIDE
+def find_pairs_among(s: Scene, k: int, begin: int, end: int):
+    """Find the pairs of the grain at k with those at begin <= other < end: within their extents, and in reach.
+
+    Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first in the cells.
+    """
+    position, extent = s.grid.position, s.grid.extent
+    x = vector_at(position, k)
+    own = number_at(extent, k)
+    other = begin
+    while other < end:
+        d = vector_at(position, other) - x
+        its = number_at(extent, other)
+        reach = (own + its) * TOO_WIDE
+        if wp.dot(d, d) <= reach * reach and (its < own or (its == own and other > k)):
+            a = s.grid.grain[k]
+            b = s.grid.grain[other]
+            if is_within_reach(s, a, b):
+                note_pair(s, a, b)
+        other += 1
+
+
+@wp.func
+def find_pairs(s: Scene, k: int):
+    """Find the pairs of the grain at place k in the cells around it, or among all where that is less to see."""
+    x = s.grid.position[k]
+    radius = f64(2.0) * s.grid.extent[k] * TOO_WIDE
+    width = s.grid.width
     first_x, last_x = cell_of(x[0] - radius, s.grid.size), cell_of(x[0] + radius, s.grid.size)
     first_y, last_y = cell_of(x[1] - radius, s.grid.size), cell_of(x[1] + radius, s.grid.size)
-    if last_x - first_x >= s.grid.width or last_y - first_y >= s.grid.width:
-        for b in range(grain_count(s)):
-            try_pair(s, a, b)
-    else:
-        for cy in range(first_y, last_y + 1):
-            for cx in range(first_x, last_x + 1):
-                bucket = bucket_of(cx, cy, s.grid.width)
-                for k in range(s.grid.cell_start[bucket], s.grid.cell_start[bucket + 1]):
-                    try_pair(s, a, s.grid.cell_grain[k])
+    if last_x - first_x >= width or last_y - first_y >= width:
+        find_pairs_among(s, k, 0, grain_count(s))
+        return
+    for cy in range(first_y, last_y + 1):
+        first = bucket_of(first_x, cy, width)
+        last = bucket_of(last_x, cy, width)
+        if first <= last:
+            find_pairs_among(s, k, s.grid.cell_start[first], s.grid.cell_start[last + 1])
+        else:  # the row of cells is wrapped around
+            row = bucket_of(0, cy, width)
+            find_pairs_among(s, k, s.grid.cell_start[row], s.grid.cell_start[last + 1])
+            find_pairs_among(s, k, s.grid.cell_start[first], s.grid.cell_start[row + width])
 
 
 @wp.func

@@ -71,14 +71,18 @@ class NeighborList:
 
 @wp.struct
 class CellGrid:
-    """Grains by cell: those of bucket b are cell_grain[cell_start[b]:cell_start[b + 1]]."""
+    """Grains by cell: those of bucket b are at cell_start[b] <= k < cell_start[b + 1] of the other arrays.
+
+    The extent of a grain is its part of the distance at which pairs are within reach.
+    """
 
     size: f64  # of a cell [m]
     width: wp.int32  # buckets a side, a power of two
     cell_start: Ints
     cell_cursor: Ints
-    cell_grain: Ints
-    extent: Floats  # of every grain: its part of the distance at which pairs are within reach [m]
+    grain: Ints
+    position: Vectors  # [m]
+    extent: Floats  # [m]
 
 
 @wp.struct
