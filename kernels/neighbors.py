@@ -102,9 +102,9 @@ def note_pair(s: Scene, a: int, b: int):
 
 @wp.func
 def find_pairs_among(s: Scene, k: int, begin: int, end: int):
-    """Find the pairs of the grain at k with those at begin <= other < end: within their extents, and in reach.
+    """Find the pairs of the grain at place k with those at begin <= other < end.
 
-    Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first in the cells.
+    Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first.
     """
     position, extent = s.grid.position, s.grid.extent
     x = vector_at(position, k)
@@ -124,7 +124,7 @@ def find_pairs_among(s: Scene, k: int, begin: int, end: int):
 
 @wp.func
 def find_pairs(s: Scene, k: int):
-    """Find the pairs of the grain at place k in the cells around it, or among all where that is less to see."""
+    """Find the pairs of the grain at place k in the cells around it, or among all where that is less."""
     x = s.grid.position[k]
     radius = f64(2.0) * s.grid.extent[k] * TOO_WIDE
     width = s.grid.width

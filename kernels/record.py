@@ -21,7 +21,9 @@ from .walls import Walls
 
 f64 = wp.float64
 
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED = (wp.constant(k) for k in range(6))
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED = (
+    wp.constant(k) for k in range(7)
+)
 """Outcomes of a step: an UNPROVED one is taken, and worth a search for a proof that none solves it."""
 
 
@@ -58,6 +60,7 @@ class Control:
     rebuilding: wp.int32
     accepted: wp.int32
     sweeping: wp.int32
+    halted: wp.int32  # whether the host wants the step given up
     set: wp.int32  # that is swept now, where every set is a launch of its own
 
 

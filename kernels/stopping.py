@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .record import EXPIRED, NOT_CONVERGED, SOLVED, Scene
+from .record import EXPIRED, HALTED, NOT_CONVERGED, SOLVED, Scene
 from .types import Floats
 from .verlet import check_all, outcome_of_check, reserve
 
@@ -72,6 +72,8 @@ def decide_to_stop(s: Scene):
             going_on = going_on and zeta > stopping.tolerance
     if s.verlet.flags.list_expired != 0 and is_power_of_two(iterations):
         going_on = False
+    if s.control.halted != 0:
+        going_on = False
     s.step.zeta = zeta
     s.step.iterations = iterations
     s.control.iterating = 1 if going_on else 0
@@ -104,6 +106,8 @@ def judge(s: Scene):
     outcome = outcome_of_check(s)
     if outcome == SOLVED and s.stopping.raise_on_unconverged != 0 and not has_converged(s):
         outcome = NOT_CONVERGED
+    if s.control.halted != 0 and not has_converged(s):
+        outcome = HALTED
     s.step.outcome = outcome
     s.control.accepted = 1 if outcome == SOLVED else 0
     s.control.unlisted = 1 if outcome == EXPIRED else 0

@@ -19,15 +19,15 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     threads : int
         On a CPU; teams of more than one must be as large.
     on_progress : callable, optional
-        Without it, a single thread works in the caller's place, and cannot be interrupted.
+        Without it, a single thread does what is brief in the caller's place.
     """
     left = _left(engines)
 
     def glance() -> None:
         nonlocal left
         before, left = left, _left(engines)
-        assert on_progress is not None
-        on_progress(before - left)
+        if on_progress is not None:
+            on_progress(before - left)
 
     def halt() -> None:
         for engine in engines:
@@ -38,7 +38,8 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
         while going_on:
             by_thread = zip(*(engine.works(threads) for engine in engines), strict=True)
             works = [partial(_do, works) for works in by_thread]
-            side_by_side(works, None if on_progress is None else glance, halt)
+            is_watched = on_progress is not None or not all(engine.is_brief for engine in engines)
+            side_by_side(works, glance if is_watched else None, halt)
             going_on = sum(engine.service() for engine in engines) > 0
     finally:
         for engine in engines:

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrains.arrays import IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels import batch as kernels
 from warpgrains.kernels.launch import Launcher
-from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE, SOLVED, UNPROVED, WITHOUT_ROOM
+from warpgrains.kernels.record import HALTED, NOT_CONVERGED, NOT_FINITE, SOLVED, UNPROVED, WITHOUT_ROOM
 from warpgrains.kernels.step import step
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State
@@ -26,6 +27,7 @@ from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.threads import side_by_side, team_of
 
 CPU_BLOCK = 1  # threads in which Warp compiles a kernel for a CPU
+BRIEF = 2e7  # iterations of grains: some tenths of a second
 REFUSED = -1  # outcome of a step whose list finds no memory
 
 
@@ -155,9 +157,16 @@ class Engine:
             self._graphs[k] = capture.graph
         return self._graphs[k]
 
+    @property
+    def is_brief(self) -> bool:
+        """Whether the steps left are done before anyone would want to interrupt them."""
+        most = [scene.n * scene.max_iterations for scene in self.scenes]
+        return bool(self.left @ np.array(most, dtype=np.float64) < BRIEF)
+
     def halt(self) -> None:
-        """Let the threads begin no other step."""
+        """Let the threads give up the steps that they are at, and begin no other."""
         self._halt[0] = 1
+        self._records.host["control"]["halted"] = 1
 
     def service(self) -> bool:
         """Do what scenes wait for; return whether one of them can go on."""
@@ -201,6 +210,8 @@ class Engine:
     def finish_open_steps(self) -> None:
         """Bring every scene between two steps, count the steps done, and say what failed."""
         self._halt[0] = 0
+        self._records.host["control"]["halted"] = 0
+        self._give_up(np.flatnonzero(self.outcome == HALTED))
         while amid := self._grow():
             left = self.left.copy()
             self.left[:] = 0
@@ -210,9 +221,15 @@ class Engine:
             self.left[:] = left
         self._steps += self._submitted - self.left
         self._submitted[:] = self.left
-        for k in np.flatnonzero(np.isin(self.outcome, (NOT_FINITE, NOT_CONVERGED, REFUSED))).tolist():
+        failed = np.flatnonzero(np.isin(self.outcome, (NOT_FINITE, NOT_CONVERGED, REFUSED)))
+        for k in failed.tolist():
             number, time = self._steps[k] + 1, self._steps[k].item() * self.scenes[k].dt
             self._errors[k] = f"step {number}, from t = {time} s: {self._reason(k)}"
+        self._give_up(failed)
+
+    def _give_up(self, scenes: IndexArray) -> None:
+        """Take back what unfinished steps did."""
+        for k in scenes.tolist():
             self._memory[k].give_up_step()
             self._records.push(k)
 
