@@ -25,7 +25,7 @@ class ErrorBound:
 def certify(simulation: Simulation) -> ErrorBound:
     """Measure the true error of a simulation's last step.
 
-    The step's convex problem (SPEC.md, "Why it is hard") is set up from the positions and velocities at its
+    The step's convex problem (kernels/MODEL.md, eq. 10) is set up from the positions and velocities at its
     start, over all pairs of grains that could meet in it and both walls, and solved by clarabel, an interior
     point method. About 0.3 s for a pile of 1,000 grains.
 

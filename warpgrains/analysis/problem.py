@@ -1,4 +1,4 @@
-"""One step as a convex problem (SPEC.md, "Why it is hard"), in NumPy, apart from the kernels that solve it.
+"""One step as a convex problem (kernels/MODEL.md, eq. 10), in NumPy, apart from the kernels that solve it.
 
     min 1/2 (v - v*)^T M (v - v*)   subject to   J v <= b,   b = gap / dt,
 
@@ -37,7 +37,7 @@ class StepProblem:
 
     @property
     def free_velocity(self) -> FloatArray:
-        """v* = v + dt (g - drag / m v) [m/s], shape (n, 2)."""
+        """v* = v + dt (g - drag / m v) (eq. 2) [m/s], shape (n, 2)."""
         scene, v = self.scene, self.velocity
         return v + scene.dt * (np.array(scene.gravity) - (scene.drag / scene.mass)[:, np.newaxis] * v)
 
