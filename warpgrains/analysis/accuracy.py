@@ -42,8 +42,7 @@ def certify(simulation: Simulation) -> ErrorBound:
         No step has been taken, or no velocities satisfy every gap of the step.
     """
     try:
-        from warpgrains.analysis.exact import solve_exactly
-        from warpgrains.analysis.problem import StepProblem
+        from warpgrains.analysis.exact import StepProblem, solve_exactly
     except ModuleNotFoundError as error:
         raise missing_extra("certify", error) from error
     velocity = simulation.velocity
