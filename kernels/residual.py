@@ -2,9 +2,9 @@
 
     eta = max over contacts of | max(0, dv_c + vn - gap/dt) - dv_c |    (MODEL.md, eq. 12),
 
-both walls apart, for the velocities that the corrections make of the free ones. These velocities are the
-exact solution of a step whose gaps are changed by at most dt * eta: a contact that carries dv_c > 0 has
-vn = gap/dt to within eta, one that does not has vn <= gap/dt + eta.
+both walls apart, for the velocities that the corrections make of the free ones. No contact closes faster than
+gap/dt + eta. The velocities are the exact solution of a step whose gaps are changed by at most dt * eta, and
+whose free velocities by what letting go contacts still carry, at most eta each.
 """
 
 import warp as wp

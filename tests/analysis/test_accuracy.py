@@ -9,8 +9,7 @@ from sample_scenes import bullet
 
 from warpgrains import Scene, SceneError, Simulation, SimulationError
 from warpgrains.accuracy import certify
-from warpgrains.analysis.exact import ExactStep, solve_exactly
-from warpgrains.analysis.problem import StepProblem, pairs_within
+from warpgrains.analysis.exact import ExactStep, StepProblem, pairs_within, solve_exactly
 
 DT = 0.01
 

@@ -12,10 +12,9 @@ from warpgrains.cli.main import main
 from warpgrains.files import draft_of
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report import report
-from warpgrains.report.history import Snapshot, follow_history
+from warpgrains.report.report import markdown
 from warpgrains.report.rows import Budget, Findings, PathRow, StepRow, fitted_order
-from warpgrains.report.steps import measure_steps
-from warpgrains.report.text import markdown
+from warpgrains.report.steps import Snapshot, follow_history, measure_steps
 from warpgrains.report.trajectories import FRACTIONS, measure_frontier, measure_paths
 from warpgrains.scene.state import first_state
 

@@ -1,4 +1,4 @@
-"""How far a solved step is from the minimiser of SPEC.md, "Why it is hard": in NumPy, over all pairs."""
+"""How far a solved step is from the minimiser (kernels/MODEL.md, eq. 10): in NumPy, over all pairs."""
 
 from dataclasses import dataclass
 

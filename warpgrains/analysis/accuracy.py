@@ -25,7 +25,7 @@ class ErrorBound:
 def certify(simulation: Simulation) -> ErrorBound:
     """Measure the true error of a simulation's last step.
 
-    The step's convex problem (SPEC.md, "Why it is hard") is set up from the positions and velocities at its
+    The step's convex problem (kernels/MODEL.md, eq. 10) is set up from the positions and velocities at its
     start, over all pairs of grains that could meet in it and both walls, and solved by clarabel, an interior
     point method. About 0.3 s for a pile of 1,000 grains.
 
@@ -42,8 +42,7 @@ def certify(simulation: Simulation) -> ErrorBound:
         No step has been taken, or no velocities satisfy every gap of the step.
     """
     try:
-        from warpgrains.analysis.exact import solve_exactly
-        from warpgrains.analysis.problem import StepProblem
+        from warpgrains.analysis.exact import StepProblem, solve_exactly
     except ModuleNotFoundError as error:
         raise missing_extra("certify", error) from error
     velocity = simulation.velocity

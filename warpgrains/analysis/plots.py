@@ -6,6 +6,7 @@ Nothing here opens a window or knows of a display: the figure is drawn by Matplo
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -67,10 +68,10 @@ def plot(
     return numbers
 
 
-def save_figure(figure: Figure, output: Path) -> None:
+def save_figure(figure: Figure, output: Path, dpi: float = _DOTS_PER_INCH, **options: Any) -> None:
     """Put a picture under its name, whole."""
     with draft_of(output) as draft:
-        figure.savefig(draft, dpi=_DOTS_PER_INCH)
+        figure.savefig(draft, dpi=dpi, **options)
 
 
 def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:

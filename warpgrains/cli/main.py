@@ -114,28 +114,18 @@ def _add_checkpoints(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
     add("--checkpoint", metavar="FILE", help="save the run to this .npz file as it goes")
     add("--every", type=int, metavar="K", help="time steps between two checkpoints (default: 1000)")
-    add(
-        "--resume",
-        metavar="FILE",
-        help="continue the run that left this checkpoint, and what it recorded: instead of SCENE",
-    )
+    left = "continue the run that left this checkpoint, and what it recorded: instead of SCENE"
+    add("--resume", metavar="FILE", help=left)
 
 
 def _add_batch(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    add(
-        "sweep",
-        metavar="SWEEP",
-        nargs="?",
-        help="a sweep file, a folder of scenes, or the name of a shipped sweep",
-    )
+    kinds = "a sweep file, a folder of scenes, or the name of a shipped sweep"
+    add("sweep", metavar="SWEEP", nargs="?", help=kinds)
     add("-o", "--output", metavar="DIR", required=True, help="folder for runs/NUMBER/ and results.csv")
     add("--resume", action="store_true", help="go on with the runs that are not finished")
-    add(
-        "--plot",
-        metavar="x=COLUMN,y=COLUMN[,color=COLUMN]",
-        help="draw the results; without SWEEP, those that are there",
-    )
+    axes = "x=COLUMN,y=COLUMN[,color=COLUMN]"
+    add("--plot", metavar=axes, help="draw the results; without SWEEP, those that are there")
     add("--usd", action="store_true", help="record every run to its recording.usdc")
     add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
@@ -173,12 +163,8 @@ def _add_plot(parser: ArgumentParser) -> None:
 
 def _add_report(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    add(
-        "scenes",
-        metavar="SCENE",
-        nargs="*",
-        help="TOML files, or names of shipped scenes (default: all shipped)",
-    )
+    kinds = "TOML files, or names of shipped scenes (default: all shipped)"
+    add("scenes", metavar="SCENE", nargs="*", help=kinds)
     add("-o", "--output", metavar="DIR", required=True, help="folder to put the report in")
 
 
@@ -198,25 +184,25 @@ COMMANDS = {
         "Carry out the runs of a sweep; exit code 1: some run failed or is not finished.",
     ),
     "check": Command(
-        "recordings.check",
+        "tools.check",
         _add_check,
         "check a recording",
         "Check in a recording what no USD validator checks; exit code 1: something is wrong.",
     ),
     "recover": Command(
-        "recordings.recover",
+        "tools.recover",
         _add_recover,
         "make a file of what a killed run recorded",
         "Make a file of what a killed run recorded. To finish the run: run --resume.",
     ),
     "plot": Command(
-        "recordings.plot",
+        "tools.plot",
         _add_plot,
         "draw frames and curves of a recording",
         "Draw frames of a recording side by side, and energy, height and contacts over time.",
     ),
     "report": Command(
-        "report.run",
+        "tools.report",
         _add_report,
         "measure speed against error",
         "Measure speed against error: tables, CSV and pictures, in some minutes.",

@@ -1,4 +1,4 @@
-/* The reference: the course text's loops as they stand (SPEC.md), to be read beside it.
+/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), as they stand there.
  *
  * Build with -ffp-contract=off, so that a product and a sum are rounded one after the other. */
 

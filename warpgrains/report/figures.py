@@ -1,6 +1,6 @@
 """Pictures of a report: error against iterations and wall time, error against dt, and equal work."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -14,6 +14,7 @@ _BLUE, _ORANGE, _GREY = "#0072b2", "#d55e00", "0.6"
 _COLOR = {"gauss-seidel": _BLUE, "accelerated": _ORANGE}
 _DASHES = {"sequential": "-", "color": "--"}
 _LEAST_OVERLAP = 1e-13  # m: what is less is rounding
+_BELOW: dict[str, Any] = {"loc": "outside lower center", "ncols": 3, "fontsize": "small", "frameon": False}
 _MARKER = {16: "o", 160: "s", 1600: "^"}
 
 
@@ -27,7 +28,8 @@ def draw_steps(rows: Sequence[StepRow]) -> Figure:
         first = here[0]
         title = f"{moment}: t = {first.time:.4g} s, {first.contacts} contacts"
         over_iterations.set_title(title, fontsize="medium")
-        for configuration, curve in _by_configuration(here):
+        for configuration in dict.fromkeys(row.configuration for row in here):
+            curve = [row for row in here if row.configuration == configuration]
             errors = [row.error for row in curve]
             if configuration.code == "warpgrains" and configuration.threads == 1:
                 over_iterations.plot([row.iterations for row in curve], errors, **_style(configuration))
@@ -43,15 +45,8 @@ def draw_steps(rows: Sequence[StepRow]) -> Figure:
     handles.append(grid[1, 0].lines[-1])
     labels.append("the exact solution's own error")
     figure.suptitle(f"{rows[0].scene}: one step of {rows[0].grains} grains", fontsize="large")
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize="small", frameon=False)
+    figure.legend(handles, labels, **_BELOW)
     return figure
-
-
-def _by_configuration(rows: Iterable[StepRow]) -> list[tuple[Configuration, list[StepRow]]]:
-    configurations: dict[Configuration, list[StepRow]] = {}
-    for row in rows:
-        configurations.setdefault(row.configuration, []).append(row)
-    return list(configurations.items())
 
 
 def _style(configuration: Configuration) -> dict[str, Any]:
@@ -80,16 +75,7 @@ def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Fig
     figure.suptitle(f"{paths[0].scene}: iterations, or shorter steps", fontsize="large")
     handles, labels = right.get_legend_handles_labels()
     title = "right: iterations spent in one of the scene's own steps"
-    figure.legend(
-        handles,
-        labels,
-        title=title,
-        loc="outside lower center",
-        ncols=3,
-        fontsize="small",
-        title_fontsize="small",
-        frameon=False,
-    )
+    figure.legend(handles, labels, title=title, title_fontsize="small", **_BELOW)
     return figure
 
 
@@ -113,15 +99,14 @@ def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
     for method, color in _COLOR.items():
         for cost in COSTS:
             here = [row for row in rows if (row.method, row.cost) == (method, cost)]
-            axes.plot(
-                [row.dt for row in here],
-                [row.overlap for row in here],
-                color=color,
-                linewidth=1.2,
-                marker=_MARKER[cost],
-                markersize=4,
-                label=f"{method}, {cost} iterations",
-            )
+            look: dict[str, Any] = {
+                "color": color,
+                "linewidth": 1.2,
+                "marker": _MARKER[cost],
+                "markersize": 4,
+            }
+            left = [row.overlap for row in here]
+            axes.plot([row.dt for row in here], left, label=f"{method}, {cost} iterations", **look)
     best = [row for row in rows if (row.method, row.cost) == ("accelerated", COSTS[-1])]
     floor = [row.wall_floor for row in best]
     axes.plot([row.dt for row in best], floor, color=_GREY, linestyle="--", label="(v dt)² / (2 R_out)")

@@ -1,6 +1,10 @@
-"""One step, solved with ever more iterations: its wall time and its true error, in every configuration."""
+"""Steps worth solving of a scene's history, each solved with ever more iterations, in every configuration.
+
+What is measured is their wall time and their true error.
+"""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from statistics import median
 from time import perf_counter
@@ -8,13 +12,13 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from warpgrains.analysis.exact import solve_exactly
-from warpgrains.analysis.problem import StepProblem
+from warpgrains.analysis.exact import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference
-from warpgrains.report.history import Snapshot
-from warpgrains.report.rows import Budget, Configuration, StepRow
+from warpgrains.report.rows import ACCURATE, Budget, Configuration, StepRow
 from warpgrains.scene.scene import METHODS, ORDERS, Scene
+from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import StepReport
 
@@ -25,6 +29,28 @@ CHECK_ITERATIONS = 30_000  # of the solution that the exact one is compared with
 Result = TypeVar("Result")
 
 
+class Snapshot(NamedTuple):
+    """A step of the history, from where it starts."""
+
+    name: str
+    state: State
+    contacts: int
+    """Contacts that carry a correction after it."""
+
+
+@dataclass(frozen=True)
+class History:
+    """What a scene goes through, at its own tolerance."""
+
+    first: State
+    """Before the first step in which a contact acts."""
+    hardest: State
+    """Before the step of most iterations."""
+    snapshots: list[Snapshot]
+    """onset: the first step with half as many contacts as there will ever be; hardest; end: the last step.
+    A step that is two of them is there once."""
+
+
 class Measurement(NamedTuple):
     """A step with some limit on its iterations."""
 
@@ -33,6 +59,34 @@ class Measurement(NamedTuple):
     velocity: FloatArray
     done: bool
     """Whether more iterations would be of no use."""
+
+
+def follow_history(scene: Scene, longest: int) -> History:
+    """Follow a scene by the accelerated method, in color order, for `longest` steps at most.
+
+    Raises
+    ------
+    SceneError
+        No contact acts in it.
+    """
+    simulation = Simulation(scene, **ACCURATE)
+    records: list[Snapshot] = []  # steps with more contacts than any before
+    hardest = end = Snapshot("", simulation.state(), 0)
+    most_iterations = 0
+    for _ in range(min(scene.steps, longest)):
+        state = simulation.state()
+        report = simulation.step()
+        end = Snapshot("end", state, report.contacts)
+        if report.contacts > (records[-1].contacts if records else 0):
+            records.append(Snapshot("onset", state, report.contacts))
+        if report.contacts and report.iterations > most_iterations:
+            most_iterations = report.iterations
+            hardest = Snapshot("hardest", state, report.contacts)
+    if not records:
+        raise SceneError(f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps")
+    onset = next(record for record in records if 2 * record.contacts >= records[-1].contacts)
+    by_step = {snapshot.state.steps: snapshot for snapshot in (end, hardest, onset) if snapshot.contacts}
+    return History(records[0].state, hardest.state, [by_step[step] for step in sorted(by_step)])
 
 
 def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[StepRow]:
@@ -63,14 +117,7 @@ def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[
 
 def _converged(scene: Scene, snapshot: Snapshot) -> FloatArray:
     """Return the velocities that the accelerated method finds when it goes on for long [m/s]."""
-    simulation = Simulation(
-        scene,
-        method="accelerated",
-        order="color",
-        stop="residual",
-        tolerance=CONVERGED,
-        max_iterations=CHECK_ITERATIONS,
-    )
+    simulation = Simulation(scene, **ACCURATE, tolerance=CONVERGED, max_iterations=CHECK_ITERATIONS)
     simulation.restore(snapshot.state)
     simulation.step()
     return simulation.velocity
@@ -97,17 +144,10 @@ def _configurations(
 def _solve(
     scene: Scene, snapshot: Snapshot, budget: Budget, configuration: Configuration, limit: int
 ) -> Measurement:
-    """Take the step with a simulation that does not stop before its limit.
-
-    Its solver takes the step: a simulation would go on to search for a proof that it has no solution.
-    """
+    """Take the step with a simulation that does not stop before its limit."""
+    _, method, order, threads = configuration
     simulation = Simulation(
-        scene,
-        threads=configuration.threads,
-        method=configuration.method,
-        order=configuration.order,
-        tolerance=0.0,
-        max_iterations=limit,
+        scene, threads=threads, method=method, order=order, tolerance=0.0, max_iterations=limit
     )
 
     def step() -> tuple[float, StepReport]:
@@ -116,7 +156,7 @@ def _solve(
         report = simulation.step()
         return perf_counter() - start, report
 
-    step()  # once, so that the launches are captured
+    step()  # once, so that the list is built and the kernels are compiled
     wall_time, report = _median(step, budget)
     return Measurement(report.iterations, wall_time, simulation.velocity, report.residual <= CONVERGED)
 

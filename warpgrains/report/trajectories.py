@@ -7,7 +7,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SimulationError
-from warpgrains.report.rows import COSTS, FrontierRow, PathRow
+from warpgrains.report.rows import ACCURATE, COSTS, FrontierRow, PathRow
 from warpgrains.scene.scene import METHODS, Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
@@ -60,9 +60,10 @@ def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[Front
         for fraction in possible_fractions(scene):
             for method in METHODS:
                 dt, iterations = scene.dt * fraction, round(cost * fraction)
-                limits = {"order": "color", "tolerance": 0.0, "max_iterations": iterations}
+                spending = begin(scene, start).replace(
+                    method=method, order="color", tolerance=0.0, max_iterations=iterations
+                )
                 try:
-                    spending = begin(scene, start).replace(method=method, **limits)
                     overlap = follow(spending, fraction, horizon).overlap
                 except SimulationError:
                     overlap = np.nan
@@ -85,13 +86,7 @@ def begin(scene: Scene, state: State) -> Scene:
 
 def begin_solved(scene: Scene, state: State) -> Scene:
     """Return the scene that begins where another one is, and solves every step."""
-    return begin(scene, state).replace(
-        method="accelerated",
-        order="color",
-        stop="residual",
-        tolerance=SOLVED,
-        max_iterations=SOLVED_ITERATIONS,
-    )
+    return begin(scene, state).replace(**ACCURATE, tolerance=SOLVED, max_iterations=SOLVED_ITERATIONS)
 
 
 def possible_fractions(scene: Scene) -> list[float]:

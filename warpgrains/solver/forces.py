@@ -1,4 +1,4 @@
-"""What the contacts carry, in the units of forces (SPEC.md, "What the solver returns besides velocities")."""
+"""What the contacts carry, in the units of forces (kernels/MODEL.md, eq. 9)."""
 
 from dataclasses import dataclass
 

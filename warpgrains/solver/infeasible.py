@@ -1,7 +1,7 @@
 """Steps that no velocities solve: found, proved, and the grains that cannot fit named.
 
 The contacts of a step demand J v <= b, with (J v)_c = (v_i - v_j) . n of a pair, v_i . n at a wall,
-whose n points into it, and b_c = gap_c / dt (SPEC.md, "Why it is hard"). Weights y >= 0 of the
+whose n points into it, and b_c = gap_c / dt (kernels/MODEL.md, eqs. 10 and 15). Weights y >= 0 of the
 contacts prove, for any velocities v that meet these demands (Farkas 1902; y are forces that balance each
 other, J^T y = 0, though they press overlaps apart, b . y < 0),
 

@@ -26,7 +26,7 @@ class StepReport:
         Largest change of a correction in the last of them [m/s].
     residual : float
         Error of the solve, eta [m/s]: the velocities are the exact ones of a step whose gaps are changed by
-        at most dt * residual (kernels/residual.py).
+        at most dt * residual, and free velocities by at most the residual a contact (MODEL.md, eq. 12).
     gap_error : float
         dt * residual in units of the smallest radius.
     converged : bool

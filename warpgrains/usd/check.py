@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
-from warpgrains.usd.forces import FORCES
-from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.reader import open_recording
+from warpgrains.usd.stage import FORCES, GRAINS
 
 Values = NDArray[Any]
 

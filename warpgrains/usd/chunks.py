@@ -10,30 +10,24 @@ import os
 import re
 import shutil
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from pxr import Sdf
+from pxr import Sdf, Tf, Vt, Work
 
 from warpgrains.errors import SceneError
 from warpgrains.files import publish
-from warpgrains.usd.layers import (
-    Samples,
-    chunk_layer,
-    clips_layer,
-    count_codes,
-    freeing_at_once,
-    manifest_layer,
-    reporting_os_errors,
-    require_frames,
-)
 
 STATIC = "static.usdc"
 MANIFEST = "manifest.usda"
 ROOT = "root.usda"
 CHUNK_FRAMES = 100
 CHUNK_BYTES = 16e6
+
+Samples = Mapping[Sdf.Path, object]
+"""One frame: the value of each attribute."""
 
 _CHUNK_NAME = re.compile(r"chunk\.(\d{8})\.usdc")
 _SECONDS_BETWEEN_ROOTS = 1.0
@@ -73,8 +67,8 @@ class ChunkFolder:
         SceneError
             If the folder is not of this recording, or its chunks do not hold the earlier frames.
         """
-        static = self.path / STATIC
-        if not static.is_file() or _text(Sdf.Layer.FindOrOpen(str(static))) != _text(self._static):
+        static, ours = self.path / STATIC, self._static.ExportToString()
+        if not static.is_file() or Sdf.Layer.FindOrOpen(str(static)).ExportToString() != ours:
             raise SceneError(f"'{self.path}' holds no frames of this scene, drawn as now asked for")
         chunks = find_chunks(self.path)
         held = sum(count_codes(path) for first, path in chunks if first < frames)
@@ -91,15 +85,29 @@ class ChunkFolder:
         """Write one chunk, whose first frame is number `first`, and now and then the root that shows all."""
         if not self._is_ours:
             self._start(frames[0])
-        name = f"chunk.{first:08d}.usdc"
         with freeing_at_once():
-            self._publish(chunk_layer(self._static, first, frames), name, frames[0], len(frames))
+            chunk = chunk_layer(self._static, first, frames)
+            self._publish(chunk, f"chunk.{first:08d}.usdc", frames[0], len(frames))
         if time.monotonic() - self._shown_at > _SECONDS_BETWEEN_ROOTS:
             self.show(first + len(frames))
 
     def show(self, frames: int) -> None:
-        """Write the root that shows all chunks, which hold `frames` frames."""
-        root = clips_layer(self.path / STATIC, self.path / MANIFEST, find_chunks(self.path), frames - 1)
+        """Write the root that shows all chunks, which hold `frames` frames, on the static layer."""
+        chunks, last = find_chunks(self.path), frames - 1
+        root, below = Sdf.Layer.CreateAnonymous(".usda"), self._static.pseudoRoot
+        for key in below.ListInfoKeys():
+            root.pseudoRoot.SetInfo(key, below.GetInfo(key))
+        root.startTimeCode, root.endTimeCode = 0, last
+        root.subLayerPaths.append(f"./{STATIC}")
+        world = Sdf.CreatePrimInLayer(root, f"/{root.defaultPrim}")
+        clips = {
+            "primPath": str(world.path),
+            "manifestAssetPath": Sdf.AssetPath(f"./{MANIFEST}"),
+            "assetPaths": Sdf.AssetPathArray([Sdf.AssetPath(f"./{path.name}") for _, path in chunks]),
+            "active": Vt.Vec2dArray([(first, index) for index, (first, _) in enumerate(chunks)]),
+            "times": Vt.Vec2dArray([(0, 0), (last, last)] if last else [(0, 0)]),
+        }
+        world.SetInfo("clips", {"default": clips})
         self._publish(root, ROOT)
         self._shown_at = time.monotonic()
 
@@ -122,7 +130,7 @@ class ChunkFolder:
         self._is_ours = True
         try:
             self._publish(self._static, STATIC)
-            self._publish(manifest_layer(self._static, attributes), MANIFEST)
+            self._publish(_declaring(attributes, self._static, ".usda"), MANIFEST)
         except OSError:
             self.remove()
             raise
@@ -144,9 +152,8 @@ class ChunkWriter:
     """Writes a chunk when 100 frames or 16 MB have come together.
 
     It writes then and there, not in a thread: a killed run must not lose a second chunk, the one that a
-    thread was about to write. Frames that could not be written are kept and tried again.
-
-    The folder may hold some frames already.
+    thread was about to write. Frames that could not be written are kept and tried again. The folder may
+    hold some frames already.
     """
 
     def __init__(self, folder: ChunkFolder, frames: int) -> None:
@@ -185,5 +192,57 @@ class ChunkWriter:
         self._pending, self._pending_bytes = [], 0
 
 
-def _text(layer: Sdf.Layer) -> str:
-    return layer.ExportToString()
+def chunk_layer(static: Sdf.Layer, first: int, frames: Sequence[Samples]) -> Sdf.Layer:
+    """Return a binary layer with the values of `frames`, numbered from `first`, and nothing else."""
+    chunk = _declaring(frames[0], static, ".usdc")
+    for code, samples in enumerate(frames, start=first):
+        for attribute, value in samples.items():
+            chunk.SetTimeSample(attribute, code, value)
+    return chunk
+
+
+def _declaring(attributes: Iterable[Sdf.Path], static: Sdf.Layer, suffix: str) -> Sdf.Layer:
+    """Return a new layer that declares some attributes of the static one, and nothing else."""
+    layer = Sdf.Layer.CreateAnonymous(suffix)
+    for attribute in attributes:
+        prim = Sdf.CreatePrimInLayer(layer, attribute.GetPrimPath())
+        Sdf.AttributeSpec(prim, attribute.name, static.GetAttributeAtPath(attribute).typeName)
+    return layer
+
+
+def count_codes(path: Path) -> int:
+    """Return the number of time codes in a layer's file."""
+    with reporting_os_errors(path):
+        return len(Sdf.Layer.FindOrOpen(str(path)).ListAllTimeSamples())
+
+
+def require_frames(path: Path, attributes: Iterable[Sdf.Path], frames: int) -> None:
+    """Raise OSError unless `path` can be read and holds `frames` time samples of each attribute."""
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    for attribute in attributes:
+        written = layer.GetNumTimeSamplesForPath(attribute)
+        if written != frames:
+            raise OSError(f"'{path}' holds {written} frames of {attribute} after writing {frames}")
+
+
+@contextmanager
+def reporting_os_errors(path: Path) -> Iterator[None]:
+    """Turn what USD raises when it cannot write `path` or read it back into an OSError of one line."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        reasons = [one.commentary.strip() for one in error.args]
+        raise OSError(
+            f"'{path}' cannot be written and read back: {reasons[0] if reasons else error}"
+        ) from error
+
+
+@contextmanager
+def freeing_at_once() -> Iterator[None]:
+    """Keep USD from freeing saved values in threads of its own: on a busy machine it would be late by all."""
+    limit = Work.GetConcurrencyLimit()
+    Work.SetConcurrencyLimit(1)
+    try:
+        yield
+    finally:
+        Work.SetConcurrencyLimit(limit)

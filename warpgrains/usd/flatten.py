@@ -8,10 +8,12 @@ from pxr import Sdf, UsdUtils
 
 from warpgrains.errors import SceneError
 from warpgrains.files import publish
-from warpgrains.usd.chunks import STATIC, ChunkFolder, ChunkWriter, find_chunks
-from warpgrains.usd.layers import (
-    animated_attributes,
+from warpgrains.usd.chunks import (
+    STATIC,
+    ChunkFolder,
+    ChunkWriter,
     count_codes,
+    find_chunks,
     freeing_at_once,
     reporting_os_errors,
     require_frames,
@@ -74,7 +76,7 @@ def reopen(recording: Path, chunks: Path) -> None:
     draft = chunks.with_name(f".{chunks.name}.draft")
     with reporting_os_errors(recording):
         flat = Sdf.Layer.FindOrOpen(str(recording))
-        attributes = animated_attributes(flat)
+        attributes = _animated_attributes(flat)
         folder = ChunkFolder(draft, _without_frames(flat, attributes))
         if draft.exists():
             folder.remove()
@@ -93,7 +95,7 @@ def _join(static: Path, chunks: list[Path], frames: int, binary: Path) -> list[S
     unsaved = 0
     for path in chunks:
         chunk = Sdf.Layer.FindOrOpen(str(path))
-        attributes = animated_attributes(chunk)
+        attributes = _animated_attributes(chunk)
         for attribute in attributes:
             for code in chunk.ListTimeSamplesForPath(attribute):
                 flat.SetTimeSample(attribute, code, chunk.QueryTimeSample(attribute, code))
@@ -103,6 +105,18 @@ def _join(static: Path, chunks: list[Path], frames: int, binary: Path) -> list[S
             unsaved = 0
     flat.Save()
     return attributes
+
+
+def _animated_attributes(layer: Sdf.Layer) -> list[Sdf.Path]:
+    """Return the attributes that have time samples in `layer`."""
+    found: list[Sdf.Path] = []
+
+    def visit(path: Sdf.Path) -> None:
+        if path.IsPrimPropertyPath() and layer.GetNumTimeSamplesForPath(path):
+            found.append(path)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    return found
 
 
 def _without_frames(flat: Sdf.Layer, attributes: list[Sdf.Path]) -> Sdf.Layer:

@@ -9,8 +9,7 @@ from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.usd.forces import FORCES
-from warpgrains.usd.grains import GRAINS
+from warpgrains.usd.stage import FORCES, GRAINS
 from warpgrains.usd.walls import read_walls
 
 

@@ -18,9 +18,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.usd.chunks import ChunkFolder, ChunkWriter
 from warpgrains.usd.colors import Frame, GrainColors
 from warpgrains.usd.flatten import count_frames, flatten
-from warpgrains.usd.forces import ForceChains
-from warpgrains.usd.grains import GrainPoints, GrainSpheres
-from warpgrains.usd.stage import Drawing, static_layer
+from warpgrains.usd.stage import Drawing, ForceChains, GrainPoints, GrainSpheres, static_layer
 
 if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts

@@ -4,7 +4,6 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.scene.walls import Annulus
-from warpgrains.usd.values import vec3f
 
 WALLS = Sdf.Path("/World/Walls")
 
@@ -46,7 +45,9 @@ def _define_ring(stage: Usd.Stage, path: Sdf.Path, inner: float, outer: float) -
     here = np.arange(_SEGMENTS, dtype=np.int32)
     onward = np.roll(here, -1)
     corners = np.stack([here, here + _SEGMENTS, onward + _SEGMENTS, onward], axis=1)
-    points = vec3f(np.concatenate([inner * circle, outer * circle]))
+    places = np.zeros((2 * _SEGMENTS, 3), dtype=np.float32)
+    places[:, :2] = np.concatenate([inner * circle, outer * circle])
+    points = Vt.Vec3fArray.FromNumpy(places)
     ring = UsdGeom.Mesh.Define(stage, path)
     ring.CreatePointsAttr(points)
     ring.CreateFaceVertexCountsAttr(Vt.IntArray(_SEGMENTS, 4))

@@ -1,8 +1,11 @@
-"""`warpgrains check`, `recover` and `plot`: what is done with recordings."""
+"""`warpgrains check`, `recover`, `plot` and `report`: what is done with recordings, and with the solver."""
 
+import sys
 from argparse import Namespace
+from importlib import import_module
 from pathlib import Path
 
+from warpgrains.console import start_warp, stdout_kept_clean
 from warpgrains.errors import missing_extra
 
 
@@ -34,4 +37,25 @@ def plot(arguments: Namespace) -> bool:
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
     numbers = plot(arguments.file, output, arguments.frames, arguments.curves)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
+    return False
+
+
+def report(arguments: Namespace) -> bool:
+    """Measure speed against error of scenes, and print the names of the files that tell of it."""
+    from warpgrains.scene.reader import shipped_scenes
+    from warpgrains.scene.scene import Scene
+
+    try:
+        for library in ("matplotlib", "scipy", "clarabel"):
+            import_module(library)
+    except ModuleNotFoundError as error:
+        raise missing_extra("report", error) from error
+    names = arguments.scenes or shipped_scenes()
+    scenes = [Scene.load(name).replace(on_unconverged="report") for name in names]
+    with stdout_kept_clean():
+        start_warp()
+        from warpgrains.report.report import write_report
+
+        written = write_report(scenes, Path(arguments.output), progress=sys.stderr.isatty())
+    print("\n".join(map(str, written)))
     return False
