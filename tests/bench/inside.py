@@ -1,13 +1,20 @@
 """All that the benchmark knows of the solver beyond its public face: to be mended where that changes."""
 
-from time import perf_counter
+from collections.abc import Sequence
 
 import numpy as np
 import warp as wp
 
 from warpgrains import Scene, Simulation
-from warpgrains.kernels.data import DRIFT, ITERATIONS, MISSED, WATCHING, ZETA
-from warpgrains.solver.step import paying_threads
+from warpgrains.kernels.integrate import free_velocity
+from warpgrains.kernels.record import grain_count
+from warpgrains.kernels.stages import Each, Stage
+from warpgrains.kernels.step import EXPIRE, METHODS, NEW_LIST, WARM_START, sweeping_order
+from warpgrains.solver.threads import team_of
+from warpgrains.solver.tuning import paying_threads
+
+from ..support.stages import kernel_of
+from .timing import seconds
 
 VEC = ("<f8", (2,))
 PAIR = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
@@ -15,25 +22,50 @@ WALL = np.dtype(
     [("n", *VEC), ("gap_rate_out", "<f8"), ("gap_rate_in", "<f8"), ("dv", "<f8"), ("i", "<i4")], align=True
 )
 
+UP_TO_THE_LIST = (Each(grain_count, free_velocity), *WARM_START)
+"""What a step does before it finds that its list will not do."""
+ANOTHER_LIST = (*EXPIRE, *NEW_LIST, *sweeping_order(threaded=False))
+"""What it does then."""
+
 
 def default_threads(scene: Scene) -> int:
     """Return how many threads a simulation chooses by itself."""
     return paying_threads(scene)
 
 
-def time_rebuilds(simulation: Simulation) -> list[float]:
-    """Return a list that every search for contacts, from now on, adds its seconds to."""
-    times: list[float] = []
-    contacts = simulation._solver.contacts
-    rebuild = contacts.rebuild
+class Record:
+    """The record of a simulation on one thread, as it lies in memory now: stages are run on it alone."""
 
-    def timed_rebuild() -> None:
-        start = perf_counter()
-        rebuild()
-        times.append(perf_counter() - start)
+    def __init__(self, simulation: Simulation):
+        self._records = simulation._engine._records
+        self.numbers = self._records.host[0]
+        self._keep()
 
-    contacts.rebuild = timed_rebuild  # type: ignore[method-assign]
-    return times
+    def array(self, name: str) -> np.ndarray:
+        """Return an array of the record, such as "grains.position"; a view."""
+        return self._records.array(0, name)
+
+    def command(self, stages: Sequence[Stage]) -> wp.Launch:
+        """Return the launch of some stages."""
+        inputs = (self._records.device, team_of(1)[0])
+        return wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu", record_cmd=True)
+
+    def _keep(self) -> None:
+        self._kept = self._records.host.copy(), self._records._block(0).host.copy()
+
+    def reset(self) -> None:
+        """Put everything back to what it was at first."""
+        self._records.host[:], self._records._block(0).host[:] = self._kept
+
+
+def seconds_of_a_list(simulation: Simulation) -> float:
+    """Return how long the step that comes next would take for another list; it is not changed by that."""
+    record = Record(simulation)
+    record.command(UP_TO_THE_LIST).launch()
+    taken = seconds(record.command(ANOTHER_LIST).launch)
+    assert record.numbers["control"]["roomy"]
+    record.reset()
+    return taken
 
 
 class Sweeps:
@@ -47,41 +79,35 @@ class Sweeps:
     """
 
     def __init__(self, simulation: Simulation):
-        self._solver = simulation._solver
-        contacts = self._solver.contacts
-        pairs, _, walls = contacts.counts
-        self.pairs = _records(contacts.device.pairs, PAIR)[:pairs]
-        self.pair_dv = contacts.device.pair_dv.numpy()[:pairs]
-        self.walls = _records(contacts.device.walls, WALL)[:walls]
-        self.velocity = self._solver.grains.next_velocity.numpy()
-        self._start = self.contents()
+        record = Record(simulation)
+        pairs, _, walls = record.numbers["contacts"]["count"]
+        self.pairs = _known(record.array("contacts.pairs"), PAIR)[:pairs]
+        self.pair_dv = record.array("contacts.pair_dv")[:pairs]
+        self.walls = _known(record.array("contacts.walls"), WALL)[:walls]
+        self.velocity = record.array("grains.next_velocity")
+        self._numbers, self._start = record.numbers, self.contents()
+        self.run = record.command(METHODS[simulation.scene.method]).launch
 
     def contents(self) -> tuple[np.ndarray, ...]:
         """Return a copy of all that a sweep changes."""
         return self.pair_dv.copy(), self.walls["dv"].copy(), self.velocity.copy()
 
     def reset(self) -> None:
-        """Put everything back to where the sweeps start, all calm, so that nothing is watched."""
+        """Put everything back to where the sweeps start, all calm, so that nothing is monitored."""
         self.pair_dv[:], self.walls["dv"], self.velocity[:] = self._start
-        progress, watch = self._solver._progress, self._solver._watch
-        progress.iterating.numpy()[0] = 1
-        progress.report.numpy()[ITERATIONS] = 0.0
-        watch.flag.numpy()[[WATCHING, MISSED]] = 0
-        watch.scalar.numpy()[DRIFT] = 0.0
-
-    def run(self) -> None:
-        """Sweep, as the step does."""
-        self._solver._replay(self._solver._iterate)
+        self._numbers["control"]["iterating"] = 1
+        self._numbers["step"]["iterations"] = 0
+        self._numbers["verlet"]["flags"]["monitored"] = 0
+        self._numbers["verlet"]["flags"]["list_expired"] = 0
+        self._numbers["verlet"]["numbers"]["unmonitored_change"] = 0.0
 
     def done(self) -> tuple[int, float]:
         """Return how many sweeps were done, and the last zeta [m/s]."""
-        report = self._solver._progress.report.numpy()
-        return int(report[ITERATIONS]), report[ZETA].item()
+        return self._numbers["step"]["iterations"].item(), self._numbers["step"]["zeta"].item()
 
 
-def _records(array: wp.array, expected: np.dtype) -> np.ndarray:
-    """View an array of records, if they are those that sweep.c knows."""
-    view = array.numpy()
-    if view.dtype != expected:
-        raise RuntimeError(f"sweep.c knows records {expected}, and the solver has {view.dtype}")
-    return view
+def _known(array: np.ndarray, expected: np.dtype) -> np.ndarray:
+    """Return an array of records, if they are those that sweep.c knows."""
+    if array.dtype != expected:
+        raise RuntimeError(f"sweep.c knows records {expected}, and the solver has {array.dtype}")
+    return array

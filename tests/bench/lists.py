@@ -1,10 +1,11 @@
 """How good the list of candidate contacts of a settled pile is: how fat, and what it costs to build anew."""
 
 from collections.abc import Iterator
+from statistics import mean, median
 
 from warpgrains import Simulation
 
-from .inside import time_rebuilds
+from .inside import seconds_of_a_list
 from .options import Options
 from .piles import ITERATIONS, settled_pile
 from .rows import Subject, row
@@ -12,6 +13,7 @@ from .timing import say, seconds
 
 SIZES = (1_000, 10_000)
 STEPS = 200
+LISTS = 5  # built to see how long one takes
 
 
 def lists(options: Options) -> Iterator[dict[str, str]]:
@@ -20,10 +22,9 @@ def lists(options: Options) -> Iterator[dict[str, str]]:
         settled = settled_pile(n, options.cache)
         for order in ("sequential", "color"):
             simulation = settled.simulation(order=order)
-            rebuilds = time_rebuilds(simulation)
-            blocks = [_block(simulation, rebuilds) for _ in range(options.repeats)]
+            seconds_of_a_list(simulation)  # once, so that the kernels are loaded
+            blocks = [_block(simulation) for _ in range(options.repeats)]
             candidates, contacts, building, step = (list(values) for values in zip(*blocks, strict=True))
-            say(f"  {len(rebuilds)} lists built in {STEPS * options.repeats} steps")
             if order == "sequential":
                 subject = Subject(f"candidates a step, {settled.kind}", n, order)
                 yield row(subject, candidates, "contacts", "active contacts", contacts, target="<= 1.5")
@@ -32,18 +33,17 @@ def lists(options: Options) -> Iterator[dict[str, str]]:
             yield row(subject, building, "ms/step", whole, step, target="<= 0.1")
 
 
-def _block(simulation: Simulation, rebuilds: list[float]) -> tuple[float, float, float, float]:
+def _block(simulation: Simulation) -> tuple[float, float, float, float]:
     """Return, each a mean over many steps: candidates, active contacts, ms for building lists, ms in all."""
-    candidates = contacts = 0
-    built = len(rebuilds)
+    reports = []
 
     def work() -> None:
-        nonlocal candidates, contacts
-        for _ in range(STEPS):
-            report = simulation.step()
-            candidates += report.candidates
-            contacts += report.contacts
+        reports.extend(simulation.step() for _ in range(STEPS))
 
     taken = seconds(work)
-    building = sum(rebuilds[built:])
-    return candidates / STEPS, contacts / STEPS, building / STEPS * 1e3, taken / STEPS * 1e3
+    a_list = median(seconds_of_a_list(simulation) for _ in range(LISTS))
+    candidates, contacts, lists = (
+        mean(getattr(report, name) for report in reports) for name in ("candidates", "contacts", "rebuilds")
+    )
+    say(f"  {lists * STEPS:g} lists of {a_list * 1e3:.3g} ms built in {STEPS} steps")
+    return candidates, contacts, lists * a_list * 1e3, taken / STEPS * 1e3

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from warpgrains.console import start_warp
 
-from . import accelerated, against_c, lists, scaling, threads
+from . import accelerated, against_c, lists, scaling, solo, threads
 from .options import Options
 from .rows import Table
 from .timing import say, seconds
@@ -25,6 +25,8 @@ PARTS: dict[str, Callable[[Options], Iterator[dict[str, str]]]] = {
     "sweeps": against_c.sweeps,
     "steps": against_c.steps,
     "course": against_c.course,
+    "solo": solo.solo,
+    "compiling": solo.compiling,
     "lists": lists.lists,
     "threads": threads.threads,
     "costs": scaling.costs,

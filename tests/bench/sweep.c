@@ -1,4 +1,4 @@
-/* The contact iteration of kernels/sweep.py in C, on the same records: grains of one mass, no inner wall. */
+/* The contact iteration of kernels/gauss_seidel.py in C, on the same records: grains of one mass, no inner wall. */
 
 #include <math.h>
 

@@ -24,7 +24,7 @@ def test_benchmark_of_a_step(tmp_path: Path) -> None:
     command("step", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "-o", file)
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
-    assert len(rows) == 20
+    assert len(rows) == 24
     table = command("table", file).splitlines()
     assert len(table) == 2 + len(rows)
     assert len({text.count("|") for text in table}) == 1

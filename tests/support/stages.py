@@ -9,7 +9,7 @@ from warpgrains import Scene
 from warpgrains.arrays import IntArray
 from warpgrains.kernels.fuse import fuse
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.kernels.stages import Stage
+from warpgrains.kernels.stages import OPTIONS, Stage
 from warpgrains.kernels.threads import TeamRecord
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
@@ -28,7 +28,7 @@ def kernel_of(*stages: Stage) -> wp.Kernel:
 def new_kernel(*stages: Stage) -> wp.Kernel:
     run = fuse(stages)
 
-    @wp.kernel(enable_backward=False, module="unique")
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def run_stages(records: wp.array(dtype=SceneRecord), team: TeamRecord):
         run(team, records[0])
 
