@@ -8,9 +8,8 @@ from functools import cache
 
 import warp as wp
 
-from .fuse import fuse
 from .record import SOLVED, Scene, SceneRecord
-from .stages import OPTIONS
+from .stages import OPTIONS, fuse
 from .step import step
 from .threads import Team, TeamRecord, barrier
 

@@ -1,6 +1,6 @@
 """Stages launched on a GPU: each is a launch of its own, loops and conditions are nodes of the graph.
 
-The stages are those of the CPU's kernel, wrapped the same way (fuse.py); the end of a launch is the barrier.
+The stages are those of the CPU's kernel, wrapped the same way; the end of a launch is the barrier.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,9 +10,8 @@ from functools import cache
 import warp as wp
 
 from .conditions import sweeping
-from .fuse import fuse
 from .record import Scene, SceneRecord
-from .stages import OPTIONS, Each, If, Serial, Sets, Shared, Stage, While
+from .stages import OPTIONS, Each, If, Serial, Sets, Shared, Stage, While, fuse
 from .threads import TeamRecord, member
 
 GPU_THREADS = 1 << 16

@@ -1,14 +1,22 @@
-"""A step as data: stages, with loops and conditions.
+"""A step as data: stages, with loops and conditions, and `fuse`, which makes one function of it.
 
-Two makers turn it into what runs: `fuse` (fuse.py) makes one function of it for a team of CPU threads, and
-`launch` (launch.py) the launches of a GPU's graph. Conditions are functions of conditions.py: the stages
-write what they read.
+Every CPU thread of a team calls that function, `(team, scene)`, and meets the others after every stage; what
+a GPU launches instead is made by launch.py. Conditions are functions of conditions.py: the stages write what
+they read.
+
+Each stage is compiled by itself (`inline=False`) and called: that takes a third of the time that a step in
+one piece takes to compile, and costs a step nothing. Warp tells changed kernels by the functions that a
+closure names, so sequences name theirs.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import warp as wp
+
+from .record import Scene
+from .segments import begin_pass, end_pass, end_set
+from .threads import Team, barrier, thread_range
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
@@ -68,3 +76,123 @@ class While:
 
 
 Stage = Serial | Each | Shared | Sets | If | While
+
+WIDTH = 5  # of a sequence
+
+
+def fuse(stages: Sequence[Stage]) -> wp.Function:
+    """Return the function that runs stages in turn, the threads meeting after each."""
+    return _in_turn([_fused(stage) for stage in stages])
+
+
+def _fused(stage: Stage) -> wp.Function:
+    """Return the function that runs one stage, loop or condition, and ends with a barrier."""
+    match stage:
+        case Serial(run):
+            return _serial(run)
+        case Each(count, run, adds_up):
+            return _each(count, run, adds_up)
+        case Shared(run):
+            return _shared(run)
+        case Sets(run):
+            return _sets(run)
+        case If(condition, stages):
+            return _if(condition, fuse(stages))
+        case While(condition, stages):
+            return _while(condition, fuse(stages))
+
+
+@wp.func
+def nothing(team: Team, s: Scene):
+    """Fill up a sequence."""
+
+
+def _in_turn(runs: list[wp.Function]) -> wp.Function:
+    """Return the function that runs others in turn, a few at a time."""
+    if len(runs) == 1:
+        return runs[0]
+    if len(runs) > WIDTH:
+        return _in_turn([_in_turn(runs[:WIDTH]), *runs[WIDTH:]])
+    first, second, third, fourth, fifth = [*runs, *[nothing] * WIDTH][:WIDTH]
+
+    @wp.func
+    def in_turn(team: Team, s: Scene):
+        first(team, s)
+        second(team, s)
+        third(team, s)
+        fourth(team, s)
+        fifth(team, s)
+
+    return in_turn
+
+
+def _serial(stage: wp.Function) -> wp.Function:
+    @wp.func(inline=False)
+    def serial(team: Team, s: Scene):
+        if team.rank == 0:
+            stage(s)
+        barrier(team)
+
+    return serial
+
+
+def _each(count: wp.Function, stage: wp.Function, adds_up: bool) -> wp.Function:
+    @wp.func(inline=False)
+    def each(team: Team, s: Scene):
+        begin = int(0)
+        end = count(s)
+        if wp.static(adds_up):
+            if team.rank > 0:
+                end = 0
+        else:
+            begin, end = thread_range(team, 0, end)
+        for k in range(begin, end):
+            stage(s, k)
+        barrier(team)
+
+    return each
+
+
+def _shared(stage: wp.Function) -> wp.Function:
+    @wp.func(inline=False)
+    def shared(team: Team, s: Scene):
+        stage(team, s)
+        barrier(team)
+
+    return shared
+
+
+def _sets(stage: wp.Function) -> wp.Function:
+    @wp.func(inline=False)
+    def sets(team: Team, s: Scene):
+        first, last = begin_pass(team, s)
+        for k in range(first, last):
+            stage(team, s, k)
+            end_set(team, s)
+        end_pass(team, s)
+
+    return sets
+
+
+def _if(condition: wp.Function, body: wp.Function) -> wp.Function:
+    @wp.func
+    def run_if(team: Team, s: Scene):
+        holds = condition(s)
+        barrier(team)  # before a stage of the body changes what others have still to read
+        if holds:
+            body(team, s)
+
+    return run_if
+
+
+def _while(condition: wp.Function, body: wp.Function) -> wp.Function:
+    @wp.func
+    def run_while(team: Team, s: Scene):
+        holds = condition(s)
+        barrier(team)
+        while holds:
+            body(team, s)
+            holds = condition(s)
+            barrier(team)
+
+    return run_while

@@ -7,9 +7,8 @@ import warp as wp
 
 from warpgrains import Scene
 from warpgrains.arrays import IntArray
-from warpgrains.kernels.fuse import fuse
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.kernels.stages import OPTIONS, Stage
+from warpgrains.kernels.stages import OPTIONS, Stage, fuse
 from warpgrains.kernels.threads import TeamRecord
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
