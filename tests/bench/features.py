@@ -103,9 +103,9 @@ def cases(cache: Path, largest: int) -> Iterator[Case]:
     course, n = Scene.load("annulus"), min(GRAINS, largest)
     flow, settled = flowing(n, **ACCELERATED), settled_pile(n, cache)
     pile = settled.scene.replace(position=settled.state.position, velocity=settled.state.velocity)
-    yield Case("the course's scene", course, first_state(course).corrections, course.steps - FIRST, 10)
+    yield Case("the course's scene", course, first_state(course).corrections, course.steps - FIRST, 3)
     yield Case(settled.kind, pile, settled.state.corrections, 40)
-    yield Case("flowing scene, accelerated", flow, first_state(flow).corrections, 60)
+    yield Case("flowing scene, accelerated", flow, first_state(flow).corrections, 40)
 
 
 def cost(case: Case, name: str, repeats: int) -> dict[str, str]:
@@ -151,7 +151,9 @@ def main(arguments: list[str] | None = None) -> None:
     summary = "Measure what features cost scenes that lack them."
     parser = argparse.ArgumentParser(prog="python -m tests.bench.features", description=summary)
     parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
-    parser.add_argument("--repeats", type=int, default=9, help="pairs that a median is taken of (default: 9)")
+    parser.add_argument(
+        "--repeats", type=int, default=15, help="pairs that a median is taken of (default: 15)"
+    )
     parser.add_argument("--largest", type=int, default=GRAINS, help=f"grains at most (default: {GRAINS:,})")
     cache = Path(tempfile.gettempdir()) / "warpgrains-bench"
     parser.add_argument("--cache", type=Path, default=cache, help=f"settled piles (default: {cache})")
