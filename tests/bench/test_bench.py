@@ -53,3 +53,11 @@ def test_benchmark_of_settling(tmp_path: Path) -> None:
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
     assert len(rows) == 6
+
+
+def test_benchmark_of_features(tmp_path: Path) -> None:
+    file = tmp_path / "features.csv"
+    command("features", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "-o", file)
+    head, *rows = file.read_text().splitlines()
+    assert head == "scene,feature,with_us,without_us,ratio_min,ratio_median,ratio_max"
+    assert len(rows) == 3 * 6
