@@ -107,7 +107,6 @@ class RunStatistics:
     rebuilds: wp.int64
     redos: wp.int64
     iterations_max: wp.int32
-    to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
     residual: f64
     overlap: f64
 
@@ -128,6 +127,7 @@ class SceneRecord:
     partial: Partial
     step: StepState
     statistics: RunStatistics
+    to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
     stopping: StoppingCriterion
     tuning: Tuning
     walls: Walls

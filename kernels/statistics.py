@@ -20,7 +20,7 @@ def add_step(s: Scene):
     total.redos = total.redos + wp.int64(done.redos)
     if not has_converged(s):
         total.unconverged = total.unconverged + 1
-        total.to_search = total.to_search - done.iterations
-        if total.to_search <= 0:
+        s.to_search = s.to_search - done.iterations
+        if s.to_search <= 0:
             s.step.outcome = UNPROVED
     s.statistics = total

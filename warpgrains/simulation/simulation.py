@@ -71,7 +71,7 @@ class Simulation:
             A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
             "raise". The state is that before the step.
         """
-        self.advance(1)
+        self._advance(1, None)
         return self._engine.report(0)
 
     def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
@@ -88,13 +88,17 @@ class Simulation:
         SimulationError
             A step failed, as in `step`; those before it are done.
         """
+        self._advance(steps, on_progress)
+        return self._engine.statistics(0)
+
+    def _advance(self, steps: int, on_progress: OnProgress | None) -> None:
+        before = self.steps
         self._engine.submit(0, steps)
         advance([self._engine], self._threads, on_progress)
-        statistics, error = self._engine.statistics(0), self._engine.error(0)
-        self._stepped = self._stepped or statistics.steps > 0
+        self._stepped = self._stepped or self.steps > before
+        error = self._engine.error(0)
         if error is not None:
             raise SimulationError(error)
-        return statistics
 
     @property
     def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:

@@ -21,7 +21,8 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     on_progress : callable, optional
         Without it, a single thread does what is brief in the caller's place.
     """
-    left = _left(engines)
+    is_watched = on_progress is not None or not all(engine.is_brief for engine in engines)
+    left = _left(engines) if is_watched else 0
 
     def glance() -> None:
         nonlocal left
@@ -38,7 +39,6 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
         while going_on:
             by_thread = zip(*(engine.works(threads) for engine in engines), strict=True)
             works = [partial(_do, works) for works in by_thread]
-            is_watched = on_progress is not None or not all(engine.is_brief for engine in engines)
             side_by_side(works, glance if is_watched else None, halt)
             going_on = sum(engine.service() for engine in engines) > 0
     finally:

@@ -29,6 +29,7 @@ from warpgrains.solver.threads import side_by_side, team_of
 CPU_BLOCK = 1  # threads in which Warp compiles a kernel for a CPU
 BRIEF = 2e7  # iterations of grains: some tenths of a second
 REFUSED = -1  # outcome of a step whose list finds no memory
+FAILURES = (NOT_FINITE, NOT_CONVERGED, REFUSED)
 
 
 class Engine:
@@ -68,6 +69,7 @@ class Engine:
         self.left, self.outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self._seconds, self._halt = self._queue.seconds.numpy(), self._queue.halt.numpy()
         self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        self._most = np.array([float(scene.n * scene.max_iterations) for scene in scenes])
         self._proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
         self._errors: dict[int, str] = {}
         self._works: list[Callable[[], None]] = []
@@ -160,8 +162,7 @@ class Engine:
     @property
     def is_brief(self) -> bool:
         """Whether the steps left are done before anyone would want to interrupt them."""
-        most = [scene.n * scene.max_iterations for scene in self.scenes]
-        return bool(self.left @ np.array(most, dtype=np.float64) < BRIEF)
+        return bool(self.left @ self._most < BRIEF)
 
     def halt(self) -> None:
         """Let the threads give up the steps that they are at, and begin no other."""
@@ -170,6 +171,8 @@ class Engine:
 
     def service(self) -> bool:
         """Do what scenes wait for; return whether one of them can go on."""
+        if not self.outcome.any():  # all are solved
+            return False
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:
             self._look_for_proof(k)
@@ -199,7 +202,7 @@ class Engine:
         """Name the grains that cannot fit after an unconverged step."""
         proof = self._find_proof(k, "last_position", "velocity")
         wait = 0 if proof else iterations_worth_a_search(self.scenes[k].n)
-        self._memory[k].record["statistics"]["to_search"] = wait
+        self._memory[k].record["to_search"] = wait
         if proof:
             self._proofs[k].append((self._done(k), proof.grains))
 
@@ -209,9 +212,22 @@ class Engine:
 
     def finish_open_steps(self) -> None:
         """Bring every scene between two steps, count the steps done, and say what failed."""
-        self._halt[0] = 0
-        self._records.host["control"]["halted"] = 0
-        self._give_up(np.flatnonzero(self.outcome == HALTED))
+        if self._halt[0]:
+            self._halt[0] = 0
+            self._records.host["control"]["halted"] = 0
+        if self.outcome.any():  # not all are solved
+            self._solve_open_steps()
+            for k in np.flatnonzero(np.isin(self.outcome, FAILURES)).tolist():
+                number = self._done(k)
+                self._errors[k] = (
+                    f"step {number + 1}, from t = {number * self.scenes[k].dt} s: {self._reason(k)}"
+                )
+            self._give_up(np.flatnonzero(np.isin(self.outcome, (*FAILURES, HALTED))))
+        self._steps += self._submitted - self.left
+        self._submitted[:] = self.left
+
+    def _solve_open_steps(self) -> None:
+        """Solve to their ends the steps amid which lists are to grow."""
         while amid := self._grow():
             left = self.left.copy()
             self.left[:] = 0
@@ -219,13 +235,6 @@ class Engine:
             side_by_side(self.works(self._team))
             left[amid] += self.left[amid] - 1
             self.left[:] = left
-        self._steps += self._submitted - self.left
-        self._submitted[:] = self.left
-        failed = np.flatnonzero(np.isin(self.outcome, (NOT_FINITE, NOT_CONVERGED, REFUSED)))
-        for k in failed.tolist():
-            number, time = self._steps[k] + 1, self._steps[k].item() * self.scenes[k].dt
-            self._errors[k] = f"step {number}, from t = {time} s: {self._reason(k)}"
-        self._give_up(failed)
 
     def _give_up(self, scenes: IndexArray) -> None:
         """Take back what unfinished steps did."""

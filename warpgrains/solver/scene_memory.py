@@ -11,7 +11,6 @@ from warpgrains.solver import tuning
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.statistics import RunStatistics, StepReport
 
-STEP = ("iterations", "zeta", "residual", "overlap", "rebuilds", "redos")
 SUMS = ("steps", "unconverged", "iterations", "iterations_max", "residual", "overlap", "rebuilds", "redos")
 VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity")
 
@@ -25,19 +24,22 @@ class SceneMemory:
     k : int
         Its place among them.
     scene : Scene
+
+    Attributes
+    ----------
+    record : np.void
+        The record itself, a view.
     """
 
     def __init__(self, records: SceneRecords, k: int, scene: Scene):
         self._records, self._k, self._scene = records, k, scene
+        self._smallest_radius = tuning.smallest_radius(scene)
+        self.record = records.host[k]  # a view
+        self._statistics = records.host["statistics"][k : k + 1]
 
     def array(self, name: str) -> np.ndarray[Any, Any]:
         """Return an array of the record, such as "grains.position"; valid until the list grows."""
         return self._records.array(self._k, name)
-
-    @property
-    def record(self) -> Any:
-        """The record itself."""
-        return self._records.host[self._k]
 
     @property
     def pairs(self) -> int:
@@ -95,7 +97,7 @@ class SceneMemory:
         record = self.record
         record["control"] = 0
         record["control"]["unordered"] = lists is not None
-        record["statistics"] = 0
+        record["to_search"] = 0
 
     def _forget_list(self) -> None:
         """Let the next step ask for a list: no skin suffices."""
@@ -133,16 +135,20 @@ class SceneMemory:
 
     def report(self, infeasible: tuple[int, ...]) -> StepReport:
         """Return what the last step did; `infeasible` are the grains that are proved not to fit."""
-        step, scene = self.record["step"], self._scene
-        told = {name: step[name].item() for name in STEP}
-        error = told["residual"] if scene.stops_on_residual else told["zeta"]
+        iterations, zeta, residual, overlap, active, rebuilds, redos, _ = self.record["step"].tolist()
+        scene = self._scene
         return StepReport(
-            **told,
-            gap_error=self._gap_error(told["residual"]),
-            converged=error <= scene.tolerance,
+            iterations=iterations,
+            zeta=zeta,
+            residual=residual,
+            gap_error=self._gap_error(residual),
+            converged=(residual if scene.stops_on_residual else zeta) <= scene.tolerance,
             infeasible=infeasible,
-            contacts=step["active"].item(),
+            contacts=active,
             candidates=self.pairs + self.walls,
+            overlap=overlap,
+            rebuilds=rebuilds,
+            redos=redos,
         )
 
     def statistics(self) -> RunStatistics:
@@ -151,12 +157,9 @@ class SceneMemory:
         return RunStatistics(**sums, gap_error=self._gap_error(sums["residual"]))
 
     def restart_statistics(self) -> None:
-        """Add up anew; when next to search for a proof that grains cannot fit stays as it was."""
-        statistics = self.record["statistics"]
-        to_search = statistics["to_search"].item()
-        self.record["statistics"] = 0
-        statistics["to_search"] = to_search
+        """Add up anew."""
+        self._statistics[...] = 0
 
     def _gap_error(self, residual: float) -> float:
         """Return dt * residual in smallest radii."""
-        return self._scene.dt * residual / tuning.smallest_radius(self._scene)
+        return self._scene.dt * residual / self._smallest_radius
