@@ -36,7 +36,7 @@ from warpgrains.scene.walls import Annulus
 Table = dict[str, Any]
 
 SECTIONS = {
-    "domain": ("radius_in", "radius_out"),
+    "domain": Annulus._fields,
     "physics": ("gravity", "drag"),
     "time": ("dt", "duration"),
     "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
