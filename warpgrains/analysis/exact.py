@@ -28,7 +28,6 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.walls import Wall
 
 TOLERANCE = 1e-14  # asked of the library, which stops where rounding does not let it go further
 REGULARIZATION = 1e-12  # of its matrix: with its default, 1e-8, it stops at a gap of some 1e-6
@@ -61,23 +60,16 @@ class StepProblem:
 
     def constraints(self, speed: FloatArray) -> LinearConstraints:
         """Return all constraints that velocities can violate if no grain is faster than its speed [m/s]."""
-        walls = self.scene.walls.seen_from(self.position, self.scene.radius)
-        parts = [self._pairs(speed), *(self._wall(wall, speed) for wall in walls)]
-        rows = sparse.vstack([part.rows for part in parts], format="csr")
-        return LinearConstraints(rows, np.concatenate([part.bound for part in parts]))
-
-    def _pairs(self, speed: FloatArray) -> LinearConstraints:
-        """Between grains (v_i - v_j) . n <= gap / dt."""
-        scene, position = self.scene, self.position
-        i, j = pairs_within(position, scene.radius, scene.dt * speed).T
-        normal, gap = pair_normals(position, i, j), pair_gaps(position, scene.radius, i, j)
-        return LinearConstraints(_rows(scene.n, i, normal) - _rows(scene.n, j, normal), gap / scene.dt)
-
-    def _wall(self, wall: Wall, speed: FloatArray) -> LinearConstraints:
-        """At a wall v . n <= gap / dt, n into it."""
-        scene = self.scene
-        i = np.flatnonzero(wall.gap <= scene.dt * speed)
-        return LinearConstraints(_rows(scene.n, i, wall.normal[i]), wall.gap[i] / scene.dt)
+        scene, position, reach = self.scene, self.position, self.scene.dt * speed
+        i, j = pairs_within(position, scene.radius, reach).T
+        normal = pair_normals(position, i, j)
+        rows = [_rows(scene.n, i, normal) - _rows(scene.n, j, normal)]  # (v_i - v_j) . n <= gap / dt
+        gaps = [pair_gaps(position, scene.radius, i, j)]
+        for wall in scene.walls.seen_from(position, scene.radius):  # v . n <= gap / dt, n into the wall
+            i = np.flatnonzero(wall.gap <= reach)
+            rows.append(_rows(scene.n, i, wall.normal[i]))
+            gaps.append(wall.gap[i])
+        return LinearConstraints(sparse.vstack(rows, format="csr"), np.concatenate(gaps) / scene.dt)
 
 
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:

@@ -28,15 +28,9 @@ class Done(NamedTuple):
 
 
 class ResidentSet:
-    """Scenes in memory, each in the engine of its method.
+    """Scenes in memory, by their numbers in the batch, each in the engine of its method.
 
-    Parameters
-    ----------
-    scenes : dict of int to Scene
-        By their numbers in the batch.
-    device : wp.Device
-    threads, team : int
-        In all, and those that share a scene.
+    Of so many threads in all, those of a team share a scene.
     """
 
     def __init__(self, scenes: dict[int, Scene], device: wp.Device, threads: int, team: int):
@@ -73,19 +67,7 @@ class ResidentSet:
 
 
 class ResidentSets:
-    """Scenes of which as many are in memory as find room there.
-
-    Parameters
-    ----------
-    scenes : sequence of Scene
-    device : wp.Device
-    threads : int
-
-    Raises
-    ------
-    SimulationError
-        A scene does not fit in memory.
-    """
+    """Scenes of which as many are in memory as find room; SimulationError where one alone does not."""
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
         self._scenes, self._device, self._threads = scenes, device, threads

@@ -80,7 +80,12 @@ def _parser() -> ArgumentParser:
 def _add_run(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("scene", metavar="SCENE", nargs="?", help="a TOML file, or the name of a shipped scene")
-    _add_recording(parser.add_argument_group("recording"))
+    recording = parser.add_argument_group("recording").add_argument
+    recording("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
+    recording("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    recording("--color-by", metavar="WHAT", help="palette, radius, speed or pressure (default: palette)")
+    recording("--forces", action="store_true", help="draw force chains")
+    recording("--as-spheres", action="store_true", help="draw spheres, for viewers that draw no points")
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate in all")
     length.add_argument(
@@ -97,25 +102,12 @@ def _add_run(parser: ArgumentParser) -> None:
         metavar="SECTION.KEY=VALUE",
         help="replace a value of the scene, such as physics.drag=0.1; may be repeated",
     )
-    _add_checkpoints(parser.add_argument_group("checkpoints"))
-    add("--json", action="store_true", help="print the summary as one JSON object")
-
-
-def _add_recording(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
-    add("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
-    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
-    add("--color-by", metavar="WHAT", help="palette, radius, speed or pressure (default: palette)")
-    add("--forces", action="store_true", help="draw force chains")
-    add("--as-spheres", action="store_true", help="draw spheres, for viewers that draw no points")
-
-
-def _add_checkpoints(group: argparse._ArgumentGroup) -> None:
-    add = group.add_argument
-    add("--checkpoint", metavar="FILE", help="save the run to this .npz file as it goes")
-    add("--every", type=int, metavar="K", help="time steps between two checkpoints (default: 1000)")
+    checkpoints = parser.add_argument_group("checkpoints").add_argument
+    checkpoints("--checkpoint", metavar="FILE", help="save the run to this .npz file as it goes")
+    checkpoints("--every", type=int, metavar="K", help="time steps between two checkpoints (default: 1000)")
     left = "continue the run that left this checkpoint, and what it recorded: instead of SCENE"
-    add("--resume", metavar="FILE", help=left)
+    checkpoints("--resume", metavar="FILE", help=left)
+    add("--json", action="store_true", help="print the summary as one JSON object")
 
 
 def _add_batch(parser: ArgumentParser) -> None:

@@ -46,11 +46,7 @@ def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
         raise RuntimeError("the C reference needs a C compiler called `cc`, and there is none") from error
     except subprocess.CalledProcessError as error:
         raise RuntimeError(f"`{' '.join(command)}` failed:\n{error.stderr}") from error
-    return _declared(ctypes.CDLL(str(library)))
-
-
-def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
-    """Declare the functions of grains.h."""
+    built = ctypes.CDLL(str(library))
     grains, number, whole = ctypes.POINTER(Grains), ctypes.c_double, ctypes.c_int
     contacts = np.ctypeslib.ndpointer(np.int32, ndim=2, flags="C_CONTIGUOUS")
     signatures: dict[str, tuple[type | None, list[type]]] = {
@@ -61,9 +57,9 @@ def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
         "femGrainsContactIterateOrder": (number, [grains, number, whole, whole, contacts]),
     }
     for name, (result, arguments) in signatures.items():
-        function = getattr(library, name)
+        function = getattr(built, name)
         function.restype, function.argtypes = result, arguments
-    return library
+    return built
 
 
 class Reference:
@@ -79,14 +75,11 @@ class Reference:
         gravity = (ctypes.c_double * 2)(*scene.gravity)
         self._grains = Grains(n, scene.radius_in, scene.radius_out, gravity, scene.drag, *pointers)
         if state is not None:
-            self._load(state)
-
-    def _load(self, state: State) -> None:
-        arrays, corrections = self._arrays, state.corrections
-        arrays["x"][:], arrays["y"][:] = state.position.T
-        arrays["vx"][:], arrays["vy"][:] = state.velocity.T
-        arrays["dvContacts"][pair_index(corrections.pair, self._scene.n)] = corrections.pair_correction
-        arrays["dvBoundary"][:] = corrections.wall_correction
+            arrays, corrections = self._arrays, state.corrections
+            arrays["x"][:], arrays["y"][:] = state.position.T
+            arrays["vx"][:], arrays["vy"][:] = state.velocity.T
+            arrays["dvContacts"][pair_index(corrections.pair, n)] = corrections.pair_correction
+            arrays["dvBoundary"][:] = corrections.wall_correction
 
     def update(self) -> None:
         """Advance by one step, all of it in C."""
@@ -98,23 +91,17 @@ class Reference:
 
         `order`: contacts (i, j), or (i, -1) for the walls, if not in the text's order; shape (m, 2).
         """
-        scene = self._scene
-        self._apply_free_velocity()
+        scene, arrays = self._scene, self._arrays
+        for name, gravity in zip(("vx", "vy"), scene.gravity, strict=True):
+            arrays[name] += scene.dt * (gravity - scene.drag / arrays["m"] * arrays[name])
         self._iterate(0, order)
         iterations, zeta = 0, np.inf
         while iterations < scene.max_iterations and zeta > scene.tolerance:
             iterations += 1
             zeta = self._iterate(iterations, order)
-        self._arrays["x"] += scene.dt * self._arrays["vx"]
-        self._arrays["y"] += scene.dt * self._arrays["vy"]
+        arrays["x"] += scene.dt * arrays["vx"]
+        arrays["y"] += scene.dt * arrays["vy"]
         return iterations, zeta
-
-    def _apply_free_velocity(self) -> None:
-        scene = self._scene
-        drag = scene.drag / self._arrays["m"]
-        for name, gravity in zip(("vx", "vy"), scene.gravity, strict=True):
-            v = self._arrays[name]
-            v += scene.dt * (gravity - drag * v)
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:
         arguments = (self._grains, self._scene.dt, iteration)

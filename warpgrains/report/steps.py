@@ -92,7 +92,10 @@ def follow_history(scene: Scene, longest: int) -> History:
 def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[StepRow]:
     """Solve the step after a snapshot in every configuration, with ever more iterations."""
     problem = StepProblem(scene, snapshot.state.position, snapshot.state.velocity)
-    converged = _converged(scene, snapshot)
+    accurate = Simulation(scene, **ACCURATE, tolerance=CONVERGED, max_iterations=CHECK_ITERATIONS)
+    accurate.restore(snapshot.state)
+    accurate.step()
+    converged = accurate.velocity
     exact = solve_exactly(problem, converged).velocity
     error_of_exact = _difference(converged, exact)
     for configuration, solve in _configurations(scene, snapshot, budget):
@@ -113,14 +116,6 @@ def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[
             )
             if measured.done or measured.iterations < limit or measured.wall_time > budget.longest:
                 break
-
-
-def _converged(scene: Scene, snapshot: Snapshot) -> FloatArray:
-    """Return the velocities that the accelerated method finds when it goes on for long [m/s]."""
-    simulation = Simulation(scene, **ACCURATE, tolerance=CONVERGED, max_iterations=CHECK_ITERATIONS)
-    simulation.restore(snapshot.state)
-    simulation.step()
-    return simulation.velocity
 
 
 def _difference(velocity: FloatArray, other: FloatArray) -> float:

@@ -36,7 +36,7 @@ from warpgrains.scene.walls import Annulus
 Table = dict[str, Any]
 
 SECTIONS = {
-    "domain": ("radius_in", "radius_out"),
+    "domain": Annulus._fields,
     "physics": ("gravity", "drag"),
     "time": ("dt", "duration"),
     "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
@@ -73,13 +73,7 @@ def read_document(name_or_path: str | os.PathLike[str]) -> Table:
 
 
 def read_text(path: Path, kind: str) -> str:
-    """Return the text of a scene or a sweep: of a file, or of a shipped one by its name.
-
-    Raises
-    ------
-    SceneError
-        There is none, or it cannot be read.
-    """
+    """Return the text of a scene or a sweep, a file or the name of a shipped one; SceneError if none."""
     source: Path | Traversable = path
     if path.is_dir() or not path.exists():
         known = _shipped(kind)
@@ -102,9 +96,9 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
 
 def require_key(section: str, key: str) -> None:
     """Raise SceneError unless some scene has this key in this section."""
-    if section not in SECTIONS and section != "grains":
-        raise checks.unknown("section", section, [*SECTIONS, "grains"])
-    known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *_layout_keys()))
+    _require_section(section)
+    of_layouts = {name for layout in LAYOUTS.values() for name in _own_parameters(layout)}
+    known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
     _refuse_unknown_keys(section, {key: None}, known)
 
 
@@ -118,9 +112,9 @@ def _folder(kind: str) -> Traversable:
     return files("warpgrains.scenes") / SHIPPED[kind]
 
 
-def _layout_keys() -> set[str]:
-    """Return the keys that some layout has."""
-    return {name for layout in LAYOUTS.values() for name in _own_parameters(layout)}
+def _require_section(section: str) -> None:
+    if section not in SECTIONS and section != "grains":
+        raise checks.unknown("section", section, [*SECTIONS, "grains"])
 
 
 def _override(document: Table, override: str) -> None:
@@ -142,8 +136,7 @@ def _override(document: Table, override: str) -> None:
 
 def _fields(document: Table, folder: Path) -> Table:
     for section, table in document.items():
-        if section not in SECTIONS and section != "grains":
-            raise checks.unknown("section", section, [*SECTIONS, "grains"])
+        _require_section(section)
         if not isinstance(table, dict):
             raise SceneError(f"{section} is {table!r}: it must be a section, [{section}]")
     fields: Table = {}
@@ -172,8 +165,9 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
         _give_once(grains, own, "radius")
     grains["position"] = checks.vectors("position", grains["position"])
     _give_once(grains, table, "velocity")
-    if "velocity" in grains:
-        grains["velocity"] = _one_or_each(grains["velocity"], len(grains["position"]))
+    velocity = grains.get("velocity")
+    if np.iterable(velocity) and not any(np.iterable(component) for component in velocity):  # one for all
+        grains["velocity"] = np.tile(checks.vector("grains.velocity", velocity), (len(grains["position"]), 1))
     if "radius" not in grains:
         raise SceneError("grains.radius is missing")
     _give_once(grains, _with_mass(table, grains), "mass")
@@ -207,12 +201,6 @@ def _with_mass(table: Table, grains: Table) -> Table:
         raise SceneError("[grains] has mass and density: it needs one of them")
     radius = checks.positive_per_grain("radius", grains["radius"], len(grains["position"]))
     return {"mass": checks.positive("grains.density", table["density"]) * np.pi * radius**2}
-
-
-def _one_or_each(velocity: Any, n: int) -> Any:
-    """Repeat the one velocity of all grains; leave a list of them as it is."""
-    is_one = np.iterable(velocity) and not any(np.iterable(component) for component in velocity)
-    return np.tile(checks.vector("grains.velocity", velocity), (n, 1)) if is_one else velocity
 
 
 def _give_once(grains: Table, table: Table, key: str) -> None:

@@ -96,22 +96,15 @@ def first_state(scene: Scene) -> State:
 
 def require_state(state: State, n: int) -> None:
     """Raise SceneError unless a simulation of n grains can continue from a state."""
+    corrections, lists = state.corrections, state.lists
     checks.whole_number("steps", state.steps, least=0)
     _require_array("position", state.position, np.float64, (n, 2))
     _require_array("velocity", state.velocity, np.float64, (n, 2))
-    _require_corrections(state.corrections, n)
-    if state.lists is not None:
-        _require_lists(state.lists, n)
-        _require_listed(state.corrections, state.lists, n)
-
-
-def _require_corrections(corrections: Corrections, n: int) -> None:
     _require_pairs("pair", corrections.pair, n)
     _require_array("pair_correction", corrections.pair_correction, np.float64, (len(corrections.pair),))
     _require_array("wall_correction", corrections.wall_correction, np.float64, (n,))
-
-
-def _require_lists(lists: VerletList, n: int) -> None:
+    if lists is None:
+        return
     _require_pairs("listed pair", lists.pair, n)
     _require_array("listed wall", lists.wall, np.int32, (len(lists.wall),))
     _require_ascending("listed wall", lists.wall, n)
@@ -120,9 +113,6 @@ def _require_lists(lists: VerletList, n: int) -> None:
     shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (n, 2))
     for name, shape in shapes.items():
         _require_array(name, getattr(lists, name), np.float64, shape)
-
-
-def _require_listed(corrections: Corrections, lists: VerletList, n: int) -> None:
     pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
     walls = np.isin(np.flatnonzero(corrections.wall_correction), lists.wall)
     if not (pairs.all() and walls.all()):

@@ -1,6 +1,6 @@
 """The walls: an annulus about the origin, and all that the host knows of it.
 
-The device knows it in kernels/, recordings in usd/walls.py, the C reference in reference/grains.c.
+The device knows it by kernels/walls.py, recordings by usd/walls.py, the C reference by reference/grains.c.
 """
 
 from typing import Any, NamedTuple, Self

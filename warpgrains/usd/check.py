@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.usd.reader import open_recording
 from warpgrains.usd.stage import FORCES, GRAINS
@@ -30,10 +30,15 @@ def inspect_recording(path: str | Path) -> list[str]:
     grains = GrainsInspector(prim)
     codes = grains.position.GetTimeSamples()
     problems += [*_code_problems(stage, codes), *grains.static_problems()]
-    problems += [*_alignment_problems(grains.animated, codes), *_by_frame(grains.frame_problems, codes)]
+    drawn: list[GrainsInspector | ForcesInspector] = [grains]
     if stage.GetPrimAtPath(FORCES):
-        forces = ForcesInspector(stage.GetPrimAtPath(FORCES))
-        problems += [*_alignment_problems(forces.animated, codes), *_by_frame(forces.frame_problems, codes)]
+        drawn.append(ForcesInspector(stage.GetPrimAtPath(FORCES)))
+    for inspector in drawn:
+        for attribute in inspector.animated:
+            if attribute.GetTimeSamples() != codes:
+                place = f"{attribute.GetPrim().GetName()}.{attribute.GetName()}"
+                problems.append(f"{place} has other time codes than the grains' positions")
+        problems += _by_frame(inspector.frame_problems, codes)
     return problems
 
 
@@ -65,12 +70,6 @@ def _code_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
         yield f"startTimeCode and endTimeCode are {start:g} and {end:g}, the frames {frames}"
 
 
-def _alignment_problems(attributes: list[Usd.Attribute], codes: list[float]) -> Iterator[str]:
-    for attribute in attributes:
-        if attribute.GetTimeSamples() != codes:
-            yield f"{_place(attribute.GetPath())} has other time codes than the grains' positions"
-
-
 def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float]) -> Iterator[str]:
     """Yield each problem once, with the first frame that has it and the number of others."""
     found: dict[str, list[float]] = {}
@@ -80,10 +79,6 @@ def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float])
     for problem, where in found.items():
         others = f" and {len(where) - 1} more" if len(where) > 1 else ""
         yield f"{problem} (frame {where[0]:g}{others})"
-
-
-def _place(path: Sdf.Path) -> str:
-    return f"{path.GetPrimPath().name}.{path.name}"
 
 
 class GrainsInspector:

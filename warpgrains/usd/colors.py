@@ -98,7 +98,7 @@ def speed_scale(scene: Scene) -> float:
     """Return the speed [m/s] a grain can be expected to reach: falling across, or as thrown at the start."""
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
-    falling = np.sqrt(2.0 * gravity * scene.radius_out)
+    falling = np.sqrt(2.0 * gravity * scene.walls.depth)
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
     return max(thrown, float(falling))
@@ -112,7 +112,7 @@ def pressure_scale(scene: Scene) -> float:
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
     if weight > 0.0:
-        return weight / (scene.radius_out / 2.0)
+        return weight / (scene.walls.depth / 2.0)
     radius = float(scene.radius.mean())
     stopping = float(scene.mass.mean()) * (speed_scale(scene) or radius / scene.dt) / scene.dt
     return stopping / (2.0 * np.pi * radius)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf
 
+from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.files import require_place
 from warpgrains.scene.scene import Scene
@@ -27,18 +26,11 @@ SUFFIXES = (".usdc", ".usda", ".usdz")
 
 
 def recording_stride(dt: float, frames_per_second: float) -> int:
-    """Return how many steps lie between two frames, at least 1.
+    """Return how many steps of dt [s] lie between two frames, at least 1; frames per second are wanted ones.
 
     The stride is the integer nearest to ``1 / (frames_per_second * dt)``, both taken as the decimal numbers
     a user writes, so that no rounding of a float decides it. The file then states the rate it really has,
     `recording_rate`: with dt = 0.01 s and 60 frames asked for, every 2nd step is a frame, 50 frames a second.
-
-    Parameters
-    ----------
-    dt : float
-        Time step [s].
-    frames_per_second : float
-        Wanted frames per second of simulated time [1/s].
 
     Raises
     ------
@@ -140,12 +132,7 @@ class Recorder:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
                 self.close()
@@ -157,8 +144,8 @@ class Recorder:
 
     def record(
         self,
-        position: NDArray[np.float64],
-        velocity: NDArray[np.float64],
+        position: FloatArray,
+        velocity: FloatArray,
         contacts: PairContacts | None = None,
         wall_contacts: WallContacts | None = None,
     ) -> None:
@@ -166,13 +153,10 @@ class Recorder:
 
         Parameters
         ----------
-        position : ndarray
-            Positions [m], shape (n, 2).
-        velocity : ndarray
-            Velocities [m/s], shape (n, 2).
+        position, velocity : ndarray
+            [m] and [m/s], shape (n, 2).
         contacts, wall_contacts
-            Contact forces, as `Simulation.contacts` and `Simulation.wall_contacts` return them; used only
-            where `needs_contacts`.
+            What `Simulation.contacts` and `Simulation.wall_contacts` return; used where `needs_contacts`.
 
         Raises
         ------

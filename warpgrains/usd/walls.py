@@ -29,13 +29,9 @@ def half_width(walls: Annulus, margin: float) -> float:
 
 def read_walls(stage: Usd.Stage) -> list[tuple[float, float]]:
     """Return inner and outer radius of each wall, as thick as it is drawn [m]."""
-    return [_ring(wall) for wall in stage.GetPrimAtPath(WALLS).GetChildren()]
-
-
-def _ring(wall: Usd.Prim) -> tuple[float, float]:
-    points = np.array(wall.GetAttribute("points").Get(), dtype=np.float64)
-    rho = np.hypot(*points[:, :2].T)
-    return float(rho.min()), float(rho.max())
+    walls = stage.GetPrimAtPath(WALLS).GetChildren()
+    points = [np.array(wall.GetAttribute("points").Get(), dtype=np.float64) for wall in walls]
+    return [(float(rho.min()), float(rho.max())) for rho in (np.hypot(*ring[:, :2].T) for ring in points)]
 
 
 def _define_ring(stage: Usd.Stage, path: Sdf.Path, inner: float, outer: float) -> None:
