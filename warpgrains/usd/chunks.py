@@ -42,7 +42,10 @@ def find_chunks(folder: Path) -> list[tuple[int, Path]]:
 class ChunkFolder:
     """The folder of one growing recording: the first chunk creates it, `cut` continues one.
 
-    What no frame changes, `static`, declares the attributes that the frames set.
+    What no frame changes, `static`, declares the attributes that the frames set. A chunk is written when
+    100 frames or 16 MB have come together: then and there, not in a thread, since a killed run must not lose
+    a second chunk, the one that a thread was about to write. Frames that could not be written are kept and
+    tried again.
     """
 
     def __init__(self, path: Path, static: Sdf.Layer) -> None:
@@ -50,6 +53,14 @@ class ChunkFolder:
         self._static = static
         self._is_ours = False
         self._shown_at = 0.0
+        self._written = 0
+        self._pending: list[Samples] = []
+        self._pending_bytes = 0
+
+    @property
+    def frames(self) -> int:
+        """Number of frames so far, on the disk or not."""
+        return self._written + len(self._pending)
 
     def require_absent(self) -> None:
         """Raise SceneError if the folder exists: it may hold the only copy of a run, or of one that runs."""
@@ -77,23 +88,38 @@ class ChunkFolder:
         for first, path in chunks:
             if first >= frames:
                 path.unlink()
-        self._is_ours = True
+        self._is_ours, self._written = True, frames
         if frames:
-            self.show(frames)
+            self._show()
+
+    def add(self, samples: Samples) -> None:
+        """Append one frame."""
+        self._pending.append(samples)
+        self._pending_bytes += sum(np.asarray(value).nbytes for value in samples.values())
+        if len(self._pending) >= CHUNK_FRAMES or self._pending_bytes >= CHUNK_BYTES:
+            self.append(self._written, self._pending)
+
+    def flush(self) -> None:
+        """Put all frames so far on the disk, and show them."""
+        if self._pending:
+            self.append(self._written, self._pending)
+        if self.frames:
+            self._show()
 
     def append(self, first: int, frames: Sequence[Samples]) -> None:
-        """Write one chunk, whose first frame is number `first`, and now and then the root that shows all."""
+        """Write the frames that wait as one chunk, numbered from `first`, and now and then the root."""
         if not self._is_ours:
             self._start(frames[0])
         with freeing_at_once():
             chunk = chunk_layer(self._static, first, frames)
             self._publish(chunk, f"chunk.{first:08d}.usdc", frames[0], len(frames))
         if time.monotonic() - self._shown_at > _SECONDS_BETWEEN_ROOTS:
-            self.show(first + len(frames))
+            self._show()
+        self._written, self._pending, self._pending_bytes = self.frames, [], 0
 
-    def show(self, frames: int) -> None:
-        """Write the root that shows all chunks, which hold `frames` frames, on the static layer."""
-        chunks, last = find_chunks(self.path), frames - 1
+    def _show(self) -> None:
+        """Write the root that shows all chunks on the static layer."""
+        chunks, last = find_chunks(self.path), self.frames - 1
         root, below = Sdf.Layer.CreateAnonymous(".usda"), self._static.pseudoRoot
         for key in below.ListInfoKeys():
             root.pseudoRoot.SetInfo(key, below.GetInfo(key))
@@ -110,6 +136,11 @@ class ChunkFolder:
         world.SetInfo("clips", {"default": clips})
         self._publish(root, ROOT)
         self._shown_at = time.monotonic()
+
+    @property
+    def has_written(self) -> bool:
+        """Whether there are chunks on the disk."""
+        return self._written > 0
 
     def remove_if_empty(self) -> None:
         """Delete the folder if this recording created it and it holds no chunk."""
@@ -146,50 +177,6 @@ class ChunkFolder:
             publish(draft, self.path / name)
         finally:
             draft.unlink(missing_ok=True)
-
-
-class ChunkWriter:
-    """Writes a chunk when 100 frames or 16 MB have come together.
-
-    It writes then and there, not in a thread: a killed run must not lose a second chunk, the one that a
-    thread was about to write. Frames that could not be written are kept and tried again. The folder may
-    hold some frames already.
-    """
-
-    def __init__(self, folder: ChunkFolder, frames: int) -> None:
-        self._folder = folder
-        self._written = frames
-        self._pending: list[Samples] = []
-        self._pending_bytes = 0
-
-    @property
-    def frames(self) -> int:
-        """Number of frames so far, on the disk or not."""
-        return self._written + len(self._pending)
-
-    @property
-    def has_written(self) -> bool:
-        """Whether there are chunks on the disk."""
-        return self._written > 0
-
-    def add(self, samples: Samples) -> None:
-        """Append one frame: the value of each attribute."""
-        self._pending.append(samples)
-        self._pending_bytes += sum(np.asarray(value).nbytes for value in samples.values())
-        if len(self._pending) >= CHUNK_FRAMES or self._pending_bytes >= CHUNK_BYTES:
-            self._write()
-
-    def flush(self) -> None:
-        """Put all frames so far on the disk, and show them."""
-        if self._pending:
-            self._write()
-        if self.frames:
-            self._folder.show(self.frames)
-
-    def _write(self) -> None:
-        self._folder.append(self._written, self._pending)
-        self._written += len(self._pending)
-        self._pending, self._pending_bytes = [], 0
 
 
 def chunk_layer(static: Sdf.Layer, first: int, frames: Sequence[Samples]) -> Sdf.Layer:

@@ -11,7 +11,6 @@ from warpgrains.files import publish
 from warpgrains.usd.chunks import (
     STATIC,
     ChunkFolder,
-    ChunkWriter,
     count_codes,
     find_chunks,
     freeing_at_once,
@@ -80,10 +79,9 @@ def reopen(recording: Path, chunks: Path) -> None:
         folder = ChunkFolder(draft, _without_frames(flat, attributes))
         if draft.exists():
             folder.remove()
-        writer = ChunkWriter(folder, 0)
         for code in flat.ListAllTimeSamples():
-            writer.add({attribute: flat.QueryTimeSample(attribute, code) for attribute in attributes})
-        writer.flush()
+            folder.add({attribute: flat.QueryTimeSample(attribute, code) for attribute in attributes})
+        folder.flush()
     os.rename(draft, chunks)
 
 
@@ -109,14 +107,9 @@ def _join(static: Path, chunks: list[Path], frames: int, binary: Path) -> list[S
 
 def _animated_attributes(layer: Sdf.Layer) -> list[Sdf.Path]:
     """Return the attributes that have time samples in `layer`."""
-    found: list[Sdf.Path] = []
-
-    def visit(path: Sdf.Path) -> None:
-        if path.IsPrimPropertyPath() and layer.GetNumTimeSamplesForPath(path):
-            found.append(path)
-
-    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
-    return found
+    paths: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    return [path for path in paths if path.IsPrimPropertyPath() and layer.GetNumTimeSamplesForPath(path)]
 
 
 def _without_frames(flat: Sdf.Layer, attributes: list[Sdf.Path]) -> Sdf.Layer:

@@ -14,7 +14,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.files import require_place
 from warpgrains.scene.scene import Scene
-from warpgrains.usd.chunks import ChunkFolder, ChunkWriter
+from warpgrains.usd.chunks import ChunkFolder
 from warpgrains.usd.colors import Frame, GrainColors
 from warpgrains.usd.flatten import count_frames, flatten
 from warpgrains.usd.stage import Drawing, ForceChains, GrainPoints, GrainSpheres, static_layer
@@ -122,12 +122,11 @@ class Recorder:
             self._folder.require_absent()
         else:
             self._folder.cut(resume_at)
-        self._writer = ChunkWriter(self._folder, resume_at or 0)
 
     @property
     def frames(self) -> int:
         """Frames recorded so far."""
-        return self._writer.frames
+        return self._folder.frames
 
     def __enter__(self) -> Self:
         return self
@@ -136,9 +135,9 @@ class Recorder:
         try:
             if kind is None:
                 self.close()
-            elif self._writer.has_written:
+            elif self._folder.has_written:
                 with suppress(OSError):  # what ended the block is the news
-                    self._writer.flush()
+                    self._folder.flush()
         finally:
             self._folder.remove_if_empty()
 
@@ -173,11 +172,11 @@ class Recorder:
         samples: dict[Sdf.Path, object] = {}
         for drawing in self._drawings:
             samples |= drawing.samples(frame)
-        self._writer.add(samples)
+        self._folder.add(samples)
 
     def flush(self) -> None:
         """Put all frames so far on the disk: a later run can continue with ``resume_at=recorder.frames``."""
-        self._writer.flush()
+        self._folder.flush()
 
     def close(self) -> None:
         """Make one file of all frames, check it, put it under its name and drop the chunks.
@@ -191,7 +190,7 @@ class Recorder:
         """
         if self.frames == 0:
             raise ValueError(f"nothing was recorded for '{self.path}'")
-        self._writer.flush()
+        self._folder.flush()
         flatten(self.chunks, self.path, self.frames)
         self._folder.remove()
 
