@@ -98,6 +98,7 @@ def _simulate(start: Checkpoint, options: RunOptions, device: str, threads: int 
     simulation.restore(start.state)
     if not simulation.is_compiled:
         print("compiling kernels for such a scene, this first time only ...", file=sys.stderr, flush=True)
+    simulation.compile()
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
         return runs.run(simulation, options, start.statistics, progress=sys.stderr.isatty())

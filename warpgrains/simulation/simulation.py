@@ -62,6 +62,10 @@ class Simulation:
         """Whether the kernels are ready, or the first step has to compile them, which takes some seconds."""
         return self._engine.is_compiled
 
+    def compile(self) -> None:
+        """Have the kernels ready before the first step."""
+        self._engine.load_kernels()
+
     def step(self) -> StepReport:
         """Advance by one time step.
 

@@ -88,6 +88,11 @@ class Engine:
         cached = Path(wp.config.kernel_cache_dir) / self.kernel.module.get_module_identifier(CPU_BLOCK)
         return cached.is_dir()
 
+    def load_kernels(self) -> None:
+        """Compile the kernels, or load what was compiled before."""
+        if self._device.is_cpu:
+            self.kernel.module.load(self._device, CPU_BLOCK)
+
     def load(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
         self._memory[k].load(state)
@@ -130,7 +135,7 @@ class Engine:
             return [self._work_on_gpu]
         missing = threads - len(self._works)
         if missing > 0:
-            self.kernel.module.load(self._device, CPU_BLOCK)
+            self.load_kernels()
             teams = team_of(self._team) if self._team > 1 else [team_of(1)[0] for _ in range(missing)]
             for team in teams:
                 inputs = (self._records.device, self._queue, team)
