@@ -69,7 +69,7 @@ def colors(rows: NeighborList, used: wp.array(dtype=wp.uint64), group: Ints):
 def place_pairs(s: Scene):
     """Give every pair its place, sorted by set and in lexicographic order within one.
 
-    Where sets are merged they are told as one: a single thread sweeps the pairs in order anyway.
+    Where sets are merged they are told as one: a thread sweeps the pairs that it has in order anyway.
     """
     pairs = s.neighbors.start[grain_count(s)]
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index

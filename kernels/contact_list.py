@@ -108,4 +108,3 @@ def find_row_sums(s: Scene):
     for i in range(n):
         largest = wp.max(largest, s.workspace.row_sum[i] + f64(1.0))
     s.verlet.numbers.max_row_sum = largest
-    s.control.unordered = 0

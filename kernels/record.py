@@ -38,6 +38,7 @@ class StepState:
     active: wp.int32  # contacts that carry a correction
     rebuilds: wp.int32  # lists built
     redos: wp.int32  # attempts that a missing contact made void
+    converged: wp.int32  # whether it has met the tolerance
     outcome: wp.int32
 
 

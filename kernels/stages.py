@@ -1,7 +1,7 @@
 """A step as data: stages, with loops and conditions, and `fuse`, which makes one function of it.
 
 Every CPU thread of a team calls that function, `(team, scene)`, and meets the others after every stage; what
-a GPU launches instead is made by launch.py. Conditions are functions of conditions.py: the stages write what
+a GPU launches instead is made by gpu.py. Conditions are functions of conditions.py: the stages write what
 they read.
 
 Each stage is compiled by itself (`inline=False`) and called: that takes a third of the time that a step in
@@ -36,8 +36,8 @@ class Each:
     ----------
     count, stage : wp.Function
     adds_up : bool
-        Whether elements change the same places, by atomics: Warp's know of one thread on a CPU, which then
-        does all elements.
+        Whether elements change the same places, by atomics. On a CPU Warp's are not atomic between threads,
+        so that one thread does all elements.
     """
 
     count: wp.Function

@@ -1,9 +1,47 @@
-"""What is added up of the steps of a scene; `warpgrains.solver.statistics` tells how each number is."""
+"""What a step reports, and what is added up of the steps of a run (`warpgrains.solver.statistics`)."""
 
 import warp as wp
 
-from .record import UNPROVED, Scene
-from .stopping import has_converged
+from . import law
+from .record import UNPROVED, Scene, pair_count, wall_count
+from .stopping import gathered
+from .threads import Team, partial_index, thread_range
+from .walls import wall_overlap
+
+f64 = wp.float64
+
+
+@wp.func
+def overlaps(team: Team, s: Scene):
+    """Worst overlap [m] of the listed contacts, and how many are active; all others have stayed silent."""
+    worst = f64(0.0)
+    active = int(0)
+    begin, end = thread_range(team, 0, pair_count(s))
+    for c in range(begin, end):
+        pair = s.contacts.pairs[c]
+        _n, distance = law.normal(s.grains.position[pair.i], s.grains.position[pair.j])
+        gap = law.pair_gap(distance, s.grains.radius[pair.i], s.grains.radius[pair.j])
+        worst = wp.max(worst, -gap)
+        active += 1 if s.contacts.pair_dv[c] != f64(0.0) else 0
+    begin, end = thread_range(team, 0, wall_count(s))
+    for c in range(begin, end):
+        wall = s.contacts.walls[c]
+        worst = wp.max(worst, wall_overlap(s.grains.position[wall.i], s.grains.radius[wall.i], s.walls))
+        active += 1 if wall.dv != f64(0.0) else 0
+    k = partial_index(team, s.partial.overlap.shape[0])
+    wp.atomic_max(s.partial.overlap, k, worst)
+    wp.atomic_add(s.partial.active, k, active)
+
+
+@wp.func
+def report(s: Scene):
+    """Gather what the threads have measured."""
+    active = int(0)
+    for k in range(s.partial.active.shape[0]):
+        active += s.partial.active[k]
+        s.partial.active[k] = 0
+    s.step.active = active
+    s.step.overlap = gathered(s.partial.overlap)
 
 
 @wp.func
@@ -18,7 +56,7 @@ def add_step(s: Scene):
     total.overlap = wp.max(total.overlap, done.overlap)
     total.rebuilds = total.rebuilds + wp.int64(done.rebuilds)
     total.redos = total.redos + wp.int64(done.redos)
-    if not has_converged(s):
+    if done.converged == 0:
         total.unconverged = total.unconverged + 1
         s.to_search = s.to_search - done.iterations
         if s.to_search <= 0:

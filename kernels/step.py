@@ -1,6 +1,7 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
 Whatever runs it asks the host for nothing but room for a list that has grown, and tells it the outcome.
+A scene without a list begins as one whose list has expired: no skin suffices, so nothing is iterated.
 """
 
 from . import (
@@ -66,13 +67,13 @@ NEW_LIST = [
 DEAL_OUT = [Each(grain_count, coloring.gather), Serial(strips.make_strips)]
 
 
-def sweeping_order(threaded: bool) -> list[Stage]:
+def sweeping_order(dealt: bool) -> list[Stage]:
     """Put the list in the order in which it is swept, and its corrections with it."""
     return [
         Serial(coloring.group_pairs),
         Serial(coloring.place_pairs),
         If(tiled, [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]),
-        *(DEAL_OUT if threaded else []),
+        *(DEAL_OUT if dealt else []),
         Each(grain_count, contact_list.transfer_warm_start),
         Serial(contact_list.find_row_sums),
     ]
@@ -150,8 +151,8 @@ FINISH = [
     Each(grain_count, integrate.move),
     Each(grain_count, verlet.remember),
     Serial(verlet.shift_frame),
-    Shared(integrate.overlaps),
-    Serial(integrate.report),
+    Shared(statistics.overlaps),
+    Serial(statistics.report),
     Serial(statistics.add_step),
 ]
 
@@ -165,8 +166,8 @@ EXPIRE = [
 ]
 
 
-def step(method: str, threaded: bool = False) -> list[Stage]:
-    """Return the stages of one step by a method; `threaded` where threads have strips of their own."""
+def step(method: str, dealt: bool = False) -> list[Stage]:
+    """Return the stages of one step by a method; `dealt` where threads have strips of their own."""
     return [
         Serial(stopping.begin),
         If(starting, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),
@@ -174,7 +175,7 @@ def step(method: str, threaded: bool = False) -> list[Stage]:
             unsolved,
             [
                 If(unlisted, NEW_LIST),
-                If(unordered, sweeping_order(threaded)),
+                If(unordered, sweeping_order(dealt)),
                 Serial(stopping.see_whether_listed),
                 If(
                     attempting,

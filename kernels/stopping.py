@@ -37,7 +37,8 @@ def begin(s: Scene):
 
 @wp.func
 def see_whether_listed(s: Scene):
-    """Solve the step if there is a list to do so with."""
+    """Solve the step if there is a list to do so with; it is in order now."""
+    s.control.unordered = 0
     s.control.attempting = 1 - s.control.unlisted
 
 
@@ -91,23 +92,19 @@ def stop_on_residual(s: Scene):
 
 
 @wp.func
-def has_converged(s: Scene) -> bool:
-    """Whether the step has met its tolerance."""
-    error = s.step.zeta
-    if s.stopping.on_residual != 0:
-        error = s.step.residual
-    return error <= s.stopping.tolerance
-
-
-@wp.func
 def judge(s: Scene):
     """Take the step, try again with a new list, or give it up."""
     check_all(s, s.tuning.rounding)
+    error = s.step.zeta
+    if s.stopping.on_residual != 0:
+        error = s.step.residual
+    converged = error <= s.stopping.tolerance
     outcome = outcome_of_check(s)
-    if outcome == SOLVED and s.stopping.raise_on_unconverged != 0 and not has_converged(s):
+    if outcome == SOLVED and s.stopping.raise_on_unconverged != 0 and not converged:
         outcome = NOT_CONVERGED
-    if s.control.halted != 0 and not has_converged(s):
+    if s.control.halted != 0 and not converged:
         outcome = HALTED
+    s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
     s.control.accepted = 1 if outcome == SOLVED else 0
     s.control.unlisted = 1 if outcome == EXPIRED else 0

@@ -14,8 +14,8 @@ class TeamRecord:
     rank: wp.int32
     size: wp.int32
     arrivals: wp.array(dtype=wp.int64)  # how often a thread has come to the barrier
-    ended: wp.array(dtype=wp.int64)  # every eighth: a thread's passes and segments (strips.py)
-    scene: wp.array(dtype=wp.int32)  # that the team works on (batch.py)
+    ended: wp.array(dtype=wp.int64)  # every eighth: a thread's passes and segments (segments.py)
+    scene: wp.array(dtype=wp.int32)  # that the team works on (advance.py)
     going_on: wp.array(dtype=wp.int32)  # whether it goes on with it
 
 

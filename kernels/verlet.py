@@ -128,7 +128,7 @@ def check_all(s: Scene, least: f64):
     path = wp.length(numbers.frame_shift) + s.dt * wp.length(numbers.frame_velocity)
     if not (path + least <= numbers.frame_skin):
         s.verlet.flags.list_expired = 1
-    if not (numbers.elapsed + f64(0.5) * s.dt <= numbers.lifetime):
+    if not (numbers.elapsed + f64(0.5) * s.dt <= numbers.lifetime):  # a whole number of steps, rounded
         s.verlet.flags.list_expired = 1
     if s.verlet.flags.bad_grain >= 0:
         for i in range(grain_count(s)):

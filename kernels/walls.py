@@ -1,4 +1,4 @@
-"""The walls of an annulus: all that the kernels know of them. Another wall is another of these functions.
+"""The walls of an annulus: all formulas of theirs that kernels use. Walls of another shape are written here.
 
 A grain has one accumulated correction dv_b for both walls: > 0 is carried by the outer one, < 0 by the inner
 one (MODEL.md, eq. 8). A wall's normal starts at the origin.
@@ -55,7 +55,7 @@ def frozen_wall(contact: WallContact, position: wp.vec2d, radius: f64, walls: Wa
     frozen = contact
     frozen.n = n
     frozen.gap_rate_out = outer_gap(distance, radius, walls) / dt
-    frozen.gap_rate_in = -frozen.gap_rate_out
+    frozen.gap_rate_in = -frozen.gap_rate_out  # so that `wall_cost` is linear where there is no inner wall
     if has_inner(walls):
         frozen.gap_rate_in = inner_gap(distance, radius, walls) / dt
     return frozen

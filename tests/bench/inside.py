@@ -24,7 +24,7 @@ WALL = np.dtype(
 
 UP_TO_THE_LIST = (Each(grain_count, free_velocity), *WARM_START)
 """What a step does before it finds that its list will not do."""
-ANOTHER_LIST = (*EXPIRE, *NEW_LIST, *sweeping_order(threaded=False))
+ANOTHER_LIST = (*EXPIRE, *NEW_LIST, *sweeping_order(dealt=False))
 """What it does then."""
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import warp as wp
 
-from warpgrains.kernels.launch import leaves, stage_kernel
+from warpgrains.kernels.gpu import leaves, stage_kernel
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import METHODS, step
 

@@ -1,4 +1,4 @@
-"""The same bits on every run and in every process (for any number of workers: test_workers.py)."""
+"""The same bits on every run and in every process (for any number of workers: test_threads.py)."""
 
 import hashlib
 import os

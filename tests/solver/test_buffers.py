@@ -13,7 +13,7 @@ GRAINS = np.array([1, 2, 7, 60])
 @pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "ahead", "strips", "shared"])
 def sizes(request: pytest.FixtureRequest) -> Sizes:
     accelerated, team = request.param
-    return Sizes(GRAINS, np.full_like(GRAINS, PAIRS), np.array([0, 1, 0, 1]), accelerated, team)
+    return Sizes(GRAINS, np.full_like(GRAINS, PAIRS), np.array([0, 1, 0, 1]), accelerated, team, team)
 
 
 def test_arrays_do_not_overlap(sizes: Sizes) -> None:

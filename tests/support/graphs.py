@@ -1,4 +1,4 @@
-"""Graphs of contacts, and twins in Python of the loops that order them (kernels/order.py)."""
+"""Graphs of contacts, and twins in Python of the loops that order them (kernels/coloring.py)."""
 
 from collections import defaultdict
 

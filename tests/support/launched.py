@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpgrains import Scene, State
-from warpgrains.kernels.launch import Launcher
+from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import SOLVED, UNPROVED, WITHOUT_ROOM
 from warpgrains.kernels.step import step
 from warpgrains.scene.state import first_state

@@ -104,7 +104,9 @@ class ResidentSets:
         kinds = [(scene.method, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
         for kind in set(kinds):
             members = [k for k, other in enumerate(kinds) if other == kind]
-            sizes[members] = bytes_needed(Sizes.first([self._scenes[k] for k in members], kind[1]))
+            sizes[members] = bytes_needed(
+                Sizes.first([self._scenes[k] for k in members], kind[1], self._device)
+            )
         return sizes
 
     def state(self, k: int) -> State:

@@ -1,7 +1,7 @@
 """The memory of scenes: one table of how long every array is, and the records that point to them."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -10,6 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpgrains.kernels.accelerated import CHUNK
+from warpgrains.kernels.gpu import GPU_PARTIALS
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.scene.scene import Scene
 
@@ -33,7 +34,9 @@ class Sizes:
     accelerated : int
         1 where the method accelerates, 0 elsewhere.
     team : int
-        Threads that share a scene.
+        CPU threads that share a scene.
+    partials : int
+        Parts in which threads keep a maximum or a sum.
     """
 
     grains: Counts
@@ -41,13 +44,15 @@ class Sizes:
     weighted: Counts
     accelerated: int
     team: int
+    partials: int
 
     @classmethod
-    def first(cls, scenes: Sequence[Scene], team: int) -> "Sizes":
+    def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> "Sizes":
         """Return the sizes that scenes of one method have at first."""
         n = np.array([scene.n for scene in scenes])
+        partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([bool(np.any(scene.mass != scene.mass[0])) for scene in scenes], np.int64)
-        return cls(n, first_pairs(n), weighted, int(scenes[0].method == "accelerated"), team)
+        return cls(n, first_pairs(n), weighted, int(scenes[0].method == "accelerated"), team, partials)
 
     @property
     def has_strips(self) -> bool:
@@ -57,7 +62,7 @@ class Sizes:
     def of(self, k: int) -> "Sizes":
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        return Sizes(self.grains[one], self.pairs[one], self.weighted[one], self.accelerated, self.team)
+        return replace(self, grains=self.grains[one], pairs=self.pairs[one], weighted=self.weighted[one])
 
 
 def first_pairs(n: Counts) -> Counts:
@@ -111,7 +116,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("first_segment", "first_wall"), strips + 1),
             "dependencies": (pairs + 1) * strips,
         },
-        "partial": dict.fromkeys(("zeta", "residual", "overlap", "active"), size.team),
+        "partial": dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),
     }
 
 

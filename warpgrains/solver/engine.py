@@ -9,8 +9,8 @@ import warp as wp
 
 from warpgrains.arrays import IndexArray
 from warpgrains.errors import SimulationError
-from warpgrains.kernels import batch as kernels
-from warpgrains.kernels.launch import Launcher
+from warpgrains.kernels import advance as kernels
+from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import HALTED, NOT_CONVERGED, NOT_FINITE, SOLVED, UNPROVED, WITHOUT_ROOM
 from warpgrains.kernels.step import step
 from warpgrains.scene.scene import Scene
@@ -82,7 +82,7 @@ class Engine:
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the kernels have been compiled for this machine before."""
+        """Whether the kernels have been compiled before; of a GPU this is not told."""
         if self._device.is_cuda:
             return True
         cached = Path(wp.config.kernel_cache_dir) / self.kernel.module.get_module_identifier(CPU_BLOCK)
@@ -170,7 +170,7 @@ class Engine:
         return bool(self.left @ self._most < BRIEF)
 
     def halt(self) -> None:
-        """Let the threads give up the steps that they are at, and begin no other."""
+        """Let the threads give up the steps that they are at, and begin no other; a GPU ends its step."""
         self._halt[0] = 1
         self._records.host["control"]["halted"] = 1
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpgrains.kernels.launch import GPU_PARTIALS
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.types import VerletNumbers
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.walls import Annulus
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Counts, Layout, Sizes, bytes_needed, fields, grid_width
 from warpgrains.solver.memory import require_memory
@@ -36,7 +36,7 @@ class SceneRecords:
 
     def __init__(self, scenes: Sequence[Scene], team: int, device: wp.Device):
         self._scenes, self._device = scenes, device
-        self.sizes = Sizes.first(scenes, team if device.is_cpu else GPU_PARTIALS)
+        self.sizes = Sizes.first(scenes, team, device)
         require_memory(int(bytes_needed(self.sizes).sum()), int(self.sizes.grains.sum()), device)
         self._number = {field.name: number for number, field in enumerate(fields())}
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
@@ -67,7 +67,7 @@ class SceneRecords:
         host, scenes, sizes = self.host, self._scenes, self.sizes
         for name in ("gravity", "drag", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
-        for name in ("radius_in", "radius_out"):
+        for name in Annulus._fields:
             host["walls"][name] = [getattr(scene, name) for scene in scenes]
         for name in ("smallest_radius", "room", "acceleration", "rounding", "tile", "monitor_threshold"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]

@@ -5,12 +5,14 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import IntArray
+from warpgrains.kernels.record import StepState
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList
 from warpgrains.solver import tuning
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.statistics import RunStatistics, StepReport
 
+STEP = tuple(StepState.vars)  # names of its fields
 SUMS = ("steps", "unconverged", "iterations", "iterations_max", "residual", "overlap", "rebuilds", "redos")
 VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity")
 
@@ -135,20 +137,19 @@ class SceneMemory:
 
     def report(self, infeasible: tuple[int, ...]) -> StepReport:
         """Return what the last step did; `infeasible` are the grains that are proved not to fit."""
-        iterations, zeta, residual, overlap, active, rebuilds, redos, _ = self.record["step"].tolist()
-        scene = self._scene
+        step = dict(zip(STEP, self.record["step"].tolist(), strict=True))
         return StepReport(
-            iterations=iterations,
-            zeta=zeta,
-            residual=residual,
-            gap_error=self._gap_error(residual),
-            converged=(residual if scene.stops_on_residual else zeta) <= scene.tolerance,
+            iterations=step["iterations"],
+            zeta=step["zeta"],
+            residual=step["residual"],
+            gap_error=self._gap_error(step["residual"]),
+            converged=bool(step["converged"]),
             infeasible=infeasible,
-            contacts=active,
+            contacts=step["active"],
             candidates=self.pairs + self.walls,
-            overlap=overlap,
-            rebuilds=rebuilds,
-            redos=redos,
+            overlap=step["overlap"],
+            rebuilds=step["rebuilds"],
+            redos=step["redos"],
         )
 
     def statistics(self) -> RunStatistics:

@@ -108,20 +108,20 @@ def slice_goes_on(queue: Queue, k: int, begun: f64) -> int:
 
 
 @cache
-def kernel(method: str, threaded: bool) -> wp.Kernel:
+def kernel(method: str, strips: bool) -> wp.Kernel:
     """Return the kernel that advances scenes, in a module of its own: one thread's launch.
 
     Parameters
     ----------
     method : str
         By which the steps are solved.
-    threaded : bool
+    strips : bool
         Whether threads have strips of their own.
     """
-    name = f"warpgrains.kernels_{method.replace('-', '_')}{'_threaded' if threaded else ''}"
+    name = f"warpgrains.kernels_{method.replace('-', '_')}{'_strips' if strips else ''}"
     module = wp.get_module(name)
     wp.set_module_options(OPTIONS, module)
-    solve = fuse(step(method, threaded))
+    solve = fuse(step(method, strips))
 
     @wp.func(inline=False)
     def advance_scene(team: Team, s: Scene, queue: Queue, k: int):
