@@ -29,7 +29,7 @@ def renew_skin(s: Scene, i: int):
 
     A step that is solved again keeps its w_i and its peaks; otherwise w_i is what the grain has now.
     """
-    needed = wp.max(s.verlet.recent_deviation[i], s.workspace.impact[i])
+    needed = s.verlet.recent_deviation[i]
     margin = FORESEEN
     w = s.grains.next_velocity[i]
     if s.step.iterations > 0:

@@ -9,7 +9,6 @@ from . import (
     coloring,
     contact_list,
     gauss_seidel,
-    impacts,
     integrate,
     neighbors,
     residual,
@@ -79,21 +78,10 @@ def sweeping_order(dealt: bool) -> list[Stage]:
     ]
 
 
-FORESEE = [
-    Each(grain_count, impacts.forget_impact),
-    Each(pair_count, impacts.find_impact, adds_up=True),
-    *[
-        Each(pair_count, impacts.pass_on, adds_up=True),
-        Each(grain_count, impacts.take_over),
-    ]
-    * impacts.PASSES,
-]
-
 WARM_START = [
     Each(grain_count, warm_start.begin_attempt),
     Sets(warm_start.start_pairs),
     Shared(warm_start.start_walls),
-    *FORESEE,
     Serial(verlet.clear_check),
     Serial(verlet.find_frame),
     Each(grain_count, verlet.begin_check),

@@ -173,8 +173,6 @@ class Workspace:
     sweep_index: Ints  # place of every pair in sweeping order
     group: Ints  # set, or tile, of every pair
     sequence: wp.array(dtype=wp.vec3i)  # pairs in sweeping order: (i, j, place in the neighbor list)
-    impact: Floats  # of every grain: how far its velocity is foreseen to change [m/s] (impacts.py)
-    passed_impact: Floats  # what its neighbors pass on
     row_sum: Floats  # of every grain: its shares of its contacts
     next_level: Ints  # by grain
     used_colors: wp.array(dtype=wp.uint64)  # by grain

@@ -25,7 +25,6 @@ from .access import vector_at
 from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
 
 f64 = wp.float64
-LIKELY = wp.constant(f64(0.5))  # part of an impact that adds to a deviation
 
 
 @wp.func
@@ -87,10 +86,12 @@ def find_frame(s: Scene):
 
 
 @wp.func
-def check_skin(s: Scene, i: int, reached: f64, least: f64):
-    """See whether a skin suffices for a deviation reached [m/s], with `least` [m] to spare."""
+def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
+    """See whether a skin suffices with `least` [m] to spare, for so many times the last step's deviation."""
     x = s.grains.position[i]
-    used = displacement(s, x, i) + s.dt * reached
+    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
+    peak = wp.max(peak, foreseen * s.verlet.recent_deviation[i])
+    used = displacement(s, x, i) + s.dt * peak
     if not is_finite(x + s.dt * s.grains.next_velocity[i]):
         s.verlet.flags.bad_grain = 0
     elif not (used + least <= s.verlet.skin[i]):
@@ -105,20 +106,17 @@ def reserve(s: Scene) -> f64:
 
 @wp.func
 def begin_check(s: Scene, i: int):
-    """The deviation before the first iteration, what the skin allows, and whether it is likely to do."""
-    peak = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
+    """The peak deviation before the first iteration, what the skin still allows, and whether it will do."""
+    s.verlet.peak_deviation[i] = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
     allowed = (s.verlet.skin[i] - displacement(s, s.grains.position[i], i)) / s.dt
-    s.verlet.peak_deviation[i] = peak
     s.verlet.peak_limit[i] = wp.max(f64(0.0), allowed) * allowed
-    likely = wp.max(wp.sqrt(peak) + LIKELY * s.workspace.impact[i], s.verlet.recent_deviation[i])
-    check_skin(s, i, likely, reserve(s))
+    check_skin(s, i, reserve(s), f64(1.0))
 
 
 @wp.func
 def verify(s: Scene, i: int):
     """After the iteration: whether the list has held."""
-    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
-    check_skin(s, i, peak, s.tuning.rounding)
+    check_skin(s, i, s.tuning.rounding, f64(0.0))
 
 
 @wp.func

@@ -103,9 +103,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "old": rows | {"cursor": 0, "found": 0, "total": 0},
             **dict.fromkeys(("old_pair_dv", "sweep_index", "sequence"), pairs),
             "group": pairs + 1,
-            **dict.fromkeys(
-                ("wall_dv", "impact", "passed_impact", "row_sum", "next_level", "used_colors"), n
-            ),
+            **dict.fromkeys(("wall_dv", "row_sum", "next_level", "used_colors"), n),
         },
         "strips": {
             "bins": BINS * has_strips,
