@@ -24,6 +24,15 @@ def require_writable_folder(folder: Path) -> None:
         raise SceneError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
 
 
+def make_folder(folder: Path) -> None:
+    """Create a folder for outputs, unless it is there; raise SceneError if it cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SceneError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+    require_writable_folder(folder)
+
+
 def require_place(kind: str, path: Path, *suffixes: str) -> None:
     """Raise SceneError unless a file of this kind, with one of these endings, can be created there now."""
     if path.suffix not in suffixes:

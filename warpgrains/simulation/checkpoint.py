@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.errors import SceneError
+from warpgrains.errors import OutputError, SceneError
 from warpgrains.files import require_place, write_whole
+from warpgrains.locks import Lock
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList, require_state
 from warpgrains.simulation.options import RunOptions
@@ -54,15 +55,27 @@ class Checkpoint:
     """What the run had done."""
 
 
-def require_checkpoint_path(path: Path) -> None:
-    """Raise SceneError unless a checkpoint can be written there now."""
+def lock_checkpoint(path: Path) -> Lock:
+    """Return the lock on a checkpoint, which is to be written.
+
+    Raises
+    ------
+    SceneError
+        It cannot be written there; as an `OutputError`, if another process does so, or there is something
+        that is no checkpoint.
+    """
     require_place("checkpoint", path, ".npz")
+    lock = Lock(path)
     if path.exists() and not _is_checkpoint(path):
-        raise SceneError(f"'{path}' is there and is no checkpoint: it is not replaced")
+        lock.release()
+        raise OutputError(f"'{path}' is there and is no checkpoint: it is not replaced")
+    return lock
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """Put a checkpoint under its name and on the disk, whole; until then an earlier one stays.
+
+    Who writes has its lock, see `lock_checkpoint`.
 
     Raises
     ------

@@ -12,8 +12,8 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state, require_state
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
+    lock_checkpoint,
     read_checkpoint,
-    require_checkpoint_path,
     write_checkpoint,
 )
 from warpgrains.simulation.options import RunOptions
@@ -138,7 +138,8 @@ class Simulation:
         Raises
         ------
         SceneError
-            The recording or the checkpoint cannot be written there.
+            The recording or the checkpoint cannot be written there; as an `OutputError`, if another run
+            does so at the same time.
         SimulationError
             A step failed.
         """
@@ -219,10 +220,11 @@ class Simulation:
         Raises
         ------
         SceneError
-            It cannot be written there.
+            It cannot be written there; as an `OutputError`, if a run does so.
         """
-        require_checkpoint_path(Path(path))
-        write_checkpoint(Path(path), Checkpoint(self.scene, self.state(), None, RunStatistics()))
+        path = Path(path)
+        with lock_checkpoint(path):
+            write_checkpoint(path, Checkpoint(self.scene, self.state(), None, RunStatistics()))
 
     @classmethod
     def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:

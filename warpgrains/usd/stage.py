@@ -8,6 +8,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 import warpgrains
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.colors import Frame
+from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import define_walls, half_width
 
 _CAMERA_MARGIN = 1.05  # half-width of the picture, in that of the walls
@@ -48,7 +49,7 @@ def _define_metadata(stage: Usd.Stage, scene: Scene, rate: float) -> None:
     layer = stage.GetRootLayer()
     layer.documentation = f"Recorded by warpgrains {warpgrains.__version__} from the scene:\n\n{scene.text}"
     layer.customLayerData = {
-        "warpgrains": {"version": warpgrains.__version__, "name": scene.name, "scene": scene.text}
+        RECORDED_BY: {"version": warpgrains.__version__, "name": scene.name, "scene": scene.text}
     }
 
 
