@@ -103,6 +103,8 @@ def read_table(path: Path) -> list[Row]:
     SceneError
         It is not there, or no table.
     """
+    if not path.is_file():
+        raise SceneError(f"'{path}' is no file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
             return list(csv.DictReader(lines, strict=True))

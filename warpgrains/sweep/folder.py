@@ -146,8 +146,8 @@ class RunFolder:
         """Return the result; if it cannot be read, that the run has failed for this reason."""
         try:
             return require_result(read_table(self.result), self.labels)
-        except SceneError as error:
-            return failure(self.labels, f"'{self.result}' is damaged ({error}): {AGAIN}")
+        except SceneError:
+            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}")
 
     def _write_scene(self) -> None:
         if not self.is_begun:

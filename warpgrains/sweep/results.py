@@ -54,7 +54,7 @@ def failure(labels: Row, reason: str, seconds: float = 0.0) -> Row:
 
 
 def require_result(rows: list[Row], labels: Row) -> Row:
-    """Return the one row of a run's table; raise SceneError unless it is a result, and of these labels."""
+    """Return the one row of a run's table; raise SceneError unless it is a result with these labels."""
     columns = [*labels, *UNITS, SECONDS]
     if len(rows) != 1 or list(rows[0]) != columns or None in rows[0].values():
         raise SceneError("it is not one row of these columns")
