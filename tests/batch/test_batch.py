@@ -33,7 +33,7 @@ def mixed_scenes() -> list[Scene]:
 def about_to_fail(state: State) -> State:
     """Give a grain a velocity that is not finite."""
     velocity = state.velocity.copy()
-    velocity[-1] = np.inf, 0.0
+    velocity[-1] = 1e308, -1e308
     return replace(state, velocity=velocity)
 
 

@@ -128,7 +128,7 @@ def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespa
 def _execution(arguments: Namespace) -> ExecutionOptions:
     """Return with what the runs are carried out."""
     if arguments.threads is not None:
-        checks.whole_number("--threads", arguments.threads)
+        checks.thread_count("--threads", arguments.threads)
     if arguments.slurm is not None:
         checks.whole_number("--slurm", arguments.slurm)
     if arguments.fps is not None and not arguments.usd:

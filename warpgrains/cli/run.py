@@ -46,8 +46,6 @@ def run(arguments: Namespace) -> bool:
     # bad outputs, and those that another process writes, are refused before Warp starts and compiles kernels
     with stdout_kept_clean(), ExitStack() as held:
         start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
-        if arguments.every is not None and options.checkpoint is None:
-            raise SceneError("--every needs --checkpoint")
         recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))
         _simulate(start, options, recorder, arguments)
     results = _results(start.scene, start.statistics.summary(options.record))
@@ -59,6 +57,11 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
     """Return the start of a new run, and what it is to do; its checkpoint is locked."""
     if arguments.scene is None:
         raise SceneError("SCENE is missing, or --resume FILE")
+    if arguments.output is None:
+        for name in _given(arguments, "fps", "color_by", "forces", "as_spheres"):
+            raise SceneError(f"{KEPT[name]} needs --output")
+    if arguments.checkpoint is None and arguments.every is not None:
+        raise SceneError("--every needs --checkpoint")
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
     scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
     given = _given(arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "every")
@@ -88,6 +91,8 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     if end < start.state.steps:
         raise SceneError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
     options = start.options or RunOptions(steps=planned)
+    if arguments.every is not None and options.checkpoint is other is None:
+        raise SceneError("--every needs --checkpoint")
     return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint", "every"))
 
 

@@ -50,12 +50,12 @@ class Simulation:
     def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None, **overrides: Any):
         self.scene = scene.replace(**overrides) if overrides else scene
         if threads is not None:
-            checks.whole_number("threads", threads)
+            checks.thread_count("threads", threads)
         where = find_device(device)
         self._threads = threads_for(self.scene, where, threads)
         self._engine = Engine([self.scene], where, self._threads)
         self._stepped = False
-        self.restore(first_state(self.scene))
+        self._engine.load(0, first_state(self.scene))
 
     @property
     def is_compiled(self) -> bool:
@@ -143,6 +143,8 @@ class Simulation:
         SimulationError
             A step failed.
         """
+        if steps is not None and duration is not None:
+            raise SceneError("a run has steps and duration: it needs one of them")
         if steps is None:
             steps = self.scene.steps if duration is None else self.scene.steps_in(duration)
         options = RunOptions(
@@ -208,7 +210,7 @@ class Simulation:
         Raises
         ------
         SceneError
-            It is a state of other grains.
+            It is a state of other grains, or none: the message names field, grain and value.
         """
         require_state(state, self.scene.n)
         self._stepped = False
