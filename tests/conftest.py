@@ -1,7 +1,10 @@
 """Fixtures that several test files share."""
 
 import ctypes
-from collections.abc import Callable
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from simulate import WAYS, Simulate
@@ -10,6 +13,34 @@ from warpgrains import Scene
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
+
+HOLD = """
+import sys
+from pathlib import Path
+from warpgrains.locks import Lock
+lock = Lock(Path(sys.argv[1]))
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def held_elsewhere() -> Iterator[Callable[[Path], subprocess.Popen[bytes]]]:
+    """Have another process hold a lock, until the end of the test."""
+    holders: list[subprocess.Popen[bytes]] = []
+
+    def hold(path: Path) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-c", HOLD, str(path)]
+        holder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == b"held\n"
+        holders.append(holder)
+        return holder
+
+    yield hold
+    for holder in holders:
+        holder.kill()
+        holder.wait(timeout=60)
 
 
 @pytest.fixture(scope="session")

@@ -5,6 +5,10 @@ class SceneError(ValueError):
     """The input is not a scene: the message names the field, the grain and the value."""
 
 
+class OutputError(SceneError):
+    """What is to be written is in use, or is something else: it is left as it is."""
+
+
 class SimulationError(RuntimeError):
     """A run failed: the message says which step and which grain, the last good state is kept."""
 

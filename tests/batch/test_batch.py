@@ -31,9 +31,9 @@ def mixed_scenes() -> list[Scene]:
 
 
 def about_to_fail(state: State) -> State:
-    """Give a grain a velocity that is not finite."""
+    """Give a grain a velocity that no step survives."""
     velocity = state.velocity.copy()
-    velocity[-1] = np.inf, 0.0
+    velocity[-1] = 1.7e308 * np.sign(state.position[-1])
     return replace(state, velocity=velocity)
 
 

@@ -233,13 +233,14 @@ def test_interrupted_run_leaves_nothing(scene, tmp_path, capfd, monkeypatch):
 
 def test_signal_leaves_the_old_recording(tmp_path):
     output = tmp_path / "old.usdc"
-    output.write_bytes(b"old")
+    assert exit_code("run", "annulus", "--steps", "1", "-o", output) == 0
+    old = output.read_bytes()
     process = command("run", "pile", "-o", output, "--duration", "1000")
     sleep(3.0)
     process.send_signal(signal.SIGINT)
     require_last_line(*process.communicate(timeout=100), "warpgrains: error: interrupted")
     assert process.returncode == 130
-    assert output.read_bytes() == b"old"
+    assert output.read_bytes() == old
     frames = tmp_path / "old.usdc.chunks"  # what `warpgrains recover` finds, if a chunk was full
     assert set(tmp_path.iterdir()) <= {output, frames}
 

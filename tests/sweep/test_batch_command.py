@@ -147,5 +147,5 @@ class TestBadInput:
 
     def test_output_is_a_file(self, tmp_path, capfd):
         sweep = write(tmp_path)
-        assert batch(sweep, "-o", sweep) == 1
+        assert batch(sweep, "-o", sweep) == 2
         assert capfd.readouterr().err.count("\n") == 1

@@ -171,6 +171,7 @@ class TestResume:
             if number in (5, 9):
                 killed.flush()
         assert len(list(chunks_of(path).glob("chunk.*"))) == 3
+        del killed  # and with it its lock
         with Recorder(path, make_scene(), 60, resume_at=6) as recorder:
             assert inspect_recording(chunks_of(path) / "root.usda") == []
             assert recorder.frames == 6

@@ -56,7 +56,7 @@ class Batch:
         if not self.scenes:
             raise SceneError("a batch needs at least one scene")
         if threads is not None:
-            checks.whole_number("threads", threads)
+            checks.thread_count("threads", threads)
         self._sets = ResidentSets(self.scenes, find_device(device), cores() if threads is None else threads)
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
 
@@ -142,6 +142,8 @@ class Batch:
 
 
 def _steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
+    if steps is not None and duration is not None:
+        raise SceneError("a run has steps and duration: it needs one of them")
     if steps is not None:
         return checks.whole_number("steps", steps, least=0)
     return scene.steps if duration is None else scene.steps_in(duration)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from warpgrains.console import in_columns, start_warp, stdout_kept_clean
-from warpgrains.errors import SceneError, missing_extra
-from warpgrains.files import Row, require_writable_folder
+from warpgrains.errors import OutputError, SceneError, missing_extra
+from warpgrains.files import Row, make_folder
 from warpgrains.scene import checks
 from warpgrains.simulation.options import ExecutionOptions
-from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.folder import RunFolder, SweepFolder
 from warpgrains.sweep.sweep import Run, Sweep
 
 if TYPE_CHECKING:
@@ -48,12 +48,12 @@ def run(arguments: Namespace) -> bool:
     try:
         folder.copy_grain_files(sweep)
         with stdout_kept_clean():
-            _finish(folder, left, len(share), arguments)
+            reasons = _finish(folder, left, len(share), arguments)
     finally:
         rows = folder.write_tables(sweep)
-    numbers = {str(one.number) for one in share}
+    numbers = set(_numbers(share))
     done = [row for row in rows if row["run"] in numbers]
-    print(_lines(folder, share, left, done, perf_counter() - start))
+    print(_lines(folder, share, left, done, reasons, perf_counter() - start))
     if plot is not None:
         print(in_columns({"picture": plot.draw(folder.results)}))
     return len(done) < len(share) or any(row["error"] for row in done)
@@ -83,18 +83,27 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
 
 def _left(folder: SweepFolder, share: list[Run], resume: bool) -> list[Run]:
     """Return the runs that are not finished; raise SceneError if the folder is not for them."""
-    folder.path.mkdir(parents=True, exist_ok=True)
-    require_writable_folder(folder.path)
+    make_folder(folder.path)
     for one in share:
         files = folder.of(one)
         if files.is_begun and not resume:
             raise SceneError(f"'{files.path}' is there: --resume continues a sweep, or choose another -o")
-        files.require_own()
+        _require_no_other(files)
     return [one for one in share if not folder.is_finished(one)]
 
 
-def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> None:
-    """Finish what is left, here or on a cluster."""
+def _require_no_other(files: RunFolder) -> None:
+    """Raise OutputError if a run's folder is that of another; one that is damaged fails in its turn."""
+    try:
+        files.require_own()
+    except OutputError:
+        raise
+    except SceneError:
+        pass
+
+
+def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> dict[str, str]:
+    """Finish what is left, here or on a cluster; return why some runs are not finished, by their numbers."""
     files = [SweepFolder(folder.path.absolute()).of(one) for one in left]
     execution = _execution(arguments)
     with tqdm(
@@ -110,17 +119,16 @@ def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespa
             from warpgrains.sweep.runner import finish_runs
 
             find_device(execution.device)
-            finish_runs(files, execution, bar.update)
-        else:
-            from warpgrains.sweep.cluster import finish_on_cluster
+            return finish_runs(files, execution, bar.update)
+        from warpgrains.sweep.cluster import finish_on_cluster
 
-            finish_on_cluster(files, execution, bar.update, arguments.scheduler, arguments.slurm)
+        return finish_on_cluster(files, execution, bar.update, arguments.scheduler, arguments.slurm)
 
 
 def _execution(arguments: Namespace) -> ExecutionOptions:
     """Return with what the runs are carried out."""
     if arguments.threads is not None:
-        checks.whole_number("--threads", arguments.threads)
+        checks.thread_count("--threads", arguments.threads)
     if arguments.slurm is not None:
         checks.whole_number("--slurm", arguments.slurm)
     if arguments.fps is not None and not arguments.usd:
@@ -129,16 +137,33 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
     return ExecutionOptions(arguments.device, arguments.threads, fps if arguments.usd else None)
 
 
-def _lines(folder: SweepFolder, share: list[Run], left: list[Run], done: list[Row], seconds: float) -> str:
-    failed, missing = [row for row in done if row["error"]], len(share) - len(done)
-    first = f", first run {failed[0]['run']}: {failed[0]['error']}" if failed else ""
+def _lines(
+    folder: SweepFolder,
+    share: list[Run],
+    left: list[Run],
+    done: list[Row],
+    reasons: dict[str, str],
+    seconds: float,
+) -> str:
+    failed = {row["run"]: row["error"] for row in done if row["error"]}
+    finished = {row["run"] for row in done}
+    missing = {number: reasons.get(number, "") for number in _numbers(share) if number not in finished}
     unconverged = sum(int(row["unconverged"] or 0) > 0 for row in done)
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
-        "failed": f"{len(failed)}{first}",
-        "not finished": f"{missing}{' (--resume goes on)' if missing else ''}",
+        "failed": f"{len(failed)}{_first(failed)}",
+        "not finished": f"{len(missing)}{' (--resume goes on)' if missing else ''}{_first(missing)}",
         "not converged": f"some step of {unconverged} runs",
         "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
         "results": f"{folder.results}",
     }
     return in_columns(rows)
+
+
+def _first(reasons: dict[str, str]) -> str:
+    """Name the first of some runs, and its reason."""
+    return next((f", first run {number}: {reason}" for number, reason in reasons.items() if reason), "")
+
+
+def _numbers(runs: list[Run]) -> list[str]:
+    return [str(run.number) for run in runs]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import warnings
 from argparse import Namespace
+from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
@@ -18,9 +20,12 @@ from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 from warpgrains.simulation import run as runs
-from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint
+from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics, Summary, named
+
+if TYPE_CHECKING:
+    from warpgrains.usd.recorder import Recorder
 
 # What a resumed run takes from its checkpoint: the option of each argument.
 KEPT = {
@@ -38,40 +43,56 @@ KEPT = {
 
 def run(arguments: Namespace) -> bool:
     """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
-    start, options = _begin(arguments) if arguments.resume is None else _resume(arguments)
-    if arguments.every is not None and options.checkpoint is None:
-        raise SceneError("--every needs --checkpoint")
-    # bad outputs are refused before Warp starts and compiles kernels
-    runs.open_outputs(options, start.scene, start.statistics)
-    with stdout_kept_clean():
-        summary = _simulate(start, options, arguments.device, arguments.threads)
-    results = _results(start.scene, summary)
+    # bad outputs, and those that another process writes, are refused before Warp starts and compiles kernels
+    with stdout_kept_clean(), ExitStack() as held:
+        start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
+        recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))
+        _simulate(start, options, recorder, arguments)
+    results = _results(start.scene, start.statistics.summary(options.record))
     print(json.dumps(results) if arguments.json else _lines(results))
     return False
 
 
-def _begin(arguments: Namespace) -> tuple[Checkpoint, RunOptions]:
-    """Return the start of a new run, and what it is to do."""
+def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
+    """Return the start of a new run, and what it is to do; its checkpoint is locked."""
     if arguments.scene is None:
         raise SceneError("SCENE is missing, or --resume FILE")
+    if arguments.output is None:
+        for name in _given(arguments, "fps", "color_by", "forces", "as_spheres"):
+            raise SceneError(f"{KEPT[name]} needs --output")
+    if arguments.checkpoint is None and arguments.every is not None:
+        raise SceneError("--every needs --checkpoint")
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
     scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
     given = _given(arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "every")
     options = RunOptions(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
+    if options.checkpoint is not None:
+        held.enter_context(lock_checkpoint(Path(options.checkpoint)))
     return Checkpoint(scene, first_state(scene), options, RunStatistics()), options
 
 
-def _resume(arguments: Namespace) -> tuple[Checkpoint, RunOptions]:
-    """Return where a run was when it left its checkpoint, and what it is to do in all."""
+def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
+    """Return where a run was when it left its checkpoint, and what it is to do in all.
+
+    Its checkpoint is locked, and the one that it is to write from now on.
+    """
     for name in _given(arguments, *KEPT):
         raise SceneError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
-    start = read_checkpoint(Path(arguments.resume))
+    kept, other = Path(arguments.resume), arguments.checkpoint
+    start = read_checkpoint(kept)
+    if start.options is not None:
+        held.enter_context(lock_checkpoint(kept))
+        start = read_checkpoint(kept)  # the run may have gone on until the lock was free
+    if other is not None and (start.options is None or os.path.realpath(other) != os.path.realpath(kept)):
+        held.enter_context(lock_checkpoint(Path(other)))
     begun_at = start.state.steps - start.statistics.steps
     planned = start.scene.steps if start.options is None else begun_at + start.options.steps
     end = _steps(start.scene, arguments) or planned
     if end < start.state.steps:
         raise SceneError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
     options = start.options or RunOptions(steps=planned)
+    if arguments.every is not None and options.checkpoint is other is None:
+        raise SceneError("--every needs --checkpoint")
     return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint", "every"))
 
 
@@ -90,18 +111,20 @@ def _steps(scene: Scene, arguments: Namespace) -> int | None:
     return None
 
 
-def _simulate(start: Checkpoint, options: RunOptions, device: str, threads: int | None) -> Summary:
+def _simulate(
+    start: Checkpoint, options: RunOptions, recorder: Recorder | None, arguments: Namespace
+) -> None:
     start_warp()
     from warpgrains.simulation.simulation import Simulation
 
-    simulation = Simulation(start.scene, device, threads)
+    simulation = Simulation(start.scene, arguments.device, arguments.threads)
     simulation.restore(start.state)
     if not simulation.is_compiled:
         print("compiling kernels for such a scene, this first time only ...", file=sys.stderr, flush=True)
     simulation.compile()
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
-        return runs.run(simulation, options, start.statistics, progress=sys.stderr.isatty())
+        runs.carry_out(simulation, options, start.statistics, recorder, progress=sys.stderr.isatty())
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:

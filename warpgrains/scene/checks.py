@@ -10,8 +10,10 @@ import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import SceneError
+from warpgrains.scene.geometry import distance
 
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
+MOST_THREADS = 1024  # more than any machine has cores: each of them takes a stack and a start
 
 
 def number(field: str, value: Any) -> float:
@@ -49,14 +51,34 @@ def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHO
         raise SceneError(f"{field} is {value!r}: it must be a whole number")
     converted = int(value)
     if not least <= converted <= most:
-        raise SceneError(f"{field} is {converted}: it must be between {least} and {most}")
+        shown = str(converted) if abs(converted) < 10**30 else "an immense number"
+        raise SceneError(f"{field} is {shown}: it must be between {least} and {most}")
     return converted
+
+
+def thread_count(field: str, value: Any) -> int:
+    """Return a number of threads."""
+    return whole_number(field, value, most=MOST_THREADS)
+
+
+def text(field: str, value: Any) -> str:
+    """Return a text."""
+    if not isinstance(value, str):
+        raise SceneError(f"{field} is {value!r}: it must be a text")
+    return value
+
+
+def truth(field: str, value: Any) -> bool:
+    """Return True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise SceneError(f"{field} is {value!r}: it must be True or False")
+    return bool(value)
 
 
 def one_of(field: str, value: Any, known: Iterable[str]) -> str:
     """Return a name that is among the known ones."""
     known = list(known)
-    if value not in known:
+    if not isinstance(value, str) or value not in known:
         raise unknown(field, value, known)
     return str(value)
 
@@ -92,10 +114,25 @@ def vectors(field: str, value: Any) -> FloatArray:
     array = _floats(field, value)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise SceneError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one grain")
-    bad = np.any(~np.isfinite(array), axis=1)
-    if bad.any():
-        raise SceneError(f"{of_grain(field, array, bad)}: it must be finite")
+    require_finite(field, array)
     return _frozen(array)
+
+
+def require_finite(field: str, array: FloatArray) -> None:
+    """Raise SceneError unless all numbers of each grain are finite, shape (n,) or (n, 2)."""
+    if not np.isfinite(array).all():
+        bad = np.logical_not(np.isfinite(array.reshape(len(array), -1)).all(axis=1))
+        raise SceneError(f"{of_grain(field, array, bad)}: it must be finite")
+
+
+def require_distinct(field: str, position: FloatArray) -> None:
+    """Raise SceneError if two grains have the same centre."""
+    in_order = np.lexsort(position.T)
+    same = distance(np.diff(position[in_order], axis=0)) == 0.0
+    if same.any():
+        first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
+        place = tuple(position[second].tolist())
+        raise SceneError(f"{field} of grain {second} is {place}: grain {first} has the same centre")
 
 
 def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
@@ -121,6 +158,8 @@ def of_grain(field: str, array: FloatArray, bad: BoolArray) -> str:
 
 
 def _floats(field: str, value: Any) -> FloatArray:
+    if np.ma.is_masked(value):
+        raise SceneError(f"{field} holds masked values: it must hold real numbers")
     try:
         array = np.asarray(value)
     except ValueError:

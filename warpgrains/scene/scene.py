@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import distance, overlapping_pairs
+from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.reader import read_scene
 from warpgrains.scene.walls import Annulus
 
@@ -19,6 +20,7 @@ ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
+MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
 
 
 class Overlaps(NamedTuple):
@@ -101,8 +103,12 @@ class Scene:
     def __post_init__(self) -> None:
         self._check_each_field()
         self.walls.require_inside(self.position, self.radius)
-        self._check_distinct_centres()
+        checks.require_distinct("position", self.position)
+        self._check_digits()
         self._check_drag_step()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), **vars(self)), ()  # so that copies are checked and cannot be written to
 
     @classmethod
     def load(cls, name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Self:
@@ -153,7 +159,8 @@ class Scene:
 
         The decimal numbers are divided as they are written: 0.3 s hold exactly three steps of 0.1 s.
         """
-        return max(1, round(Fraction(str(float(duration))) / Fraction(str(self.dt))))
+        duration = checks.positive("duration", duration)
+        return max(1, round(Fraction(str(duration)) / Fraction(str(self.dt))))
 
     def count_overlaps(self) -> Overlaps:
         """Count the overlaps at the start, between grains and with the walls."""
@@ -184,17 +191,19 @@ class Scene:
             "method": checks.one_of("method", self.method, METHODS),
             "stop": checks.one_of("stop", self.stop, STOPS),
             "on_unconverged": checks.one_of("on_unconverged", self.on_unconverged, UNCONVERGED),
+            "name": checks.text("name", self.name),
+            "text": checks.text("text", self.text),
         }
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
-    def _check_distinct_centres(self) -> None:
-        in_order = np.lexsort(self.position.T)
-        same = distance(np.diff(self.position[in_order], axis=0)) == 0.0
-        if same.any():
-            first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
-            place = tuple(self.position[second].tolist())
-            raise SceneError(f"position of grain {second} is {place}: grain {first} has the same centre")
+    def _check_digits(self) -> None:
+        smallest = self.radius.min().item()
+        if self.radius_out / MOST_RADII >= smallest:
+            raise SceneError(
+                f"radius_out is {self.radius_out} m: it must be less than {MOST_RADII:g} radii of"
+                f" grain {int(np.argmin(self.radius))}, {smallest} m, for positions to have digits for a gap"
+            )
 
     def _check_drag_step(self) -> None:
         with np.errstate(over="ignore"):

@@ -96,23 +96,47 @@ def first_state(scene: Scene) -> State:
 
 def require_state(state: State, n: int) -> None:
     """Raise SceneError unless a simulation of n grains can continue from a state."""
-    corrections, lists = state.corrections, state.lists
+    _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
-    _require_array("position", state.position, np.float64, (n, 2))
-    _require_array("velocity", state.velocity, np.float64, (n, 2))
+    for name in ("position", "velocity"):
+        _require_array(name, getattr(state, name), np.float64, (n, 2))
+        checks.require_finite(f"{name} of the state, that", getattr(state, name))
+    checks.require_distinct("position of the state, that", state.position)
+    _require_corrections(state.corrections, n)
+    if state.lists is not None:
+        _require_lists(state.lists, n)
+        _require_listed(state.corrections, state.lists, n)
+
+
+def _require_corrections(corrections: Corrections, n: int) -> None:
+    _require_kind("corrections", corrections, Corrections)
     _require_pairs("pair", corrections.pair, n)
     _require_array("pair_correction", corrections.pair_correction, np.float64, (len(corrections.pair),))
     _require_array("wall_correction", corrections.wall_correction, np.float64, (n,))
-    if lists is None:
-        return
+    checks.require_finite("wall_correction of the state, that", corrections.wall_correction)
+    bad = ~(np.isfinite(corrections.pair_correction) & (corrections.pair_correction >= 0.0))
+    if bad.any():
+        (i, j), value = corrections.pair[bad][0].tolist(), corrections.pair_correction[bad][0].item()
+        raise SceneError(
+            f"pair_correction of the state, that of grains {i} and {j} is {value}: it must be 0 or more"
+        )
+
+
+def _require_lists(lists: VerletList, n: int) -> None:
+    _require_kind("lists", lists, VerletList)
     _require_pairs("listed pair", lists.pair, n)
-    _require_array("listed wall", lists.wall, np.int32, (len(lists.wall),))
+    _require_array("listed wall", lists.wall, np.int32, (_length(lists.wall),))
     _require_ascending("listed wall", lists.wall, n)
     shapes = {"frame": (3, 2), "scalar": (8,)}
     shapes |= dict.fromkeys(("skin", "recent_deviation"), (n,))
     shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (n, 2))
     for name, shape in shapes.items():
         _require_array(name, getattr(lists, name), np.float64, shape)
+        if np.isnan(getattr(lists, name)).any():
+            raise SceneError(f"{name} of the state holds what is no number")
+
+
+def _require_listed(corrections: Corrections, lists: VerletList, n: int) -> None:
     pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
     walls = np.isin(np.flatnonzero(corrections.wall_correction), lists.wall)
     if not (pairs.all() and walls.all()):
@@ -120,7 +144,7 @@ def require_state(state: State, n: int) -> None:
 
 
 def _require_pairs(name: str, pair: IntArray, n: int) -> None:
-    _require_array(name, pair, np.int32, (len(pair), 2))
+    _require_array(name, pair, np.int32, (_length(pair), 2))
     i, j = pair.T
     if not ((i >= 0) & (i < j) & (j < n)).all():
         raise SceneError(f"{name} of the state is not of grains i < j of {n}")
@@ -134,7 +158,18 @@ def _require_ascending(name: str, values: np.ndarray[Any, Any], end: int) -> Non
         raise SceneError(f"{name} of the state is not in ascending order")
 
 
-def _require_array(name: str, array: np.ndarray[Any, Any], dtype: type, shape: tuple[int, ...]) -> None:
+def _length(array: Any) -> int:
+    return len(array) if isinstance(array, np.ndarray) and array.ndim > 0 else 0
+
+
+def _require_kind(name: str, record: Any, kind: type) -> None:
+    if not isinstance(record, kind):
+        raise SceneError(f"{name} is a {type(record).__name__}: it must be a {kind.__name__}")
+
+
+def _require_array(name: str, array: Any, dtype: type, shape: tuple[int, ...]) -> None:
+    if not isinstance(array, np.ndarray) or isinstance(array, np.ma.MaskedArray):
+        raise SceneError(f"{name} of the state is a {type(array).__name__}: it must be an array")
     if array.dtype != dtype or array.shape != shape:
         found, wanted = f"{array.dtype} {array.shape}", f"{np.dtype(dtype)} {shape}"
         raise SceneError(f"{name} of the state is {found}: it must be {wanted}")

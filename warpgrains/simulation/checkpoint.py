@@ -17,8 +17,10 @@ from typing import Any
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.errors import SceneError
+from warpgrains.errors import OutputError, SceneError
 from warpgrains.files import require_place, write_whole
+from warpgrains.locks import Lock
+from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList, require_state
 from warpgrains.simulation.options import RunOptions
@@ -26,6 +28,7 @@ from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
 VERSION = 2
+MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
 Header = dict[str, Any]
@@ -37,6 +40,7 @@ _DAMAGE = (
     TypeError,
     ValueError,
     RuntimeError,
+    MemoryError,
     zipfile.BadZipFile,
     zlib.error,
 )
@@ -54,15 +58,27 @@ class Checkpoint:
     """What the run had done."""
 
 
-def require_checkpoint_path(path: Path) -> None:
-    """Raise SceneError unless a checkpoint can be written there now."""
+def lock_checkpoint(path: Path) -> Lock:
+    """Return the lock on a checkpoint, which is to be written.
+
+    Raises
+    ------
+    SceneError
+        It cannot be written there; as an `OutputError`, if another process does so, or there is something
+        that is no checkpoint.
+    """
     require_place("checkpoint", path, ".npz")
+    lock = Lock(path)
     if path.exists() and not _is_checkpoint(path):
-        raise SceneError(f"'{path}' is there and is no checkpoint: it is not replaced")
+        lock.release()
+        raise OutputError(f"'{path}' is there and is no checkpoint: it is not replaced")
+    return lock
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """Put a checkpoint under its name and on the disk, whole; until then an earlier one stays.
+
+    Who writes has its lock, see `lock_checkpoint`.
 
     Raises
     ------
@@ -133,6 +149,9 @@ def _parts(scene: Scene, state: State) -> dict[str, Any]:
 def _read(path: Path) -> tuple[Header, Arrays]:
     """Return header and arrays, whatever they hold."""
     with zipfile.ZipFile(path) as archive:
+        # ours are stored as they are: no small file can take the memory of a large one
+        if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
+            raise ValueError("an entry is compressed")
         if archive.testzip() is not None:
             raise ValueError("an entry is damaged")
     with np.load(path, allow_pickle=False) as entries:
@@ -142,7 +161,7 @@ def _read(path: Path) -> tuple[Header, Arrays]:
 
 def _header(entry: np.ndarray) -> Header:
     header = json.loads(entry.tobytes())
-    if header["format"] != FORMAT or not isinstance(header["version"], int):
+    if header["format"] != FORMAT or type(header["version"]) is not int:
         raise ValueError("the header is that of something else")
     return header
 
@@ -171,4 +190,23 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
     state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
     require_state(state, scene.n)
     options = None if header["plan"] is None else RunOptions.restored(header["plan"], path)
-    return Checkpoint(scene, state, options, RunStatistics(**header["tally"]))
+    statistics = RunStatistics(**header["tally"])
+    _require_statistics(statistics, state, options)
+    return Checkpoint(scene, state, options, statistics)
+
+
+def _require_statistics(statistics: RunStatistics, state: State, options: RunOptions | None) -> None:
+    """Raise SceneError unless a run can have done this."""
+    for field in fields(RunStatistics):
+        value = getattr(statistics, field.name)
+        if isinstance(field.default, int):
+            most = state.steps if field.name == "steps" else MOST_COUNTED
+            checks.whole_number(field.name, value, least=0, most=most)
+        elif isinstance(field.default, float) and not (isinstance(value, float | int) and value >= 0.0):
+            raise SceneError(f"{field.name} is {value!r}: it must be a number, 0 or more")
+    for grain in statistics.infeasible_grains:
+        checks.whole_number("infeasible grain", grain, least=0, most=len(state.position) - 1)
+    if options is not None:
+        checks.whole_number("steps", statistics.steps, least=0, most=options.steps)
+        recorded = options.record is not None
+        checks.whole_number("frames", statistics.frames, least=int(recorded), most=statistics.steps + 1)

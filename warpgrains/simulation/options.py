@@ -6,10 +6,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
+from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 
 OnProgress = Callable[[float], None]
 """Hears of progress, in runs."""
+
+NEEDS = dict.fromkeys(("fps", "color_by", "forces", "as_spheres"), "record") | {"every": "checkpoint"}
+"""What options are of no effect without."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +23,7 @@ class RunOptions:
     Raises
     ------
     SceneError
-        A number of steps is none.
+        A value is not what it must be, or is of no effect, such as `forces` without `record`.
     """
 
     steps: int
@@ -38,8 +42,21 @@ class RunOptions:
     """Steps between two checkpoints; the start and the end of a run have one anyway."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "steps", checks.whole_number("steps", self.steps, least=0))
-        object.__setattr__(self, "every", checks.whole_number("every", self.every))
+        checked: dict[str, Any] = {
+            "steps": checks.whole_number("steps", self.steps, least=0),
+            "every": checks.whole_number("every", self.every),
+            "fps": checks.positive("fps", self.fps),
+            "color_by": checks.text("color_by", self.color_by),
+            "forces": checks.truth("forces", self.forces),
+            "as_spheres": checks.truth("as_spheres", self.as_spheres),
+            "record": _file("record", self.record),
+            "checkpoint": _file("checkpoint", self.checkpoint),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+        for name, needed in NEEDS.items():
+            if checked[needed] is None and checked[name] != getattr(type(self), name):
+                raise SceneError(f"{name} has no effect without {needed}")
 
     def checkpoint_after(self, steps: int) -> Path | None:
         """Return the checkpoint to write after so many steps, if one is due then."""
@@ -54,10 +71,21 @@ class RunOptions:
     @classmethod
     def restored(cls, stored: dict[str, Any], checkpoint: Path) -> Self:
         """Return the options that a checkpoint keeps; the next checkpoints are to replace it."""
-        record = stored["record"]
-        if record is not None:
+        record = _file("record", stored["record"])
+        if record is None:  # what earlier releases kept beside it has no effect
+            stored = {name: value for name, value in stored.items() if NEEDS.get(name) != "record"}
+        elif os.path.isabs(record):
+            raise SceneError(f"record is {record!r}: it must be where it is as seen from the checkpoint")
+        else:
             record = os.path.normpath(checkpoint.parent / record)
         return cls(**{**stored, "record": record, "checkpoint": str(checkpoint)})
+
+
+def _file(field: str, name: Any) -> str | None:
+    """Return the name of a file, if there is one."""
+    if name is not None and (checks.text(field, name) == "" or "\0" in name):
+        raise SceneError(f"{field} is {name!r}: it must be the name of a file")
+    return name
 
 
 @dataclass(frozen=True)

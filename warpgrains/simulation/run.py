@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from warnings import warn
 from tqdm import tqdm
 
 from warpgrains.scene.scene import Scene
-from warpgrains.simulation.checkpoint import Checkpoint, require_checkpoint_path, write_checkpoint
+from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics, Summary, named
 
@@ -23,6 +24,52 @@ if TYPE_CHECKING:
 def run(
     simulation: Simulation, options: RunOptions, statistics: RunStatistics, progress: bool = False
 ) -> Summary:
+    """Do what is left of a run, with its outputs locked; see `carry_out`.
+
+    Raises
+    ------
+    SceneError
+        The recording cannot be written there, or cannot be continued; as an `OutputError`, if another
+        process writes one of the outputs.
+    SimulationError
+        A step failed.
+    """
+    with (
+        nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
+        open_outputs(options, simulation.scene, statistics) as recorder,
+    ):
+        carry_out(simulation, options, statistics, recorder, progress)
+    return statistics.summary(options.record)
+
+
+@contextmanager
+def open_outputs(options: RunOptions, scene: Scene, statistics: RunStatistics) -> Iterator[Recorder | None]:
+    """Give the recorder of a run, if it needs one, with a lock on the recording; it is whole in the end.
+
+    The chunks of a run that is resumed are cut to the frames of its statistics: doing so twice does no harm.
+
+    Raises
+    ------
+    SceneError
+        What it is to write cannot be written.
+    """
+    recorder = _recorder(options, scene, statistics)
+    if recorder is None:
+        yield None
+        return
+    with recorder:
+        yield recorder
+        at_end = perf_counter()
+    statistics.seconds += perf_counter() - at_end
+
+
+def carry_out(
+    simulation: Simulation,
+    options: RunOptions,
+    statistics: RunStatistics,
+    recorder: Recorder | None,
+    progress: bool,
+) -> None:
     """Do what is left of a run.
 
     Parameters
@@ -32,13 +79,13 @@ def run(
         What the run is to do.
     statistics : RunStatistics
         What it has done; it is counted on.
+    recorder : Recorder, optional
+        What `open_outputs` gives.
     progress : bool
         Whether to show a progress bar on standard error.
 
     Raises
     ------
-    SceneError
-        The recording cannot be written there, or cannot be continued.
     SimulationError
         A step failed.
 
@@ -48,42 +95,29 @@ def run(
         Grains cannot fit; said once a run.
     """
     start = perf_counter() - statistics.seconds
-    with (
-        open_outputs(options, simulation.scene, statistics) as recorder,
-        _bar(options, statistics, progress) as bar,
-    ):
+    with _bar(options, statistics, progress) as bar:
         _keep(simulation, options, statistics, recorder)
         while statistics.steps < options.steps:
             done = simulation.advance(_steps_to_next_output(options, statistics, recorder), bar.update)
             if done.infeasible and not statistics.infeasible:
                 step, grains = simulation.infeasible_steps[0]
-                warn(f"step {step}: {named(grains)} cannot fit", stacklevel=2)
+                warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
             statistics.add(done)
             statistics.seconds = perf_counter() - start
             _keep(simulation, options, statistics, recorder)
     statistics.seconds = perf_counter() - start
-    return statistics.summary(options.record)
 
 
-def open_outputs(
-    options: RunOptions, scene: Scene, statistics: RunStatistics
-) -> AbstractContextManager[Recorder | None]:
-    """Return the recorder of a run, if it needs one; raise SceneError if it cannot write what it is to write.
-
-    The chunks of a run that is resumed are cut to the frames of its statistics: doing so twice does no harm.
-    """
-    if options.checkpoint is not None:
-        require_checkpoint_path(Path(options.checkpoint))
+def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> Recorder | None:
+    """Return the recorder of a run; None if there is nothing to record, or no more."""
     if options.record is None:
-        return nullcontext()
-    from warpgrains.usd.flatten import reopen
+        return None
     from warpgrains.usd.recorder import Recorder, chunks_of
 
     record = Path(options.record)
-    if statistics.frames and record.is_file() and not chunks_of(record).exists():
-        if statistics.steps == options.steps:
-            return nullcontext()
-        reopen(record, chunks_of(record))
+    is_whole = statistics.frames > 0 and record.is_file() and not chunks_of(record).exists()
+    if is_whole and statistics.steps == options.steps:
+        return None
     return Recorder(
         record,
         scene,

@@ -12,8 +12,8 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state, require_state
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
+    lock_checkpoint,
     read_checkpoint,
-    require_checkpoint_path,
     write_checkpoint,
 )
 from warpgrains.simulation.options import RunOptions
@@ -50,12 +50,12 @@ class Simulation:
     def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None, **overrides: Any):
         self.scene = scene.replace(**overrides) if overrides else scene
         if threads is not None:
-            checks.whole_number("threads", threads)
+            checks.thread_count("threads", threads)
         where = find_device(device)
         self._threads = threads_for(self.scene, where, threads)
         self._engine = Engine([self.scene], where, self._threads)
         self._stepped = False
-        self.restore(first_state(self.scene))
+        self._engine.load(0, first_state(self.scene))
 
     @property
     def is_compiled(self) -> bool:
@@ -146,10 +146,13 @@ class Simulation:
         Raises
         ------
         SceneError
-            The recording or the checkpoint cannot be written there.
+            The recording or the checkpoint cannot be written there; as an `OutputError`, if another run
+            does so at the same time.
         SimulationError
             A step failed.
         """
+        if steps is not None and duration is not None:
+            raise SceneError("a run has steps and duration: it needs one of them")
         if steps is None:
             steps = self.scene.steps if duration is None else self.scene.steps_in(duration)
         options = RunOptions(
@@ -215,7 +218,7 @@ class Simulation:
         Raises
         ------
         SceneError
-            It is a state of other grains.
+            It is a state of other grains, or none: the message names field, grain and value.
         """
         require_state(state, self.scene.n)
         self._stepped = False
@@ -227,10 +230,11 @@ class Simulation:
         Raises
         ------
         SceneError
-            It cannot be written there.
+            It cannot be written there; as an `OutputError`, if a run does so.
         """
-        require_checkpoint_path(Path(path))
-        write_checkpoint(Path(path), Checkpoint(self.scene, self.state(), None, RunStatistics()))
+        path = Path(path)
+        with lock_checkpoint(path):
+            write_checkpoint(path, Checkpoint(self.scene, self.state(), None, RunStatistics()))
 
     @classmethod
     def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 BUNDLES_A_THREAD = 16
 MOST_IN_A_BUNDLE = 64
 CONNECT_WITHIN = 30.0  # s
+UNSEEN = "its result is not seen here: all machines must see DIR"
 
 _one_at_a_time = Lock()
 
@@ -34,8 +35,8 @@ def finish_on_cluster(
     on_progress: OnProgress,
     scheduler: str | None,
     slurm_jobs: int | None,
-) -> None:
-    """Carry runs out to their end on a cluster.
+) -> dict[str, str]:
+    """Carry runs out to their end on a cluster; return why some are not, by their numbers.
 
     What dask gives up, since too many workers died of it, is done again in the end, a run at a time. A run
     that is given up alone is left as it is, and standard error says so.
@@ -54,15 +55,19 @@ def finish_on_cluster(
     SceneError
         Dask is not installed, or there is no such cluster.
     """
+    left: dict[str, str] = {}
     with _client(scheduler, slurm_jobs) as client:
         threads = sum(client.nthreads().values()) or slurm_jobs or 1
         for run in _left_by_bundles(client, _bundles(folders, threads), execution, on_progress):
             future = client.submit(finish_bundle, [run], execution, pure=False)
-            reason = future.exception() or "its result is not seen here: all machines must see DIR"
+            number = run.labels["run"]
+            reason = future.exception() or future.result().get(number, UNSEEN)
             if run.is_finished:
                 on_progress(1.0)
             else:
-                print(f"run {run.labels['run']} is not finished: {reason}", file=sys.stderr)
+                left[number] = str(reason)
+                print(f"run {number} is not finished: {reason}", file=sys.stderr)
+    return left
 
 
 def _left_by_bundles(
@@ -81,8 +86,10 @@ def _left_by_bundles(
     return left
 
 
-def finish_bundle(folders: list[RunFolder], execution: ExecutionOptions) -> None:
+def finish_bundle(folders: list[RunFolder], execution: ExecutionOptions) -> dict[str, str]:
     """Carry out, on a worker, those runs of a bundle that an earlier worker has not finished.
+
+    Like `finish_runs` it returns why some are not.
 
     A worker with many threads is given many bundles at once: each in turn has all its threads.
     """
@@ -94,7 +101,7 @@ def finish_bundle(folders: list[RunFolder], execution: ExecutionOptions) -> None
 
         threads = execution.threads or get_worker().state.nthreads
         left = [folder for folder in folders if not folder.is_finished]
-        finish_runs(left, replace(execution, threads=threads), lambda runs: None)
+        return finish_runs(left, replace(execution, threads=threads), lambda runs: None)
 
 
 def _bundles(folders: list[RunFolder], threads: int) -> Iterator[list[RunFolder]]:

@@ -16,8 +16,9 @@ import socket
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import OutputError, SceneError
 from warpgrains.files import Row, read_table, table_text, write_whole
+from warpgrains.locks import Lock
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
@@ -25,12 +26,14 @@ from warpgrains.scene.toml_text import toml_value
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.sweep.results import SECONDS, UNITS
+from warpgrains.sweep.results import SECONDS, UNITS, failure, require_result
 from warpgrains.sweep.sweep import Run, Sweep, copy_name
 
 RESULTS = "results.csv"
 TIMING = "timing.csv"
 RESULT = "result.csv"
+
+AGAIN = "delete the run's folder to do it again"
 
 _RUNS, _GRAINS = "runs", "grains"
 
@@ -77,14 +80,25 @@ class RunFolder:
         return self.result.exists()
 
     def require_own(self) -> None:
-        """Raise SceneError if what is there is a run of something else."""
-        if self.is_begun and self.scene_file.read_text(encoding="utf-8") != self.text:
-            raise SceneError(
+        """Raise OutputError if what is there is a run of something else, and SceneError if it is damaged."""
+        if not self.is_begun:
+            return
+        try:
+            found = self.scene_file.read_bytes().decode()
+        except UnicodeDecodeError:
+            raise SceneError(f"'{self.scene_file}' is no text: {AGAIN}") from None
+        if found != self.text:
+            raise OutputError(
                 f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
             )
 
+    def lock(self) -> Lock:
+        """Return the lock on the run, that on its checkpoint: no sweep and no ``run --resume`` shares it."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        return Lock(self.checkpoint)
+
     def begin(self, fps: float | None) -> Checkpoint:
-        """Return where the run is: at its start, or where an interrupted process left it.
+        """Return where the run, which is locked, is: at its start, or where another process left it.
 
         If it is to be recorded, then with `fps` frames a second of simulated time [1/s]; but a run that is
         resumed keeps to what it was begun with.
@@ -92,11 +106,14 @@ class RunFolder:
         Raises
         ------
         SceneError
-            Its scene is none, or its checkpoint is damaged.
+            Its scene is none, or its checkpoint is damaged; as an `OutputError`, if it is finished, or is
+            the run of something else.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
+        self.require_own()
+        if self.is_finished:
+            raise OutputError("another process has finished it")
         if self.checkpoint.exists():
-            return read_checkpoint(self.checkpoint)
+            return self._kept()
         scene = Scene(**{**scene_fields(self.text, self.scene_file), "name": self.labels["scene"]})
         options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint))
         if fps is not None:
@@ -105,6 +122,15 @@ class RunFolder:
             shutil.rmtree(chunks_of(self.recording), ignore_errors=True)
             options = replace(options, record=str(self.recording), fps=fps)
         return Checkpoint(scene, first_state(scene), options, RunStatistics())
+
+    def _kept(self) -> Checkpoint:
+        """Return the checkpoint of this run; what it says of places counts for nothing."""
+        kept = read_checkpoint(self.checkpoint)
+        options = kept.options
+        if options is None or kept.scene.text != self.text or options.steps != kept.scene.steps:
+            raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
+        record = None if options.record is None else str(self.recording)
+        return replace(kept, options=replace(options, record=record, checkpoint=str(self.checkpoint)))
 
     def keep(self, reached: Checkpoint) -> None:
         """Save where the run is."""
@@ -115,6 +141,13 @@ class RunFolder:
         """Save the result: from then on the run is finished."""
         self._write_scene()
         write_whole(self.result, table_text([row]).encode())
+
+    def row(self) -> Row:
+        """Return the result; if it cannot be read, that the run has failed for this reason."""
+        try:
+            return require_result(read_table(self.result), self.labels)
+        except SceneError:
+            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}")
 
     def _write_scene(self) -> None:
         if not self.is_begun:
@@ -164,7 +197,7 @@ class SweepFolder:
         processes share a sweep, whoever writes last has all results, without waiting for one another.
         """
         while finished := self._finished(sweep):
-            rows = [read_table(result)[0] for result in finished]
+            rows = [self.of(run).row() for run in finished]
             seconds = [{"run": row["run"], SECONDS: row.pop(SECONDS)} for row in rows]
             write_whole(self.results, table_text(rows).encode(), _writer())
             write_whole(self.timing, table_text(seconds).encode(), _writer())
@@ -174,13 +207,10 @@ class SweepFolder:
 
     def is_finished(self, run: Run) -> bool:
         """Whether a run has its result, good or bad."""
-        return self._result(run).exists()
+        return (self._path(run) / RESULT).exists()
 
-    def _finished(self, sweep: Sweep) -> list[Path]:
-        return [self._result(run) for run in sweep.runs if self.is_finished(run)]
-
-    def _result(self, run: Run) -> Path:
-        return self._path(run) / RESULT
+    def _finished(self, sweep: Sweep) -> list[Run]:
+        return [run for run in sweep.runs if self.is_finished(run)]
 
     def _path(self, run: Run) -> Path:
         return self.path / _RUNS / f"{run.number:05}"

@@ -6,6 +6,7 @@ last is `seconds`, its wall time, which the table of all results leaves out.
 """
 
 from warpgrains.analysis.quantities import quantities
+from warpgrains.errors import SceneError
 from warpgrains.files import Row
 from warpgrains.simulation.checkpoint import Checkpoint
 
@@ -26,6 +27,8 @@ UNITS = {
     "error": "",  # why the run failed, if it did
 }
 """Units of the columns that every sweep has, in their order."""
+COUNTS = ("grains", "steps", "iterations_max", "unconverged")
+"""Those that are whole numbers."""
 SECONDS = "seconds"
 
 
@@ -48,6 +51,23 @@ def result(labels: Row, reached: Checkpoint) -> Row:
 def failure(labels: Row, reason: str, seconds: float = 0.0) -> Row:
     """Return the result of a run that failed."""
     return _row(labels, {"error": reason}, seconds)
+
+
+def require_result(rows: list[Row], labels: Row) -> Row:
+    """Return the one row of a run's table; raise SceneError unless it is a result with these labels."""
+    columns = [*labels, *UNITS, SECONDS]
+    if len(rows) != 1 or list(rows[0]) != columns or None in rows[0].values():
+        raise SceneError("it is not one row of these columns")
+    row = rows[0]
+    if any(row[name] != label for name, label in labels.items()):
+        raise SceneError("it is of another run")
+    numbers = [SECONDS] if row["error"] else [name for name in columns[len(labels) :] if name != "error"]
+    for name in numbers:
+        try:
+            (int if name in COUNTS else float)(row[name])
+        except ValueError:
+            raise SceneError(f"{name} is {row[name]!r}") from None
+    return row
 
 
 def _row(labels: Row, values: Row, seconds: float) -> Row:

@@ -7,25 +7,16 @@ killed process loses little; at its end each run gets its result.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from time import perf_counter
-from typing import TYPE_CHECKING
 
-from warpgrains.arrays import FloatArray
-from warpgrains.batch.batch import Batch, SceneSummary
-from warpgrains.errors import SceneError, SimulationError
-from warpgrains.scene.state import State
-from warpgrains.simulation.checkpoint import Checkpoint
-from warpgrains.simulation.options import ExecutionOptions, OnProgress, RunOptions
-from warpgrains.simulation.run import open_outputs
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.batch.batch import Batch
+from warpgrains.errors import SimulationError
+from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import RunFolder
-from warpgrains.sweep.results import failure, result
-
-if TYPE_CHECKING:
-    from warpgrains.usd.recorder import Recorder
+from warpgrains.sweep.run import SweepRun, begin
 
 SLICE = 1.0  # s
 FIRST_SLICE, GROWTH = 4, 8  # steps of the first slice, and by how much the next one may be longer
@@ -36,141 +27,96 @@ MOST_WAITING = 256  # runs that wait for others with as many steps left
 MOST_GRAINS = 2_000_000  # in a group
 
 
-class SweepRun:
-    """A run while it is carried out, beside others of its group; see `RunFolder.begin`.
-
-    Raises
-    ------
-    SceneError
-        Its scene is none, or its checkpoint is damaged.
-    """
-
-    def __init__(self, folder: RunFolder, fps: float | None):
-        start = folder.begin(fps)
-        self.folder, self.scene, self.statistics, self.state = (
-            folder,
-            start.scene,
-            start.statistics,
-            start.state,
-        )
-        self.options = start.options or RunOptions(steps=start.scene.steps)
-        self.error: str | None = None
-        self._recorder: Recorder | None = None
-
-    @property
-    def left(self) -> int:
-        """Steps left."""
-        return self.options.steps - self.statistics.steps
-
-    @property
-    def is_recorded(self) -> bool:
-        """Whether there are frames to record still."""
-        return self._recorder is not None and self.error is None
-
-    @property
-    def until_frame(self) -> int:
-        """Steps until the next frame is due; those to the end, if none is."""
-        if self._recorder is None or self.error is not None:
-            return self.options.steps
-        return self.statistics.frames * self._recorder.stride - self.statistics.steps
-
-    def open(self, outputs: ExitStack) -> None:
-        """Open what the run writes to."""
-        self._recorder = outputs.enter_context(open_outputs(self.options, self.scene, self.statistics))
-
-    def count(self, summary: SceneSummary) -> None:
-        """Count what the run did, unless it had failed before."""
-        if self.error is None:
-            self.statistics.add(RunStatistics.of_summary(summary))
-            self.error = summary.error
-
-    def record(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Record a frame."""
-        assert self._recorder is not None
-        self._recorder.record(position, velocity)
-        self.statistics.frames += 1
-
-    def reach(self, state: State) -> None:
-        """Take the state that the run has reached; the frames it counts are on the disk."""
-        self.state = state
-        if self._recorder is not None:
-            self._recorder.flush()
-
-    def keep(self) -> None:
-        """Save where the run is."""
-        self.folder.keep(self._reached())
-
-    def finish(self) -> None:
-        """Save the result."""
-        if self.error is None:
-            self.folder.finish(result(self.folder.labels, self._reached()))
-        else:
-            self.folder.finish(failure(self.folder.labels, self.error, self.statistics.seconds))
-
-    def _reached(self) -> Checkpoint:
-        return Checkpoint(self.scene, self.state, self.options, self.statistics)
-
-
-def finish_runs(folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress) -> None:
+def finish_runs(
+    folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress
+) -> dict[str, str]:
     """Carry out runs that are not finished to their end, each from where it is.
 
-    A run that fails gets a result that says why, and the others go on.
+    A run that fails gets a result that says why, and the others go on. So they do if another process has
+    a run, or its files cannot be used.
+
+    Returns
+    -------
+    dict of str to str
+        By the numbers of the runs that were not carried out to their end, why not.
 
     Raises
     ------
     OSError
         A file cannot be written.
     """
-    for group in _groups(folders, execution, on_progress):
-        _finish(group, execution, on_progress)
+    left: dict[str, str] = {}
+    for group in _groups(folders, execution, on_progress, left):
+        _finish(group, execution, on_progress, left)
+    return left
 
 
 def _groups(
-    folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress
+    folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress, left: dict[str, str]
 ) -> Iterator[list[SweepRun]]:
-    """Gather runs with as many steps left; a run whose scene is none has failed."""
+    """Gather runs with as many steps left."""
     waiting: dict[int, list[SweepRun]] = {}
     width, widest = FIRST_WIDTH, WIDTH if execution.fps is None else RECORDED_WIDTH
-    for folder, future in _ahead(folders, execution.fps):
-        try:
+    with closing(_ahead(folders, execution.fps)) as begun, ExitStack() as held:
+        held.callback(lambda: [held.push(run) for group in waiting.values() for run in group])
+        for folder, future in begun:
             run = future.result()
-        except SceneError as error:
-            folder.finish(failure(folder.labels, str(error)))
-            on_progress(1.0)
-            continue
-        group = waiting.setdefault(run.left, [])
-        group.append(run)
-        if len(group) >= width or sum(run.scene.n for run in group) >= MOST_GRAINS:
-            yield waiting.pop(run.left)
-            width = min(2 * width, widest)
-        elif sum(map(len, waiting.values())) == MOST_WAITING:
-            yield waiting.pop(max(waiting, key=lambda left: len(waiting[left])))
-    yield from waiting.values()
+            if isinstance(run, str):
+                left[folder.labels["run"]] = run
+                on_progress(1.0)
+                continue
+            group = waiting.setdefault(run.left, [])
+            group.append(run)
+            if len(group) >= width or sum(run.scene.n for run in group) >= MOST_GRAINS:
+                yield waiting.pop(run.left)
+                width = min(2 * width, widest)
+            elif sum(map(len, waiting.values())) == MOST_WAITING:
+                yield waiting.pop(max(waiting, key=lambda left: len(waiting[left])))
+        while waiting:
+            yield waiting.popitem()[1]
 
 
-def _ahead(folders: Iterable[RunFolder], fps: float | None) -> Iterator[tuple[RunFolder, Future[SweepRun]]]:
+def _ahead(
+    folders: Iterable[RunFolder], fps: float | None
+) -> Generator[tuple[RunFolder, Future[SweepRun | str]]]:
     """Begin runs on another thread, while groups before them are carried out: some layouts take long."""
-    begun: deque[tuple[RunFolder, Future[SweepRun]]] = deque()
+    begun: deque[tuple[RunFolder, Future[SweepRun | str]]] = deque()
     executor = ThreadPoolExecutor(1)
     try:
         for folder in folders:
-            begun.append((folder, executor.submit(SweepRun, folder, fps)))
+            begun.append((folder, executor.submit(begin, folder, fps)))
             if len(begun) == WIDTH:
                 yield begun.popleft()
-        yield from begun
+        while begun:
+            yield begun.popleft()
     finally:
         executor.shutdown(cancel_futures=True)
+        for _, future in begun:
+            if not future.cancelled() and isinstance(run := future.result(), SweepRun):
+                run.__exit__()
 
 
-def _finish(group: list[SweepRun], execution: ExecutionOptions, on_progress: OnProgress) -> None:
+def _finish(
+    group: list[SweepRun], execution: ExecutionOptions, on_progress: OnProgress, left: dict[str, str]
+) -> None:
     """Carry a group out to its end; the recordings are whole before there is a result."""
-    with ExitStack() as outputs:
+    with ExitStack() as held:
         for run in group:
-            run.open(outputs)
-            on_progress(1.0 - run.left / run.options.steps)
-        if group[0].left > 0:
-            _advance(group, execution, on_progress)
-    _write(SweepRun.finish, group)
+            held.push(run)
+        opened = _without_trouble(SweepRun.open, group, left)
+        on_progress(len(group) - sum(run.left / run.options.steps for run in opened))
+        if opened and opened[0].left > 0:
+            _advance(opened, execution, on_progress)
+        _write(SweepRun.finish, _without_trouble(SweepRun.complete, opened, left))
+
+
+def _without_trouble(
+    do: Callable[[SweepRun], str | None], group: list[SweepRun], left: dict[str, str]
+) -> list[SweepRun]:
+    """Do something with each run of a group, and return those with which nothing was wrong."""
+    troubles = {run.folder.labels["run"]: do(run) for run in group}
+    left |= {number: trouble for number, trouble in troubles.items() if trouble is not None}
+    return [run for run in group if run.folder.labels["run"] not in left]
 
 
 def _advance(group: list[SweepRun], execution: ExecutionOptions, on_progress: OnProgress) -> None:

@@ -85,6 +85,25 @@ def reopen(recording: Path, chunks: Path) -> None:
     os.rename(draft, chunks)
 
 
+def resume(recording: Path, folder: ChunkFolder, frames: int) -> None:
+    """Cut the chunks of a recording to so many frames; if they are joined to its file, take that apart first.
+
+    Raises
+    ------
+    SceneError
+        They are not those of this recording, or do not hold these frames.
+    """
+    is_joined = recording.exists() and not folder.path.exists()
+    if is_joined:
+        reopen(recording, folder.path)
+    try:
+        folder.cut(frames)
+    except SceneError:
+        if is_joined:
+            folder.remove()
+        raise
+
+
 def _join(static: Path, chunks: list[Path], frames: int, binary: Path) -> list[Sdf.Path]:
     """Write the static layer and all chunks to the usdc file `binary`; return what is animated."""
     flat = Sdf.Layer.CreateNew(str(binary))

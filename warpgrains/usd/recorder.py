@@ -12,17 +12,15 @@ from pxr import Sdf
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.files import require_place
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.chunks import ChunkFolder
 from warpgrains.usd.colors import Frame, GrainColors
-from warpgrains.usd.flatten import count_frames, flatten
+from warpgrains.usd.flatten import count_frames, flatten, resume
+from warpgrains.usd.output import SUFFIXES, chunks_of, lock_output
 from warpgrains.usd.stage import Drawing, ForceChains, GrainPoints, GrainSpheres, static_layer
 
 if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
-
-SUFFIXES = (".usdc", ".usda", ".usdz")
 
 
 def recording_stride(dt: float, frames_per_second: float) -> int:
@@ -58,7 +56,7 @@ class Recorder:
     Until then the frames gather in the folder `chunks` beside it, in chunks of a hundred or 16 MB; viewers
     open its ``root.usda``. A block left by an exception, Ctrl-C included, leaves all frames there, or
     nothing if they were less than a chunk. A killed process leaves all but the last chunk. `recover` makes
-    a file of them.
+    a file of them. Until the block ends, the recorder has a `Lock` on the output.
 
     Parameters
     ----------
@@ -76,8 +74,8 @@ class Recorder:
     as_spheres : bool
         Whether to draw grains as instances of a sphere, for viewers that draw no points.
     resume_at : int, optional
-        Continue the chunks of an earlier run of the same scene with this frame, dropping what follows it.
-        `flush` must have been called when the earlier run had recorded just as many frames.
+        Continue the chunks of an earlier run of the same scene, or its file, with this frame, dropping what
+        follows it. `flush` must have been called when the earlier run had recorded just as many frames.
 
     Attributes
     ----------
@@ -92,7 +90,8 @@ class Recorder:
     ------
     SceneError
         If the suffix or the coloring is unknown, the folder cannot be written, the chunks of an earlier
-        run are there, or those to continue are not.
+        run are there, or those to continue are not; as an `OutputError`, if another process records to this
+        file, or it is no recording.
     """
 
     def __init__(
@@ -117,11 +116,15 @@ class Recorder:
             self._drawings.append(ForceChains(scene))
         static = static_layer(scene, recording_rate(scene.dt, self.stride), self._drawings)
         self._folder = ChunkFolder(self.chunks, static)
-        require_place("output", self.path, *SUFFIXES)
-        if resume_at is None:
-            self._folder.require_absent()
-        else:
-            self._folder.cut(resume_at)
+        self._lock = lock_output(self.path)
+        try:
+            if resume_at is None:
+                self._folder.require_absent()
+            else:
+                resume(self.path, self._folder, resume_at)
+        except BaseException:
+            self._lock.release()
+            raise
 
     @property
     def frames(self) -> int:
@@ -140,6 +143,7 @@ class Recorder:
                     self._folder.flush()
         finally:
             self._folder.remove_if_empty()
+            self._lock.release()
 
     def record(
         self,
@@ -188,11 +192,14 @@ class Recorder:
         OSError
             If the file cannot be written; the chunks are still there.
         """
-        if self.frames == 0:
-            raise ValueError(f"nothing was recorded for '{self.path}'")
-        self._folder.flush()
-        flatten(self.chunks, self.path, self.frames)
-        self._folder.remove()
+        try:
+            if self.frames == 0:
+                raise ValueError(f"nothing was recorded for '{self.path}'")
+            self._folder.flush()
+            flatten(self.chunks, self.path, self.frames)
+            self._folder.remove()
+        finally:
+            self._lock.release()
 
 
 def recover(folder: str | Path) -> tuple[Path, int]:
@@ -206,17 +213,13 @@ def recover(folder: str | Path) -> tuple[Path, int]:
     Raises
     ------
     SceneError
-        If this is no folder of chunks, or it holds no frames.
+        If this is no folder of chunks, or it holds no frames; as an `OutputError`, if its run goes on.
     """
     chunks = Path(folder)
     target = chunks.with_suffix("")
     if chunks != chunks_of(target) or target.suffix not in SUFFIXES or not chunks.is_dir():
         raise SceneError(f"'{folder}' is not a folder of chunks, such as run.usdc.chunks")
-    frames = count_frames(chunks)
-    flatten(chunks, target, frames)
+    with lock_output(target):
+        frames = count_frames(chunks)
+        flatten(chunks, target, frames)
     return target, frames
-
-
-def chunks_of(path: Path) -> Path:
-    """Return the folder that holds the frames of the recording `path` until it is whole."""
-    return path.with_name(path.name + ".chunks")

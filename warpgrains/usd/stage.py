@@ -11,6 +11,7 @@ import warpgrains
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.walls import outward
 from warpgrains.usd.colors import Frame, GrainColors, force_scale
+from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import define_walls, half_width
 
 GRAINS = Sdf.Path("/World/Grains")
@@ -190,7 +191,7 @@ def static_layer(scene: Scene, rate: float, drawings: Iterable[Drawing]) -> Sdf.
     stage.SetFramesPerSecond(rate)
     version = warpgrains.__version__
     layer.documentation = f"Recorded by warpgrains {version} from the scene:\n\n{scene.text}"
-    layer.customLayerData = {"warpgrains": {"version": version, "name": scene.name, "scene": scene.text}}
+    layer.customLayerData = {RECORDED_BY: {"version": version, "name": scene.name, "scene": scene.text}}
     for drawing in drawings:
         drawing.define(stage)
     define_walls(stage, scene.walls)

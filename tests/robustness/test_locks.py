@@ -1,0 +1,185 @@
+"""Two processes, or two threads, that would write the same: the second is refused and loses nothing."""
+
+import errno
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command import exit_code, require_refusal
+from recordings import make_frames, make_scene, record
+
+from warpgrains import Scene, SceneError, Simulation, locks
+from warpgrains.errors import OutputError
+from warpgrains.locks import Lock
+from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.usd.recorder import Recorder, chunks_of, recover
+
+
+class TestLock:
+    def test_second_one_is_refused_with_the_name_of_the_first(self, tmp_path, held_elsewhere):
+        holder = held_elsewhere(tmp_path / "run.npz")
+        with pytest.raises(OutputError, match=f"run.npz' is being written by process {holder.pid} on "):
+            Lock(tmp_path / "run.npz")
+
+    @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM, None])
+    def test_dies_with_its_process(self, tmp_path, held_elsewhere, end):
+        holder = held_elsewhere(tmp_path / "run.npz")
+        holder.stdin.close() if end is None else holder.send_signal(end)
+        holder.wait(timeout=60)
+        with Lock(tmp_path / "run.npz"):
+            pass
+        assert list(tmp_path.iterdir()) == []
+
+    def test_binds_the_threads_of_its_own_process(self, tmp_path):
+        with Lock(tmp_path / "run.npz"), pytest.raises(OutputError, match=f"by process {os.getpid()} on"):
+            Lock(tmp_path / "run.npz")
+        Lock(tmp_path / "run.npz").release()
+        assert list(tmp_path.iterdir()) == []
+
+    def test_is_not_that_of_a_forked_child(self, tmp_path):
+        """A child that lives on, of multiprocessing for one, keeps nobody out and takes nothing away."""
+        lock = Lock(tmp_path / "run.npz")
+        go_on = multiprocessing.get_context("fork").Event()
+        child = multiprocessing.get_context("fork").Process(target=go_on.wait)
+        child.start()
+        lock.release()
+        with Lock(tmp_path / "run.npz"):
+            go_on.set()
+            child.join()
+            assert child.exitcode == 0
+            with pytest.raises(OutputError, match="is being written"):
+                Lock(tmp_path / "run.npz")
+
+    def test_many_at_once_have_it_one_after_the_other(self, tmp_path):
+        """Taken and given back a thousand times by four processes: never by two at once."""
+        script = (
+            "import os, sys\nfrom pathlib import Path\nfrom warpgrains.errors import OutputError\n"
+            "from warpgrains.locks import Lock\ntaken = 0\nwhile taken < 250:\n"
+            "    try: lock = Lock(Path(sys.argv[1]))\n"
+            "    except OutputError: continue\n"
+            "    os.close(os.open(sys.argv[1], os.O_CREAT | os.O_EXCL))\n"
+            "    os.unlink(sys.argv[1])\n    lock.release()\n    taken += 1\n"
+        )
+        command = [sys.executable, "-c", script, str(tmp_path / "inside")]
+        takers = [subprocess.Popen(command) for _ in range(4)]
+        assert [taker.wait(timeout=120) for taker in takers] == [0, 0, 0, 0]
+        assert list(tmp_path.iterdir()) == []
+
+    def test_file_system_without_locks(self, tmp_path, monkeypatch):
+        def refuse(*arguments):
+            raise OSError(errno.ENOLCK, "No locks available")
+
+        monkeypatch.setattr(locks, "flock", refuse)
+        with pytest.warns(UserWarning, match=r"run\.npz' has no locks"):
+            Lock(tmp_path / "run.npz").release()
+
+    def test_place_that_cannot_be_locked(self):
+        with pytest.raises(OutputError, match=r"/proc/run\.npz' cannot be locked: "):
+            Lock(Path("/proc/run.npz"))
+
+
+def kept_run(folder):
+    """Return the checkpoint of a run with a recording that a process died of after 20 of 40 steps."""
+    options = ["--every", "10", "--checkpoint", folder / "run.npz", "-o", folder / "run.usdc"]
+    script = (
+        "import os, sys\nfrom warpgrains.cli.main import main\nfrom warpgrains import Simulation\n"
+        "advance = Simulation.advance\n"
+        "def die(self, *arguments):\n"
+        "    if self.steps == 20: os._exit(9)\n"
+        "    return advance(self, *arguments)\n"
+        "Simulation.advance = die\nmain(sys.argv[1:])"
+    )
+    arguments = ["run", "annulus", "--steps", "40", *map(str, options)]
+    assert subprocess.run([sys.executable, "-c", script, *arguments], timeout=100).returncode == 9
+    return folder / "run.npz"
+
+
+def contents_of(folder):
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.suffix != ".lock")
+    return {path: path.read_bytes() for path in files}
+
+
+class TestRun:
+    @pytest.mark.parametrize("locked", ["run.npz", "run.usdc"])
+    def test_second_resume_is_refused_and_changes_nothing(self, tmp_path, held_elsewhere, capfd, locked):
+        kept = kept_run(tmp_path)
+        before = contents_of(tmp_path)
+        held_elsewhere(tmp_path / locked)
+        capfd.readouterr()
+        assert exit_code("run", "--resume", kept) == 2
+        require_refusal(capfd, f"{locked}' is being written by process")
+        assert contents_of(tmp_path) == before
+
+    @pytest.mark.parametrize("option", ["-o", "--checkpoint"])
+    def test_second_run_is_refused(self, tmp_path, held_elsewhere, capfd, option):
+        output = tmp_path / {"-o": "run.usdc", "--checkpoint": "run.npz"}[option]
+        held_elsewhere(output)
+        assert exit_code("run", "annulus", option, output) == 2
+        require_refusal(capfd, "is being written by process")
+
+    def test_requeued_job(self, tmp_path):
+        """Two processes continue one run at once: one does, or both one after the other; nothing is lost."""
+        kept = kept_run(tmp_path)
+        command = [sys.executable, "-m", "warpgrains", "run", "--resume", str(kept)]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        for _ in range(2):
+            both = [subprocess.Popen(command, **pipes) for _ in range(2)]
+            codes = {process.wait(timeout=100): process.communicate() for process in both}
+            assert codes.keys() <= {0, 2}
+            assert 0 in codes
+            assert 2 not in codes or codes[2][1].count("\n") == 1
+        whole = tmp_path / "whole"
+        whole.mkdir()
+        assert exit_code("run", "annulus", "--steps", 40, "-o", whole / "run.usdc") == 0
+        assert (tmp_path / "run.usdc").read_bytes() == (whole / "run.usdc").read_bytes()
+
+    def test_run_that_went_on_before_the_lock_was_free(self, tmp_path, monkeypatch):
+        """It is continued from where it is now, not from where it was when it was first looked at."""
+        from warpgrains.cli import run as command
+
+        kept, reads = kept_run(tmp_path), []
+
+        def read_while_another_goes_on(path):
+            start = read_checkpoint(path)
+            reads.append(start.state.steps)
+            if len(reads) == 1:
+                other = [sys.executable, "-m", "warpgrains", "run", "--resume", str(kept)]
+                assert subprocess.run(other, timeout=100).returncode == 0
+            return start
+
+        monkeypatch.setattr(command, "read_checkpoint", read_while_another_goes_on)
+        assert exit_code("run", "--resume", kept) == 0
+        assert reads == [20, 40]
+
+
+class TestPython:
+    def test_recorder(self, tmp_path):
+        with Recorder(tmp_path / "run.usdc", make_scene(), 60) as recorder:
+            recorder.record(*make_frames(1)[0])
+            with pytest.raises(OutputError, match="is being written by process"):
+                Recorder(tmp_path / "run.usdc", make_scene(), 60)
+            recorder.flush()
+            with pytest.raises(OutputError, match="is being written by process"):
+                recover(recorder.chunks)
+        record(tmp_path / "run.usdc", make_frames(2))
+        assert list(tmp_path.iterdir()) == [tmp_path / "run.usdc"]
+
+    def test_simulation(self, tmp_path):
+        simulation = Simulation(Scene.load("annulus"))
+        for name, argument in (("run.usdc", "record"), ("run.npz", "checkpoint")):
+            with Lock(tmp_path / name), pytest.raises(OutputError, match="is being written"):
+                simulation.run(steps=2, **{argument: tmp_path / name})
+        with Lock(tmp_path / "run.npz"), pytest.raises(OutputError, match="is being written"):
+            simulation.save(tmp_path / "run.npz")
+        assert simulation.steps == 0
+        assert list(tmp_path.iterdir()) == []
+
+    def test_failed_beginning_leaves_no_lock(self, tmp_path):
+        chunks_of(tmp_path / "run.usdc").mkdir()
+        for _ in range(2):
+            with pytest.raises(SceneError, match="holds frames of another run"):
+                Recorder(tmp_path / "run.usdc", make_scene(), 60)

@@ -1,0 +1,135 @@
+"""A sweep with one damaged run: it is named and counted as failed, and the others go on."""
+
+import shutil
+
+import pytest
+from sweeps import SMALL, batch, results, table, write
+
+from warpgrains.sweep.results import SECONDS
+from warpgrains.usd.flatten import reopen
+
+GOOD = SMALL.replace("100.0, ", "")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Four runs, recorded."""
+    folder = tmp_path_factory.mktemp("whole")
+    assert batch(write(folder, GOOD), "-o", folder / "out", "--usd") == 0
+    return folder / "out"
+
+
+def resume_damaged(folder, whole, damage, *options):
+    """Damage run 1 of a finished sweep and resume it; return the rows of its results."""
+    out = folder / "out"
+    shutil.copytree(whole, out)
+    damage(out / "runs" / "00001")
+    assert batch(write(folder, GOOD), "-o", out, "--resume", *options) == 1
+    rows = table(out / "results.csv")
+    assert [row["run"] for row in rows] == ["0", "1", "2", "3"]
+    assert [bool(row["error"]) for row in rows] == [False, True, False, False]
+    return rows
+
+
+def without(column):
+    """Return a damage that takes a column out of a result."""
+
+    def damage(run):
+        (row,) = table(run / "result.csv")
+        row.pop(column)
+        (run / "result.csv").write_text(f"{','.join(row)}\n{','.join(row.values())}\n")
+
+    return damage
+
+
+def with_value(column, value):
+    def damage(run):
+        (row,) = table(run / "result.csv")
+        row[column] = value
+        (run / "result.csv").write_text(f"{','.join(row)}\n{','.join(row.values())}\n")
+
+    return damage
+
+
+def cut_result(length):
+    return lambda run: (run / "result.csv").write_bytes((run / "result.csv").read_bytes()[:length])
+
+
+DAMAGED_RESULTS = {
+    "empty": cut_result(0),
+    "names only": cut_result(200),
+    "short": cut_result(-60),
+    "twice": lambda run: (run / "result.csv").write_bytes((run / "result.csv").read_bytes() * 2),
+    "no seconds": without(SECONDS),
+    "no run": without("run"),
+    "of another run": with_value("run", "3"),
+    "no number": with_value("unconverged", "many"),
+    "not UTF-8": lambda run: (run / "result.csv").write_bytes(b"\xff\xfe"),
+    "a folder": lambda run: ((run / "result.csv").unlink(), (run / "result.csv").mkdir()),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGED_RESULTS.values(), ids=DAMAGED_RESULTS.keys())
+def test_damaged_result_is_named(tmp_path, whole, damage, capfd):
+    rows = resume_damaged(tmp_path, whole, damage)
+    assert rows[1]["error"] == "result.csv is damaged: delete the run's folder to do it again"
+    assert "failed            1, first run 1: result.csv is damaged" in capfd.readouterr().out
+    shutil.rmtree(tmp_path / "out" / "runs" / "00001")
+    assert batch(write(tmp_path, GOOD), "-o", tmp_path / "out", "--resume") == 0
+    assert results(tmp_path / "out") == results(whole)
+
+
+def interrupted(damage):
+    """Return a damage of a run that was killed before it had its result."""
+
+    def undo_and_damage(run):
+        (run / "result.csv").unlink()
+        reopen(run / "recording.usdc", run / "recording.usdc.chunks")
+        (run / "recording.usdc").unlink()
+        damage(run)
+
+    return undo_and_damage
+
+
+def first_of(run, pattern):
+    return sorted(run.glob(pattern))[0]
+
+
+DAMAGED_FILES = {
+    "no chunks": (lambda run: shutil.rmtree(run / "recording.usdc.chunks"), "holds no frames"),
+    "a chunk is gone": (lambda run: first_of(run, "*/chunk*").unlink(), "holds 0 of the"),
+    "checkpoint": (lambda run: (run / "checkpoint.npz").write_bytes(b"PK"), "is no checkpoint"),
+    "scene": (lambda run: (run / "scene.toml").write_bytes(b"\xff\xff"), "is no text"),
+}
+
+
+@pytest.mark.parametrize(("damage", "reason"), DAMAGED_FILES.values(), ids=DAMAGED_FILES.keys())
+def test_damaged_files_of_an_interrupted_run(tmp_path, whole, damage, reason, capfd):
+    rows = resume_damaged(tmp_path, whole, interrupted(damage), "--usd")
+    assert reason in rows[1]["error"]
+    assert "failed            1, first run 1: " in capfd.readouterr().out
+
+
+def test_chunk_that_cannot_be_read_is_left_for_repair(tmp_path, whole, capfd):
+    """Nothing tells it from a disk that fails for a while: there is no result, and --resume tries again."""
+    out = tmp_path / "out"
+    shutil.copytree(whole, out)
+    interrupted(lambda run: first_of(run, "*/chunk*").write_bytes(b"PXR-USDC"))(out / "runs" / "00001")
+    assert batch(write(tmp_path, GOOD), "-o", out, "--resume", "--usd") == 1
+    assert "not finished      1 (--resume goes on), first run 1: " in capfd.readouterr().out
+
+
+def test_checkpoint_of_another_run_is_not_continued(tmp_path, whole):
+    def swap(run):
+        shutil.copy(run.with_name("00003") / "checkpoint.npz", run / "checkpoint.npz")
+
+    rows = resume_damaged(tmp_path, whole, interrupted(swap), "--usd")
+    assert "checkpoint.npz' is of another run" in rows[1]["error"]
+
+
+def test_file_in_the_place_of_a_run(tmp_path, capfd):
+    (tmp_path / "out" / "runs").mkdir(parents=True)
+    (tmp_path / "out" / "runs" / "00001").touch()
+    assert batch(write(tmp_path, GOOD), "-o", tmp_path / "out") == 1
+    assert "not finished      1 (--resume goes on), first run 1: " in capfd.readouterr().out
+    assert len(table(tmp_path / "out" / "results.csv")) == 3

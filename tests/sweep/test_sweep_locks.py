@@ -1,0 +1,72 @@
+"""Two processes on one sweep: each does the runs that the other leaves, and says which it left."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+from same_bits import contents
+from sweeps import batch, results, table, write
+
+from warpgrains.simulation.checkpoint import read_checkpoint
+
+LONG = """
+scene = "annulus"
+[set]
+time.duration = 3.0
+[axes]
+physics.drag = {range = [0.1, 0.9], count = 12}
+"""
+
+
+def test_run_that_another_process_has_is_left_to_it(tmp_path, held_elsewhere, done, capfd):
+    out = tmp_path / "out"
+    run = out / "runs" / "00001"
+    run.mkdir(parents=True)
+    holder = held_elsewhere(run / "checkpoint.npz")
+    assert batch(write(tmp_path), "-o", out) == 1
+    printed = capfd.readouterr().out
+    assert "not finished      1 (--resume goes on), first run 1: '" in printed
+    assert f"is being written by process {holder.pid}" in printed
+    assert list(run.iterdir()) == [run / ".checkpoint.npz.lock"]
+    assert [row["run"] for row in table(out / "results.csv")] == ["0", "2", "3", "4", "5"]
+    holder.kill()
+    holder.wait(timeout=60)
+    assert batch(write(tmp_path), "-o", out, "--resume") == 1
+    assert results(out) == results(done)
+
+
+@pytest.mark.parametrize("options", [[], ["--usd"]])
+def test_twice_at_once(tmp_path, options):
+    sweep, out = write(tmp_path, LONG), tmp_path / "out"
+    command = [sys.executable, "-m", "warpgrains", "batch", str(sweep), "-o", str(out), *options]
+    both = [subprocess.Popen([*command, "--resume"], stdout=subprocess.DEVNULL) for _ in range(3)]
+    assert {process.wait(timeout=200) for process in both} <= {0, 1}
+    assert batch(sweep, "-o", out, "--resume", *options) == 0
+    assert batch(sweep, "-o", tmp_path / "alone", *options) == 0
+    assert results(out) == results(tmp_path / "alone")
+    for path in (tmp_path / "alone").rglob("recording.usdc"):
+        assert path.read_bytes() == (out / path.relative_to(tmp_path / "alone")).read_bytes()
+    assert not list(out.rglob("*.lock"))
+    for path in out.rglob("checkpoint.npz"):
+        other = tmp_path / "alone" / path.relative_to(out)
+        assert contents(read_checkpoint(path).state) == contents(read_checkpoint(other).state)
+
+
+def test_run_of_another_sweep_begun_meanwhile_is_left(tmp_path, done, monkeypatch, capfd):
+    """Two sweeps with one output, begun at once: each keeps its own runs, and neither the other's."""
+    from warpgrains.cli import batch as command
+
+    out, sweep = tmp_path / "out", write(tmp_path)
+
+    def come_between(*arguments):
+        shutil.copytree(done / "runs" / "00000", out / "runs" / "00000")
+        (out / "runs" / "00000" / "result.csv").unlink()
+        (out / "runs" / "00000" / "scene.toml").write_text("another")
+        return finish(*arguments)
+
+    finish = command._finish
+    monkeypatch.setattr(command, "_finish", come_between)
+    assert batch(sweep, "-o", out) == 1
+    assert "00000/scene.toml' is another scene" in capfd.readouterr().out
+    assert (out / "runs" / "00000" / "scene.toml").read_text() == "another"

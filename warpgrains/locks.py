@@ -1,0 +1,142 @@
+"""Locks on outputs: of two processes that would write the same file, the second is refused.
+
+The lock on ``run.npz`` is an exclusive flock(2) on the empty file ``.run.npz.lock`` beside it. The operating
+system frees it when its process ends, however that ends: what a killed process leaves of the file locks
+nothing. It is held by one opening of the file, so a thread of the same process is kept out as well, and a
+forked child does not have it.
+
+Machines that share a file system keep one another out as far as it does: on NFS, Linux turns flock into a
+lock of the server, which outlives a machine that has crashed by the server's grace time. Where there are no
+locks (some mounts of Lustre, Windows), a warning says so and the work goes on. These locks bind this program
+only: they do not keep anyone from deleting or replacing files.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+from warnings import warn
+from weakref import WeakSet
+
+from warpgrains.errors import OutputError
+
+try:
+    from fcntl import LOCK_EX, LOCK_NB, flock
+except ImportError:  # Windows
+    flock = None  # type: ignore[assignment]
+
+_WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP)
+_LONGEST_NAME = 300  # bytes that tell who has a lock
+
+
+class Lock:
+    """The right to write to `path`, until `release`, the end of a ``with`` block or that of the process.
+
+    Raises
+    ------
+    OutputError
+        Another one has it, or the folder cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.with_name(f".{path.name}.lock")
+        self._descriptor: int | None = None
+        try:
+            self._descriptor = _acquire(self._file, path)
+        except OSError as error:
+            raise OutputError(f"'{path}' cannot be locked: {error.strerror}") from error
+        _held.add(self)
+
+    def release(self) -> None:
+        """Let others write."""
+        if self._descriptor is None:
+            return
+        with suppress(OSError):
+            self._file.unlink()
+        self.forget()
+
+    def forget(self) -> None:
+        """Close the file, without freeing the lock as long as another process has it open."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.release()
+
+    def __del__(self) -> None:
+        self.release()
+
+
+_held: WeakSet[Lock] = WeakSet()
+
+
+def _forget_all() -> None:
+    for lock in list(_held):
+        lock.forget()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_all)
+
+
+def _acquire(file: Path, path: Path) -> int:
+    """Return the locked descriptor of the file that stands under its name; releasing takes the name away."""
+    while True:
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(descriptor, path)
+            if _is_under(file, descriptor):
+                os.ftruncate(descriptor, 0)
+                os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+
+
+def _lock(descriptor: int, path: Path) -> None:
+    if flock is None:
+        return _warn(path)
+    try:
+        flock(descriptor, LOCK_EX | LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        holder = os.pread(descriptor, _LONGEST_NAME, 0).decode(errors="replace").strip()
+        raise OutputError(f"'{path}' is being written by {holder or 'another process'}") from None
+    except OSError as error:
+        if error.errno not in _WITHOUT_LOCKS:
+            raise
+        _warn(path)
+
+
+def _warn(path: Path) -> None:
+    warn(
+        f"the file system of '{path}' has no locks: nothing keeps two processes from writing it at once",
+        stacklevel=4,
+    )
+
+
+def _is_under(file: Path, descriptor: int) -> bool:
+    """Whether a file still has its name; opening asks the server of a shared file system, stat may not."""
+    try:
+        again = os.open(file, os.O_RDONLY)
+    except FileNotFoundError:
+        return False
+    try:
+        return os.path.samestat(os.fstat(again), os.fstat(descriptor))
+    finally:
+        os.close(again)

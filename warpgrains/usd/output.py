@@ -1,0 +1,45 @@
+"""The file that a recording becomes: where it may be, what it may replace, and who may write it."""
+
+from pathlib import Path
+
+from pxr import Sdf, Tf
+
+from warpgrains.errors import OutputError
+from warpgrains.files import require_place
+from warpgrains.locks import Lock
+
+SUFFIXES = (".usdc", ".usda", ".usdz")
+RECORDED_BY = "warpgrains"
+"""Key in a layer's own data by which a recording is known."""
+
+
+def chunks_of(path: Path) -> Path:
+    """Return the folder that holds the frames of the recording `path` until it is whole."""
+    return path.with_name(path.name + ".chunks")
+
+
+def lock_output(path: Path) -> Lock:
+    """Return the lock on a recording.
+
+    Raises
+    ------
+    SceneError
+        It cannot be written there; as an `OutputError`, if another process does so, or there is something
+        that is no recording.
+    """
+    require_place("output", path, *SUFFIXES)
+    lock = Lock(path)
+    if path.exists() and not _is_recording(path):
+        lock.release()
+        raise OutputError(f"'{path}' is there and is no recording of warpgrains: it is not replaced")
+    return lock
+
+
+def _is_recording(path: Path) -> bool:
+    if not path.is_file():
+        return False
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(str(path), metadataOnly=True)
+    except Tf.ErrorException:
+        return False
+    return layer is not None and RECORDED_BY in layer.customLayerData
