@@ -87,12 +87,38 @@ def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> No
 
 
 def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a table as CSV: names in the first line, then a line a row."""
+    """Return a table as CSV: names in the first line, then a line a row.
+
+    A spreadsheet takes what begins with =, +, - or @ for a formula: such a cell, if it is no number, has an
+    apostrophe before it, which `read_table` takes away.
+    """
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows({name: _guarded(str(cell)) for name, cell in row.items()} for row in rows)
     return text.getvalue()
+
+
+def _guarded(cell: str) -> str:
+    return f"'{cell}" if _is_formula(cell) and not _is_number(cell) else cell
+
+
+def _unguarded(cell: Any) -> Any:
+    is_guarded = isinstance(cell, str) and cell.startswith("'") and _is_formula(cell)
+    return cell[1:] if is_guarded else cell
+
+
+def _is_formula(cell: str) -> bool:
+    """Whether a spreadsheet would take a cell for a formula, without the apostrophes before it."""
+    return cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def read_table(path: Path) -> list[Row]:
@@ -107,6 +133,7 @@ def read_table(path: Path) -> list[Row]:
         raise SceneError(f"'{path}' is no file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
-            return list(csv.DictReader(lines, strict=True))
+            rows = csv.DictReader(lines, strict=True)
+            return [{name: _unguarded(cell) for name, cell in row.items()} for row in rows]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"'{path}' cannot be read: {error}") from None

@@ -1,6 +1,7 @@
 """The command line: a line a command in `COMMANDS`, its options, and where it is."""
 
 import argparse
+import os
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Sequence
@@ -8,6 +9,7 @@ from importlib import import_module
 from typing import NamedTuple, NoReturn
 
 from warpgrains import __version__
+from warpgrains.console import STDOUT, interrupts_end_at_once, open_standard_streams
 from warpgrains.errors import SceneError, SimulationError
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -26,11 +28,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         0 done, 1 failed, 2 bad input, 130 interrupted. The reason is one line on standard error.
     """
-    parsed = _parser().parse_args(arguments)
+    open_standard_streams()
     try:
-        return FAILED if parsed.command.do(parsed) else DONE
+        parsed = _parser().parse_args(arguments)
+        failed = parsed.command.do(parsed)
+        sys.stdout.flush()
+        return FAILED if failed else DONE
     except SceneError as error:
         return _complain(str(error), BAD_INPUT)
+    except BrokenPipeError:  # nobody reads the output any more; Python must not try again at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)
+        return FAILED
     except (SimulationError, OSError) as error:
         return _complain(str(error), FAILED)
     except KeyboardInterrupt:
@@ -49,7 +57,9 @@ class Command(NamedTuple):
     def do(self, arguments: Namespace) -> bool:
         """Carry it out; what is heavy is imported only now."""
         module, _, function = self.home.partition(".")
-        return bool(getattr(import_module(f"warpgrains.cli.{module}"), function)(arguments))
+        with interrupts_end_at_once(INTERRUPTED):
+            do = getattr(import_module(f"warpgrains.cli.{module}"), function)
+        return bool(do(arguments))
 
 
 class _Parser(ArgumentParser):
@@ -60,7 +70,8 @@ class _Parser(ArgumentParser):
 
 
 def _complain(message: str, code: int) -> int:
-    print(f"warpgrains: error: {message}", file=sys.stderr)
+    line = " ".join(message.encode(errors="backslashreplace").decode().splitlines())
+    print(f"warpgrains: error: {line}", file=sys.stderr)
     return code
 
 

@@ -31,6 +31,7 @@ from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.grain_file import read_grains
 from warpgrains.scene.layouts import LAYOUTS, Placement
+from warpgrains.scene.toml_text import require_toml_numbers
 from warpgrains.scene.walls import Annulus
 
 Table = dict[str, Any]
@@ -81,7 +82,7 @@ def read_text(path: Path, kind: str) -> str:
         There is none, or it cannot be read.
     """
     source: Path | Traversable = path
-    if path.is_dir() or not path.exists():
+    if not _is_there(path):
         known = _shipped(kind)
         if str(path) not in known:
             raise checks.unknown(f"{kind}, neither a file nor a shipped one,", str(path), known)
@@ -95,9 +96,11 @@ def read_text(path: Path, kind: str) -> str:
 def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
     """Return what a TOML text of the file `path` holds."""
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        document = tomllib.loads(text)
+        require_toml_numbers(document)
+    except (ValueError, RecursionError) as error:
         raise SceneError(f"{path} is not TOML: {error}") from None
+    return document
 
 
 def require_key(section: str, key: str) -> None:
@@ -106,6 +109,13 @@ def require_key(section: str, key: str) -> None:
         raise checks.unknown("section", section, [*SECTIONS, "grains"])
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *_layout_keys()))
     _refuse_unknown_keys(section, {key: None}, known)
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists() and not path.is_dir()
+    except (OSError, ValueError):  # no file can have such a name
+        return False
 
 
 def _shipped(kind: str) -> list[str]:
@@ -131,7 +141,8 @@ def _override(document: Table, override: str) -> None:
         raise SceneError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
     try:
         parsed = tomllib.loads(f"value = {value}")
-    except tomllib.TOMLDecodeError:
+        require_toml_numbers(parsed)
+    except (ValueError, RecursionError):
         parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
     if parsed.keys() != {"value"}:
         raise SceneError(f"override {override!r}: {value!r} is not a TOML value")

@@ -31,7 +31,7 @@ def toml_value(value: Any) -> str:
         case int() | float():
             return repr(value)
         case str():
-            return json.dumps(value).replace("\x7f", "\\u007f")
+            return _quoted(value)
         case list():
             return f"[{', '.join(map(toml_value, value))}]"
         case dict():
@@ -40,9 +40,29 @@ def toml_value(value: Any) -> str:
     raise SceneError(f"{value!r} is a {type(value).__name__}: no scene holds one")
 
 
+def require_toml_numbers(value: Any) -> None:
+    """Raise ValueError if a whole number is larger than any of TOML, which has 64 bits for them."""
+    match value:
+        case dict():
+            require_toml_numbers(list(value.values()))
+        case list():
+            for item in value:
+                require_toml_numbers(item)
+        case int() if not -(2**63) <= value < 2**63:
+            raise ValueError("a whole number has more than 64 bits")
+
+
 def _lines(table: dict[str, Any]) -> str:
     return "".join(f"{_key(key)} = {toml_value(value)}\n" for key, value in table.items())
 
 
 def _key(key: str) -> str:
-    return key if _BARE_KEY.fullmatch(key) else json.dumps(key)
+    return key if _BARE_KEY.fullmatch(key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    """Return a text in quotes, in ASCII, on one line."""
+    if any("\ud800" <= letter <= "\udfff" for letter in text):
+        raise SceneError(f"{text!r} is no text: it cannot be written")
+    letters = (f"\\U{ord(letter):08x}" if letter > "\uffff" else json.dumps(letter)[1:-1] for letter in text)
+    return f'"{"".join(letters)}"'.replace("\x7f", "\\u007f")

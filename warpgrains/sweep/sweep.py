@@ -73,9 +73,9 @@ class Run:
             source = self.base.grain_files[sections["grains"]["file"]]
             sections["grains"]["file"] = f"{copies}/{copy_name(source)}"
         values = ", ".join(f"{key} = {toml_value(value)}" for key, value in self.values.items())
-        return (
-            f"# run {self.number} of a sweep over {self.base.name}{values and ': '}{values}\n\n"
-            + toml_text(sections)
+        name = self.base.name if self.base.name.isprintable() else toml_value(self.base.name)
+        return f"# run {self.number} of a sweep over {name}{values and ': '}{values}\n\n" + toml_text(
+            sections
         )
 
 
@@ -98,7 +98,7 @@ class Sweep:
             There is no such file, or it is no sweep: the message names key and value.
         """
         path = Path(path)
-        is_folder = path.is_dir()
+        is_folder = os.path.isdir(path)
         document: Table = {"folder": "."} if is_folder else parse_toml(read_text(path, "sweep"), path)
         for key in document:
             checks.one_of("key of a sweep", key, KEYS)
@@ -147,6 +147,7 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
 def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[Base]:
     for path in _base_paths(document, folder):
         sections = _with_values(read_document(path), fixed)
+        toml_value(path.stem)  # which the tables hold: it must be text
         name = _table("grains", sections.get("grains", {})).get("file")
         names = lists.get("grains.file", [] if name is None else [name])
         yield Base(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})
@@ -166,8 +167,12 @@ def _base_paths(document: Table, folder: Path) -> list[Path]:
 
 
 def _grain_file(folder: Path, name: Any) -> Path:
-    if not isinstance(name, str) or not (folder / name).is_file():
+    if not isinstance(name, str) or "\0" in name or not (folder / name).is_file():
         raise SceneError(f"grains.file is {name!r}: there is no such file in {str(folder)!r}")
+    if not (folder / name).resolve().is_relative_to(folder.resolve()):
+        raise SceneError(
+            f"grains.file is {name!r}: results hold a copy, so it must be in the folder of its scene"
+        )
     return folder / name
 
 

@@ -1,0 +1,191 @@
+"""Input from hostile or unlucky hands is one line, or the right result, and writes nothing elsewhere."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+
+import numpy as np
+import pytest
+from command import exit_code, require_refusal
+from sweeps import batch, table
+
+from warpgrains import Scene, SceneError, Simulation
+from warpgrains.files import read_table, table_text
+from warpgrains.scene.toml_text import toml_text, toml_value
+from warpgrains.simulation.checkpoint import read_checkpoint
+
+SCENE = """
+domain = {radius_in = 0.1, radius_out = 1.0}
+time = {duration = 0.02}
+[grains]
+file = "FILE"
+radius = 0.1
+mass = 0.1
+"""
+COMMAND = [sys.executable, "-m", "warpgrains"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f"drag = {'9' * 5000}",
+        f"drag = 0x{'f' * 5000}",
+        f"drag = {'[' * 900}{']' * 900}",
+        f"drag = {'[' * 100_000}",
+        f"drag = {'{a=' * 900}1{'}' * 900}",
+        "drag = 1e400",
+        "drag = 1979-05-27",
+    ],
+)
+def test_scene_file(tmp_path, text, capfd):
+    path = tmp_path / "scene.toml"
+    path.write_text(f"[domain]\nradius_out = 1.0\n[grains]\nlayout = 'random'\n[physics]\n{text}\n")
+    assert exit_code("run", path) == 2
+    require_refusal(capfd)
+    key = text.replace("drag", "physics.drag", 1).replace(" = ", "=", 1)
+    assert exit_code("run", "annulus", "--set", key) == 2
+    require_refusal(capfd)
+
+
+@pytest.mark.parametrize("name", ["a" * 5000, "a\0b", "a\nb", "\udcff", "", ".", "/dev/null/x"])
+def test_name_of_a_scene(name, tmp_path, capfd):
+    with pytest.raises(SceneError) as refusal:
+        Scene.load(name)
+    assert "\n" not in str(refusal.value)
+    assert exit_code("run", name) == 2
+    require_refusal(capfd)
+    if name not in ("", "."):  # a folder of scenes may be called so
+        assert exit_code("batch", name, "-o", tmp_path / "out") == 2
+        require_refusal(capfd)
+    assert not list(tmp_path.iterdir())
+
+
+def immense_npz(path, entry):
+    """Write an archive whose array claims 1e13 numbers and has none."""
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f8", "fortran_order": False, "shape": (5 * 10**12, 2)}
+    )
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(f"{entry}.npy", header.getvalue())
+
+
+def test_archives_that_claim_more_than_there_is(tmp_path, capfd):
+    (tmp_path / "scene.toml").write_text(SCENE.replace("FILE", "grains.npz"))
+    immense_npz(tmp_path / "grains.npz", "position")
+    assert exit_code("run", tmp_path / "scene.toml") == 2
+    require_refusal(capfd, "grains.npz' cannot be read")
+    immense_npz(tmp_path / "run.npz", "header")
+    assert exit_code("run", "--resume", tmp_path / "run.npz") == 2
+    require_refusal(capfd, "is no checkpoint")
+
+
+def test_checkpoint_that_unpacks_to_more_than_it_is(tmp_path):
+    simulation = Simulation(Scene.load("annulus"))
+    simulation.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as entries:
+        np.savez_compressed(tmp_path / "run.npz", **dict(entries))
+    with pytest.raises(SceneError, match="is no checkpoint"):
+        read_checkpoint(tmp_path / "run.npz")
+
+
+class TestStreams:
+    @pytest.mark.parametrize("closed", [[1], [2], [0, 1, 2]])
+    def test_closed(self, tmp_path, closed):
+        script = f"for n in {closed}: os.close(n)\nos.execv(sys.argv[1], sys.argv[1:])"
+        output = tmp_path / "run.usdc"
+        command = [*COMMAND, "run", "annulus", "--steps", "2", "-o", str(output)]
+        done = subprocess.run(
+            [sys.executable, "-c", f"import os, sys\n{script}", *command], capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        assert output.exists()
+        assert "Traceback" not in done.stderr
+
+    def test_nobody_reads(self):
+        command = subprocess.Popen(
+            [*COMMAND, "run", "annulus", "--steps", "2"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        command.stdout.close()
+        assert command.stderr.read() == b""
+        assert command.wait(timeout=60) == 1
+
+    def test_interrupted_at_any_moment(self):
+        """From when Python itself is there: with its own libraries it takes 0.1 s to begin."""
+        for moment in (0.15, 0.25, 0.4, 0.6, 0.9):
+            command = subprocess.Popen(
+                [*COMMAND, "run", "pile", "--duration", "1000"], stderr=subprocess.PIPE, text=True
+            )
+            time.sleep(moment)
+            command.send_signal(signal.SIGINT)
+            _, complaint = command.communicate(timeout=60)
+            assert command.returncode in (130, -signal.SIGINT)
+            assert complaint in ("", "warpgrains: error: interrupted\n")
+
+
+def test_home_that_cannot_be_written():
+    environment = {name: value for name, value in os.environ.items() if name != "WARP_CACHE_PATH"}
+    done = subprocess.run(
+        [*COMMAND, "run", "annulus"], env=environment | {"HOME": "/proc/1"}, capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "set WARP_CACHE_PATH to a folder that can" in done.stderr
+
+
+class TestNames:
+    @pytest.mark.parametrize("name", ["\U0001f980", 'x"\\\x7f\t\u2028', "\U0010ffff\ue000", "line\nbreak"])
+    def test_are_read_back_from_toml(self, name):
+        import tomllib
+
+        document = {"grains": {"file": name, name: [name]}}
+        text = toml_text(document)
+        assert text.isascii()
+        assert tomllib.loads(text) == document
+        assert "\n" not in toml_value(name)
+
+    def test_that_are_no_text(self):
+        with pytest.raises(SceneError, match="is no text"):
+            toml_value("\udcff")
+
+    @pytest.mark.parametrize("name", ["\U0001f980", "line\n[physics]\ndrag = 9.0\n#", "=cmd()+1", "-1"])
+    def test_of_scenes_and_files_of_a_sweep(self, tmp_path, name):
+        """They go into scene files, tables and messages, and nowhere beyond."""
+        folder = tmp_path / "scenes"
+        folder.mkdir()
+        np.savez(folder / f"{name}.npz", position=np.array([[0.5, 0.0]]))
+        text = SCENE.replace('"FILE"', toml_value(f"{name}.npz"))
+        (folder / f"{name}.toml").write_text(text)
+        out = tmp_path / "out"
+        assert batch(folder, "-o", out) == 0
+        assert batch(folder, "-o", out, "--resume") == 0
+        assert [row["scene"] for row in read_table(out / "results.csv")] == [name]
+        scene = Scene.load(out / "runs" / "00000" / "scene.toml")
+        assert scene.drag == 0.0
+        cell = table(out / "results.csv")[0]["scene"]
+        assert cell == ("'=cmd()+1" if name.startswith("=") else name)
+
+    def test_cells(self, tmp_path):
+        cells = ["=1", "+a", "-a", "@a", "'=1", "''=1", "'a", "-1.5", "+1e3", "-inf", "a=1", "", "\ta"]
+        rows = [{"cell": cell, "n": number} for number, cell in enumerate(cells)]
+        (tmp_path / "t.csv").write_text(table_text(rows), newline="")
+        assert [row["cell"] for row in read_table(tmp_path / "t.csv")] == cells
+        for cell, row in zip(cells, table(tmp_path / "t.csv"), strict=True):
+            assert row["cell"] == (cell if cell in ("'a", "-1.5", "+1e3", "-inf", "a=1", "") else f"'{cell}")
+
+    @pytest.mark.parametrize("way", ["above", "absolute", "link"])
+    def test_files_from_elsewhere_are_not_copied(self, tmp_path, way, capfd):
+        secret = tmp_path / "secret.csv"
+        secret.write_text("x,y\n0.5,0.0\n")
+        folder = tmp_path / "scenes"
+        folder.mkdir()
+        (folder / "link.csv").symlink_to(secret)
+        name = {"above": "../secret.csv", "absolute": str(secret), "link": "link.csv"}[way]
+        (folder / "scene.toml").write_text(SCENE.replace("FILE", name))
+        assert batch(folder, "-o", tmp_path / "out") == 2
+        require_refusal(capfd, "it must be in the folder of its scene")
+        assert not list(tmp_path.rglob("*-*.csv"))

@@ -1,0 +1,116 @@
+"""What is done with files of foreign hands, in a process of its own, with limits of time and memory.
+
+USD follows references, opens what they name and descends as deep as a file goes: a hostile one hangs, fills
+the memory or crashes its reader, and only that.
+
+    python -m warpgrains.cli.apart FUNCTION '{"path": ...}'
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+from warpgrains.errors import SceneError
+
+SECONDS = 120.0
+SECONDS_A_BYTE = 1e-6
+BYTES = 8 * 2**30
+BYTES_A_BYTE = 32
+"""Limits of a reader, and what they grow by with each byte of the file."""
+
+_REMARKS = 65536  # bytes of them that are passed on
+_BAD_INPUT = 2
+
+
+def done_apart(function: str, path: str, **arguments: Any) -> Any:
+    """Call a function of this module with the path of a recording, in a process of its own.
+
+    Raises
+    ------
+    SceneError
+        The function raised it; or its process crashed, or met a limit.
+    """
+    size = Path(path).stat().st_size if Path(path).is_file() else 0
+    given = json.dumps({"path": path, **arguments})
+    command = [
+        sys.executable,
+        "-m",
+        "warpgrains.cli.apart",
+        function,
+        str(BYTES + BYTES_A_BYTE * size),
+        given,
+    ]
+    seconds = SECONDS + SECONDS_A_BYTE * size
+    with TemporaryFile() as remarks:
+        try:
+            done = subprocess.run(
+                command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=remarks, timeout=seconds
+            )
+        except subprocess.TimeoutExpired:
+            raise SceneError(f"recording '{path}' is not read within {seconds:.0f} s") from None
+        if done.returncode == _BAD_INPUT:
+            raise SceneError(json.loads(done.stdout))
+        if done.returncode != 0:
+            raise SceneError(f"recording '{path}' cannot be read: its reader {_end(done.returncode)}")
+        remarks.seek(0)
+        sys.stderr.write(remarks.read(_REMARKS).decode(errors="replace"))
+    return json.loads(done.stdout)
+
+
+def inspect(path: str) -> list[str]:
+    """Return what is wrong with a recording."""
+    from warpgrains.usd.check import inspect_recording
+
+    return inspect_recording(path)
+
+
+def draw(path: str, output: str, frames: list[int] | None, curves: bool) -> list[int]:
+    """Draw a recording, and return which frames of it."""
+    from warpgrains.analysis.plots import plot
+
+    return plot(path, output, frames, curves)
+
+
+def _end(code: int) -> str:
+    return f"crashed ({signal.Signals(-code).name})" if code < 0 else "ran out of memory, or failed"
+
+
+def _limit_memory(most: int) -> None:
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (most, hard))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _main(function: str, most: str, arguments: str) -> int:
+    """Do it, and print what it returns, or why not, as JSON."""
+    result = os.dup(1)
+    os.dup2(2, 1)
+    _limit_memory(int(most))
+    functions: dict[str, Callable[..., Any]] = {"inspect": inspect, "draw": draw}
+    given, code = json.loads(arguments), 0
+    try:
+        answer = functions[function](**given)
+    except SceneError as error:
+        answer, code = str(error), _BAD_INPUT
+    except MemoryError:
+        answer, code = f"recording '{given['path']}' takes more memory than its size allows", _BAD_INPUT
+    except Exception as error:  # USD and NumPy raise of all kinds on what they do not expect
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        answer, code = f"recording '{given['path']}' holds what no recording does: {reason}", _BAD_INPUT
+    os.write(result, json.dumps(answer).encode())
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(_main(*sys.argv[1:]))
