@@ -89,4 +89,4 @@ def test_file_that_takes_too_much_memory(tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(apart, "BYTES", 2**20)
     path = record(tmp_path / "run.usdc", make_frames(2))
     assert exit_code("check", path) == 2
-    assert "takes more memory than a recording of its size" in capfd.readouterr().err
+    assert "takes more memory than its size allows" in capfd.readouterr().err

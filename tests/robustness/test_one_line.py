@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,14 +52,16 @@ def test_scene_file(tmp_path, text, capfd):
 
 
 @pytest.mark.parametrize("name", ["a" * 5000, "a\0b", "a\nb", "\udcff", "", ".", "/dev/null/x"])
-def test_name_of_a_scene(name, capfd):
+def test_name_of_a_scene(name, tmp_path, capfd):
     with pytest.raises(SceneError) as refusal:
         Scene.load(name)
     assert "\n" not in str(refusal.value)
     assert exit_code("run", name) == 2
     require_refusal(capfd)
-    assert exit_code("batch", name, "-o", "out") == 2
-    assert not Path("out").exists()
+    if name not in ("", "."):  # a folder of scenes may be called so
+        assert exit_code("batch", name, "-o", tmp_path / "out") == 2
+        require_refusal(capfd)
+    assert not list(tmp_path.iterdir())
 
 
 def immense_npz(path, entry):

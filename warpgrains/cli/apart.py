@@ -104,10 +104,7 @@ def _main(function: str, most: str, arguments: str) -> int:
     except SceneError as error:
         answer, code = str(error), _BAD_INPUT
     except MemoryError:
-        answer, code = (
-            f"recording '{given['path']}' takes more memory than a recording of its size",
-            _BAD_INPUT,
-        )
+        answer, code = f"recording '{given['path']}' takes more memory than its size allows", _BAD_INPUT
     except Exception as error:  # USD and NumPy raise of all kinds on what they do not expect
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         answer, code = f"recording '{given['path']}' holds what no recording does: {reason}", _BAD_INPUT
