@@ -15,7 +15,6 @@ from .stages import OPTIONS, Each, If, Serial, Sets, Shared, Stage, While, fuse
 from .threads import TeamRecord, member
 
 GPU_THREADS = 1 << 16
-GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
 
 
 @wp.func

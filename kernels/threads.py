@@ -6,6 +6,8 @@ team is a launch, and its end is the barrier. No result depends on the size of t
 
 import warp as wp
 
+GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
+
 
 @wp.struct
 class TeamRecord:

@@ -1,18 +1,22 @@
 """The memory of scenes: one table of how long every array is, and the records that point to them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
 from warpgrains.kernels.accelerated import CHUNK
-from warpgrains.kernels.gpu import GPU_PARTIALS
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.scene.scene import Scene
+from warpgrains.kernels.threads import GPU_PARTIALS
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 Counts = NDArray[np.int64]
 ALIGNMENT = 16  # bytes
@@ -47,7 +51,7 @@ class Sizes:
     partials: int
 
     @classmethod
-    def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> "Sizes":
+    def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> Sizes:
         """Return the sizes that scenes of one method have at first."""
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
@@ -59,7 +63,7 @@ class Sizes:
         """Whether threads have strips of their own."""
         return self.team > 1 and not self.accelerated
 
-    def of(self, k: int) -> "Sizes":
+    def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
         return replace(self, grains=self.grains[one], pairs=self.pairs[one], weighted=self.weighted[one])
@@ -188,7 +192,7 @@ class Layout:
     size: Counts
 
     @classmethod
-    def of(cls, size: Sizes) -> "Layout":
+    def of(cls, size: Sizes) -> Layout:
         """Lay out scenes of some sizes."""
         table = lengths(size)
         length = np.stack([np.broadcast_to(field.of(table), size.grains.shape) for field in fields()])

@@ -1,8 +1,14 @@
 """Why a step failed, in words."""
 
-from warpgrains.scene.scene import Scene
-from warpgrains.solver.infeasible import InfeasibilityProof
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from warpgrains.solver.statistics import named
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.solver.infeasible import InfeasibilityProof
 
 
 def not_finite(grain: int, velocity: list[float]) -> str:

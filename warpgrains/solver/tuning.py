@@ -1,7 +1,9 @@
-"""What a scene's lists are made with, and how many threads pay for it: numbers chosen by measuring."""
+"""What a scene's lists are made with, and what it runs on: numbers chosen by measuring."""
 
 import numpy as np
+import warp as wp
 
+from warpgrains.errors import SceneError
 from warpgrains.scene.scene import Scene
 from warpgrains.solver.threads import cores
 
@@ -68,3 +70,19 @@ def paying_threads(scene: Scene) -> int:
         sets = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
         return cores() if 3.0 * scene.n / sets > SHARED_SET else 1
     return cores() if scene.n >= STRIP_GRAINS else 1
+
+
+def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
+    """Return how many threads share a scene on a CPU: so many as are wanted, or else as pay."""
+    if device.is_cuda:
+        return 1
+    return paying_threads(scene) if threads is None else threads
+
+
+def find_device(name: str) -> wp.Device:
+    """Return a Warp device by its name; raise SceneError if there is none."""
+    try:
+        return wp.get_device(name)
+    except (ValueError, RuntimeError) as error:
+        known = ", ".join(device.alias for device in wp.get_devices())
+        raise SceneError(f"device {name!r} is unknown here; choose {known}") from error

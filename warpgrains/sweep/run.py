@@ -7,7 +7,6 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.batch import SceneSummary
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.locks import Lock
 from warpgrains.scene.state import State
@@ -19,6 +18,7 @@ from warpgrains.sweep.folder import AGAIN, RunFolder
 from warpgrains.sweep.results import failure, result
 
 if TYPE_CHECKING:
+    from warpgrains.batch.batch import SceneSummary
     from warpgrains.usd.recorder import Recorder
 
 
