@@ -1,11 +1,17 @@
 """What a scene's lists are made with, and what it runs on: numbers chosen by measuring."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import warp as wp
 
 from warpgrains.errors import SceneError
-from warpgrains.scene.scene import Scene
 from warpgrains.solver.threads import cores
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 BASE_SKIN = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
 RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteration starts
