@@ -1,0 +1,252 @@
+"""Mutated input of every kind: one line or a right result, never anything else. More of it with -m slow."""
+
+import json
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from recordings import make_frames, record
+from same_bits import contents
+from test_foreign_recordings import FOREIGN
+
+from warpgrains import Scene, SceneError, Simulation
+from warpgrains.cli import apart
+from warpgrains.files import read_table, table_text
+from warpgrains.scene.reader import scene_fields
+from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.sweep.results import failure, require_result
+
+TOML = """
+domain = {radius_in = 0.5, radius_out = 1.0}
+physics = {gravity = [0.0, -9.81], drag = 0.1}
+time = {dt = 0.01, duration = 0.1}
+solver = {tolerance = 1e-6, max_iterations = 10, order = "color"}
+[grains]
+position = [[0.7, 0.0], [0.0, 0.7]]
+velocity = [0.1, -0.2]
+radius = [0.1, 0.05]
+mass = 0.1
+"""
+CSV = "x,y,vx,vy,radius,mass\n0.7,0.0,0.1,0.0,0.1,0.1\n0.0,0.7,0.0,-0.2,0.05,0.2\n"
+ODD = (
+    "nan",
+    "-inf",
+    "1e308",
+    "-0.0",
+    "-1",
+    "9" * 40,
+    "'x'",
+    "true",
+    "[]",
+    "{}",
+    "[[]]",
+    "1979-05-27",
+    "\\",
+    "\0",
+)
+ODD_JSON = (
+    None,
+    True,
+    -1,
+    0,
+    1.5,
+    float("nan"),
+    float("inf"),
+    10**30,
+    "",
+    "x",
+    "../x",
+    [],
+    [1],
+    {},
+    {"a": 1},
+)
+
+
+@st.composite
+def mutations(draw, original):
+    """Return bytes with up to four places changed, or cut off."""
+    content = bytearray(original)
+    for _ in range(draw(st.integers(1, 4))):
+        place = draw(st.integers(0, len(content)))
+        how = draw(st.sampled_from(["flip", "insert", "delete", "cut", "swap"]))
+        if how == "insert":
+            content[place:place] = draw(st.binary(max_size=3))
+        elif how == "delete":
+            del content[place : place + draw(st.integers(1, 20))]
+        elif how == "cut":
+            del content[place:]
+        elif how == "swap":
+            content[place : place + 8] = draw(st.binary(min_size=8, max_size=8))
+        elif place < len(content):
+            content[place] ^= 1 << draw(st.integers(0, 7))
+    return bytes(content)
+
+
+@st.composite
+def odd_texts(draw, text):
+    """Return a text in which some words are odd ones."""
+    words = text.split(" ")
+    for _ in range(draw(st.integers(1, 3))):
+        words[draw(st.integers(0, len(words) - 1))] = draw(st.sampled_from(ODD))
+    return " ".join(words).encode()
+
+
+def require_one_line(refusal):
+    assert str(refusal)
+    assert "\n" not in str(refusal), str(refusal)
+
+
+def fuzzed(check, examples):
+    """Return two tests of a check that takes one example: a short one, and a long one behind `slow`."""
+
+    def test(count, many):
+        quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
+        settings(max_examples=count, derandomize=not many, **quiet)(given(examples)(check))()
+
+    cases = [
+        pytest.param(200, False, id="few"),
+        pytest.param(10_000, True, id="many", marks=pytest.mark.slow),
+    ]
+    return pytest.mark.parametrize(("count", "many"), cases)(test)
+
+
+def check_scene(content):
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "scene.toml")
+        path.write_bytes(content)
+        try:
+            scene = Scene.load(path)
+            assert np.isfinite(scene.position).all()
+            again = Scene(**scene_fields(scene.text, path))
+            assert contents(again) == contents(scene)
+        except SceneError as refusal:
+            require_one_line(refusal)
+        assert list(Path(folder).iterdir()) == [path]
+
+
+test_scene_files = fuzzed(check_scene, mutations(TOML.encode()) | odd_texts(TOML))
+
+
+def check_grains(content):
+    with TemporaryDirectory() as folder:
+        Path(folder, "grains.csv").write_bytes(content)
+        document = 'domain = {radius_out = 1.0}\n[grains]\nfile = "grains.csv"'
+        try:
+            scene = Scene(**scene_fields(document, Path(folder, "scene.toml")))
+            assert scene.n > 0
+        except SceneError as refusal:
+            require_one_line(refusal)
+
+
+test_grain_files = fuzzed(check_grains, mutations(CSV.encode()))
+
+
+@cache
+def saved():
+    """Return the bytes of a checkpoint, what it holds, and its entries."""
+    with TemporaryDirectory() as folder:
+        simulation, path = Simulation(Scene.load("annulus")), Path(folder, "run.npz")
+        simulation.run(steps=60, checkpoint=path)
+        with np.load(path) as entries:
+            return path.read_bytes(), contents(read_checkpoint(path)), dict(entries)
+
+
+def check_checkpoint(content):
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "run.npz")
+        path.write_bytes(content)
+        try:
+            found = read_checkpoint(path)
+        except SceneError as refusal:
+            require_one_line(refusal)
+        else:
+            assert contents(found.state) == contents(_good().state)
+
+
+@cache
+def _good():
+    with TemporaryDirectory() as folder:
+        Path(folder, "run.npz").write_bytes(saved()[0])
+        return read_checkpoint(Path(folder, "run.npz"))
+
+
+test_damaged_checkpoints = fuzzed(check_checkpoint, st.deferred(lambda: mutations(saved()[0])))
+
+
+@st.composite
+def headers(draw):
+    """Return a header with some values of another kind."""
+    header = json.loads(saved()[2]["header"].tobytes())
+    for _ in range(draw(st.integers(1, 3))):
+        table = header[draw(st.sampled_from(["plan", "tally", "scene", "state"]))]
+        if isinstance(table, dict):
+            table[draw(st.sampled_from(sorted(table)))] = draw(st.sampled_from(ODD_JSON))
+    return header
+
+
+def check_header(header):
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "run.npz")
+        entry = np.frombuffer(json.dumps(header).encode(), np.uint8)
+        np.savez(path, **saved()[2] | {"header": entry})
+        try:
+            found = read_checkpoint(path)
+        except SceneError as refusal:
+            require_one_line(refusal)
+            return
+        assert all(
+            type(value) is type(getattr(_good().statistics, name)) or isinstance(value, int)
+            for name, value in asdict(found.statistics).items()
+        )
+        Simulation(found.scene, threads=1).restore(found.state)
+
+
+test_headers = fuzzed(check_header, st.deferred(headers))
+
+LABELS = {"run": "1", "scene": "=scene"}
+ROW = table_text([failure(LABELS, "it failed", 1.0)]).encode()
+
+
+def check_result(content):
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "result.csv")
+        path.write_bytes(content)
+        try:
+            assert float(require_result(read_table(path), LABELS)["seconds"]) is not None
+        except SceneError as refusal:
+            require_one_line(refusal)
+
+
+test_results = fuzzed(check_result, mutations(ROW))
+
+
+@cache
+def recording(suffix):
+    with TemporaryDirectory() as folder:
+        return record(Path(folder, f"run{suffix}"), make_frames(2)).read_bytes()
+
+
+@pytest.mark.parametrize("count", [3, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("suffix", [".usdc", ".usda"])
+def test_recordings(count, suffix):
+    foreign = st.sampled_from(sorted(FOREIGN.values())).flatmap(lambda text: mutations(text.encode()))
+
+    def check(content):
+        with TemporaryDirectory() as folder:
+            path = Path(folder, f"run{suffix}")
+            path.write_bytes(content)
+            try:
+                assert isinstance(apart.done_apart("inspect", str(path)), list)
+            except SceneError as refusal:
+                require_one_line(refusal)
+            assert list(Path(folder).iterdir()) == [path]
+
+    examples = mutations(recording(suffix)) if suffix == ".usdc" else mutations(recording(suffix)) | foreign
+    quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
+    settings(max_examples=count, derandomize=count < 10, **quiet)(given(examples)(check))()

@@ -1,0 +1,190 @@
+"""Runs that are begun, killed, resumed and started twice at once, in any order: what comes out is known.
+
+The model is one undisturbed run. A killed process is an exception at a random step, or before or after a
+random file takes its name; with -m slow it is kill -9 at a random moment, of one of several processes at once.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from command import exit_code
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
+from same_bits import contents
+
+from warpgrains import Scene, Simulation, files
+from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.usd import chunks
+from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.recorder import chunks_of, recover
+
+STEPS, FPS = 24, 100  # a frame after every step
+RUN = ["run", "annulus", "--set", "grains.shift=1e-7", "--fps", str(FPS), "--steps", str(STEPS)]
+
+
+class Killed(BaseException):
+    """What stands for a killed process."""
+
+
+@cache
+def model():
+    """Return the states after each step of a run that nothing disturbs."""
+    simulation = Simulation(Scene.load("annulus", ["grains.shift=1e-7"]), threads=1)
+    states = [simulation.state()]
+    for _ in range(STEPS):
+        simulation.step()
+        states.append(simulation.state())
+    return states
+
+
+def require_frames(path, count):
+    """Check that a recording holds the first frames of the model, as far as its numbers go."""
+    reader = RecordingReader(path)
+    assert len(reader.time) == count
+    for frame in range(count):
+        assert np.array_equal(reader.position(frame), model()[frame].position.astype(np.float32))
+
+
+class Sequences(RuleBasedStateMachine):
+    """Actions on one run; what lies on the disk is always a part of the model."""
+
+    def __init__(self):
+        super().__init__()
+        self.folder = TemporaryDirectory()
+        self.kept, self.output = (Path(self.folder.name, name) for name in ("run.npz", "run.usdc"))
+        self.patch = pytest.MonkeyPatch()
+        self.is_begun = False
+
+    def teardown(self):
+        self.patch.undo()
+        if self.is_begun:
+            assert exit_code("run", "--resume", self.kept) == 0
+            require_frames(self.output, STEPS + 1)
+            assert contents(read_checkpoint(self.kept).state) == contents(model()[STEPS])
+            left = {path.name for path in Path(self.folder.name).iterdir()}
+            assert left == {self.kept.name, self.output.name}
+        self.folder.cleanup()
+
+    @initialize(every=st.integers(1, 9))
+    def begin(self, every):
+        """The process dies after the first checkpoint."""
+        self.die_at_step(0)
+        options = ["--checkpoint", self.kept, "-o", self.output, "--every", every]
+        self.until_death(*RUN, *options)
+        self.is_begun = True
+
+    @rule(step=st.integers(0, STEPS))
+    def killed_in_a_step(self, step):
+        self.die_at_step(step)
+        self.until_death("run", "--resume", self.kept)
+
+    @rule(publication=st.integers(1, 12), before=st.booleans(), every=st.integers(1, 9))
+    def killed_in_writing(self, publication, before, every):
+        publish, left = files.publish, [publication]
+
+        def die(draft, target):
+            left[0] -= 1
+            if left[0] == 0 and before:
+                raise Killed
+            publish(draft, target)
+            if left[0] == 0:
+                raise Killed
+
+        for module in (files, chunks):
+            self.patch.setattr(module, "publish", die)
+        self.until_death("run", "--resume", self.kept, "--every", every)
+
+    @rule(step=st.integers(0, STEPS))
+    def twice_at_once(self, step):
+        """While one process is at this step, another begins: it is refused, and the first goes on."""
+        advance, codes = Simulation.advance, []
+
+        def try_another(simulation, *arguments):
+            if simulation.steps >= step and not codes:
+                codes.append(exit_code("run", "--resume", self.kept))
+            return advance(simulation, *arguments)
+
+        self.patch.setattr(Simulation, "advance", try_another)
+        self.until_death("run", "--resume", self.kept)
+        assert codes in ([], [2])
+
+    @rule()
+    def recovered(self):
+        if chunks_of(self.output).exists():
+            require_frames(*recover(chunks_of(self.output)))
+
+    @rule()
+    def loaded_and_saved(self):
+        loaded = Simulation.load(self.kept, threads=1)
+        other = self.kept.with_name("other.npz")
+        loaded.save(other)
+        assert contents(read_checkpoint(other).state) == contents(loaded.state())
+        other.unlink()
+
+    @invariant()
+    def checkpoint_is_of_the_model(self):
+        if self.is_begun:
+            state = read_checkpoint(self.kept).state
+            assert contents(state) == contents(model()[state.steps])
+
+    def die_at_step(self, step):
+        advance = Simulation.advance
+
+        def die(simulation, steps, *arguments):
+            if simulation.steps + steps > step:
+                raise Killed
+            return advance(simulation, steps, *arguments)
+
+        self.patch.setattr(Simulation, "advance", die)
+
+    def until_death(self, *arguments):
+        try:
+            assert exit_code(*arguments) == 0
+        except Killed:
+            pass
+        finally:
+            self.patch.undo()
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(1000, marks=pytest.mark.slow)])
+def test_sequences(count):
+    quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
+    how = settings(max_examples=count, stateful_step_count=8, derandomize=count < 10, **quiet)
+    run_state_machine_as_test(Sequences, settings=how)
+
+
+@pytest.mark.slow
+def test_processes(tmp_path):
+    """Kill -9 at random moments, among up to three processes that continue the same run at once."""
+    rng = np.random.default_rng(0)
+    for number in range(int(os.environ.get("WARPGRAINS_SEQUENCES", "10"))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        kept, output = folder / "run.npz", folder / "run.usdc"
+        begin = [*RUN, "-o", output, "--checkpoint", kept, "--every", rng.integers(1, 9)]
+        command = [sys.executable, "-m", "warpgrains"]
+        processes = [subprocess.Popen([*command, *map(str, begin)], stdout=subprocess.DEVNULL)]
+        while not kept.exists() and processes[0].poll() is None:
+            time.sleep(0.01)
+        for _ in range(rng.integers(1, 4)):
+            time.sleep(rng.uniform(0.0, 0.05))
+            for process in processes:
+                process.send_signal(signal.SIGKILL)
+                process.wait(timeout=60)
+            resume = [*command, "run", "--resume", str(kept)]
+            pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+            processes = [subprocess.Popen(resume, **pipes) for _ in range(rng.integers(1, 4))]
+            time.sleep(rng.uniform(0.0, 1.5))
+        assert {process.wait(timeout=60) for process in processes} <= {0, 2}
+        assert exit_code("run", "--resume", kept) == 0
+        require_frames(output, STEPS + 1)
+        assert contents(read_checkpoint(kept).state) == contents(model()[STEPS])
