@@ -11,7 +11,7 @@ from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, require_state
-from warpgrains.simulation.simulation import find_device
+from warpgrains.simulation.devices import find_device
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores

@@ -115,7 +115,7 @@ def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespa
     ) as bar:
         if arguments.scheduler is None and arguments.slurm is None:
             start_warp()
-            from warpgrains.simulation.simulation import find_device
+            from warpgrains.simulation.devices import find_device
             from warpgrains.sweep.runner import finish_runs
 
             find_device(execution.device)

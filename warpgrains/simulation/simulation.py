@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Any, Self
 
-import warp as wp
-
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
@@ -16,13 +14,13 @@ from warpgrains.simulation.checkpoint import (
     read_checkpoint,
     write_checkpoint,
 )
+from warpgrains.simulation.devices import find_device, threads_for
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import run
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
-from warpgrains.solver.tuning import paying_threads
 
 
 class Simulation:
@@ -248,19 +246,3 @@ class Simulation:
         simulation = cls(kept.scene, device, threads)
         simulation.restore(kept.state)
         return simulation
-
-
-def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return how many threads share a scene on a CPU: so many as are wanted, or else as pay."""
-    if device.is_cuda:
-        return 1
-    return paying_threads(scene) if threads is None else threads
-
-
-def find_device(name: str) -> wp.Device:
-    """Return a Warp device by its name; raise SceneError if there is none."""
-    try:
-        return wp.get_device(name)
-    except (ValueError, RuntimeError) as error:
-        known = ", ".join(device.alias for device in wp.get_devices())
-        raise SceneError(f"device {name!r} is unknown here; choose {known}") from error
