@@ -130,7 +130,7 @@ def read_table(path: Path) -> list[Row]:
         It is not there, or no table.
     """
     if not path.is_file():
-        raise SceneError(f"'{path}' is no file")
+        raise SceneError(f"'{path}' cannot be read: it is no file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
             rows = csv.DictReader(lines, strict=True)

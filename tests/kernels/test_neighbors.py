@@ -56,7 +56,8 @@ CLOUDS: dict[str, Callable[[], Cloud]] = {
 
 
 def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
-    scene = Scene(position=sought.position, radius=sought.radius, mass=1.0, radius_out=1e10)
+    radius_out = min(1e10, 5e11 * sought.radius.min())
+    scene = Scene(position=sought.position, radius=sought.radius, mass=1.0, radius_out=radius_out)
     record = OneRecord(scene, pairs=1)
     record["grains.position"][:], record["grains.radius"][:] = sought.position, sought.radius
     record["verlet.skin"][:], record["verlet.reference_velocity"][:] = sought.reach, sought.velocity

@@ -1,7 +1,7 @@
 """Runs that are begun, killed, resumed and started twice at once, in any order: what comes out is known.
 
 The model is one undisturbed run. A killed process is an exception at a random step, or before or after a
-random file takes its name; with -m slow it is kill -9 at a random moment, of one of several processes at once.
+random file takes its name; with -m slow it is kill -9 at random moments, among several processes at once.
 """
 
 import os
