@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -144,7 +145,8 @@ def test_a_resumed_run_tells_of_all_its_steps(tmp_path) -> None:
 def test_checkpoint_of_version_1(tmp_path) -> None:
     """Written before these fields were there: they have their defaults."""
     path, scene = tmp_path / "old.npz", chain(5, 1e-3)
-    write_checkpoint(path, Checkpoint(scene, first_state(scene), None, RunStatistics(steps=3)))
+    state = replace(first_state(scene), steps=3)
+    write_checkpoint(path, Checkpoint(scene, state, None, RunStatistics(steps=3)))
     with np.load(path) as archive:
         entries = {name: archive[name] for name in archive.files}
     header = json.loads(entries["header"].tobytes())
