@@ -37,11 +37,28 @@ def about_to_fail(state: State) -> State:
     return replace(state, velocity=velocity)
 
 
+def of_step(report: StepReport) -> RunStatistics:
+    """Return the statistics of one step."""
+    return RunStatistics(
+        steps=1,
+        iterations=report.iterations,
+        iterations_max=report.iterations,
+        unconverged=int(not report.converged),
+        infeasible=int(bool(report.infeasible)),
+        infeasible_grains=report.infeasible,
+        residual=report.residual,
+        gap_error=report.gap_error,
+        overlap=report.overlap,
+        rebuilds=report.rebuilds,
+        redos=report.redos,
+    )
+
+
 def alone(scene: Scene) -> tuple[State, RunStatistics, StepReport]:
     simulation, statistics = Simulation(scene, threads=1), RunStatistics()
     for _ in range(STEPS):
         report = simulation.step()
-        statistics.add(RunStatistics.of_step(report))
+        statistics.add(of_step(report))
     return simulation.state(), statistics, report
 
 
@@ -206,7 +223,7 @@ def test_grains_that_cannot_fit_are_named() -> None:
     simulation, statistics = Simulation(scene, threads=1), RunStatistics()
     for _ in range(5):
         report = simulation.step()
-        statistics.add(RunStatistics.of_step(report))
+        statistics.add(of_step(report))
     assert report.infeasible
     batch = Batch([Scene.load("annulus"), scene], threads=2)
     summary = batch.run(steps=5)[1]

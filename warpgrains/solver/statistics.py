@@ -147,18 +147,6 @@ class RunStatistics:
         self.infeasible_grains = tuple(self.infeasible_grains)
 
     @classmethod
-    def of_step(cls, report: StepReport) -> Self:
-        """Return the statistics of one step."""
-        return cls(
-            steps=1,
-            iterations_max=report.iterations,
-            unconverged=int(not report.converged),
-            infeasible=int(bool(report.infeasible)),
-            infeasible_grains=report.infeasible,
-            **_alike(report, "iterations", "residual", "gap_error", "overlap", "rebuilds", "redos"),
-        )
-
-    @classmethod
     def of_summary(cls, summary: Summary) -> Self:
         """Return the statistics that a summary was made of."""
         alike = [field.name for field in fields(cls) if hasattr(summary, field.name)]
