@@ -11,6 +11,7 @@ from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, require_state
+from warpgrains.simulation.options import steps_of
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
@@ -100,7 +101,7 @@ class Batch:
         list of SceneSummary
             One a scene; `error` tells why it failed, if it did.
         """
-        wanted = [_steps_of(scene, steps, duration) for scene in self.scenes]
+        wanted = [steps_of(scene, steps, duration) for scene in self.scenes]
         with tqdm(total=sum(wanted), disable=not progress) as bar:
             outcomes = self._advance(wanted, bar.update)
         return [SceneSummary(**vars(done.statistics.summary(None)), error=done.error) for done in outcomes]
@@ -139,11 +140,3 @@ class Batch:
         """
         require_state(state, self.scenes[k].n)
         self._sets.restore(k, state)
-
-
-def _steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
-    if steps is not None and duration is not None:
-        raise SceneError("a run has steps and duration: it needs one of them")
-    if steps is not None:
-        return checks.whole_number("steps", steps, least=0)
-    return scene.steps if duration is None else scene.steps_in(duration)

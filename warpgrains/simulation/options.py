@@ -8,6 +8,7 @@ from typing import Any, Self
 
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.scene import Scene
 
 OnProgress = Callable[[float], None]
 """Hears of progress, in runs."""
@@ -79,6 +80,15 @@ class RunOptions:
         else:
             record = os.path.normpath(checkpoint.parent / record)
         return cls(**{**stored, "record": record, "checkpoint": str(checkpoint)})
+
+
+def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
+    """Return how many steps a run of a scene has: so many, or for a duration [s]; by default, for its own."""
+    if steps is not None and duration is not None:
+        raise SceneError("a run has steps and duration: it needs one of them")
+    if steps is not None:
+        return checks.whole_number("steps", steps, least=0)
+    return scene.steps if duration is None else scene.steps_in(duration)
 
 
 def _file(field: str, name: Any) -> str | None:

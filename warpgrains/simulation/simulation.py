@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state, require_state
@@ -14,7 +14,7 @@ from warpgrains.simulation.checkpoint import (
     read_checkpoint,
     write_checkpoint,
 )
-from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.options import RunOptions, steps_of
 from warpgrains.simulation.run import run
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
@@ -149,12 +149,8 @@ class Simulation:
         SimulationError
             A step failed.
         """
-        if steps is not None and duration is not None:
-            raise SceneError("a run has steps and duration: it needs one of them")
-        if steps is None:
-            steps = self.scene.steps if duration is None else self.scene.steps_in(duration)
         options = RunOptions(
-            steps=steps,
+            steps=steps_of(self.scene, steps, duration),
             record=None if record is None else str(record),
             fps=fps,
             color_by=color_by,
