@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+from collections.abc import Iterator
 from time import perf_counter
 
 import numpy as np
@@ -12,6 +13,14 @@ from same_bits import contents
 from warpgrains import Batch, Scene, Simulation
 
 ENDLESS = {"tolerance": 0.0, "max_iterations": 2_000_000_000}
+
+
+@pytest.fixture(autouse=True)
+def interrupts_are_pythons_own() -> Iterator[None]:
+    """Libraries that other tests import have handlers of their own."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 def interrupt_soon() -> None:
