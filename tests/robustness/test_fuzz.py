@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from recordings import make_frames, record
 from same_bits import contents
 from test_foreign_recordings import FOREIGN
+from trimmed import trimmed
 
 from warpgrains import Scene, SceneError, Simulation
 from warpgrains.cli import apart
@@ -111,7 +112,7 @@ def fuzzed(check, examples):
 
     cases = [
         pytest.param(200, False, id="few"),
-        pytest.param(10_000, True, id="many", marks=pytest.mark.slow),
+        pytest.param(trimmed(10_000), True, id="many", marks=pytest.mark.slow),
     ]
     return pytest.mark.parametrize(("count", "many"), cases)(test)
 
@@ -232,7 +233,7 @@ def recording(suffix):
         return record(Path(folder, f"run{suffix}"), make_frames(2)).read_bytes()
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [3, pytest.param(trimmed(500), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("suffix", [".usdc", ".usda"])
 def test_recordings(count, suffix):
     foreign = st.sampled_from(sorted(FOREIGN.values())).flatmap(lambda text: mutations(text.encode()))

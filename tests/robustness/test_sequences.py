@@ -4,7 +4,6 @@ The model is one undisturbed run. A killed process is an exception at a random s
 random file takes its name; with -m slow it is kill -9 at random moments, among several processes at once.
 """
 
-import os
 import signal
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 from same_bits import contents
+from trimmed import trimmed
 
 from warpgrains import Scene, Simulation, files
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -155,7 +155,7 @@ class Sequences(RuleBasedStateMachine):
             self.patch.undo()
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [8, pytest.param(trimmed(1000), marks=pytest.mark.slow)])
 def test_sequences(count):
     quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
     how = settings(max_examples=count, stateful_step_count=8, derandomize=count < 10, **quiet)
@@ -166,7 +166,7 @@ def test_sequences(count):
 def test_processes(tmp_path):
     """Kill -9 at random moments, among up to three processes that continue the same run at once."""
     rng = np.random.default_rng(0)
-    for number in range(int(os.environ.get("WARPGRAINS_SEQUENCES", "10"))):
+    for number in range(trimmed(100)):
         folder = tmp_path / str(number)
         folder.mkdir()
         kept, output = folder / "run.npz", folder / "run.usdc"
