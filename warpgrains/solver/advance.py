@@ -26,7 +26,7 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     threads : int
         On a CPU; teams of more than one must be as large.
     on_progress : callable, optional
-        Without it, a single thread does what is brief in the caller's place.
+        Told now and then, and at the end, how many steps more have been done.
     """
     left = 0 if on_progress is None else _left(engines)
 
