@@ -17,16 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import overlapping_pairs
+from warpgrains.scene.placing import place_at_random
 from warpgrains.scene.walls import Annulus
 
 MOST_GRAINS = 10_000_000
 LEAST_SPACING = 0.1  # in radii: such grains all but coincide
-GROUPS = 16  # random grains are placed in so many groups, the largest grains first
-ATTEMPTS = 1_000  # of one group
 
 Placement = tuple[FloatArray, FloatArray]
 """Positions [m], shape (n, 2), and radii [m], shape (n,)."""
@@ -112,22 +110,10 @@ def random(walls: Annulus, *, count: int, radius: Any, seed: int = 0) -> Placeme
         _radius(walls, extreme)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = smallest + (largest - smallest) * generator.random(count)
-    position = np.empty((count, 2))
-    placed = np.empty(0, dtype=np.int64)
-    for group in np.array_split(np.argsort(-radii, kind="stable"), GROUPS):
-        waiting = group
-        for _ in range(ATTEMPTS):  # all draw a place at once, and of two that overlap the first one stays
-            if len(waiting) == 0:
-                break
-            position[waiting] = (2.0 * generator.random((len(waiting), 2)) - 1.0) * walls.radius_out
-            inside = walls.holds(position[waiting], radii[waiting])
-            tried = np.concatenate([placed, waiting[inside]])
-            free = _is_free(position[tried], radii[tried])
-            placed, waiting = tried[free], np.concatenate([tried[~free], waiting[~inside]])
-        else:
-            raise SceneError(
-                f"grains.count is {count}: only {len(placed)} grains found a free place at random"
-            )
+    position = place_at_random(walls, radii, generator)
+    placed = count - int(np.isnan(position[:, 0]).sum())
+    if placed < count:
+        raise SceneError(f"grains.count is {count}: only {placed} grains found a free place at random")
     return position, radii
 
 
@@ -145,14 +131,6 @@ LAYOUTS: dict[str, Callable[..., Placement]] = {
     "random": random,
     "column": column,
 }
-
-
-def _is_free(position: FloatArray, radius: FloatArray) -> BoolArray:
-    """Whether each disc overlaps none of those before it, shape (n,)."""
-    free = np.ones(len(position), dtype=bool)
-    for _, later in overlapping_pairs(position, radius):
-        free[later] = False
-    return free
 
 
 def _count(value: Any) -> int:

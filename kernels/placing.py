@@ -1,0 +1,106 @@
+"""Random sequential addition: discs take places at random, one after the other, clear of those before.
+
+Discs come in order of size, the largest first. Those of a level are less than a factor of two apart and share
+a grid, whose cells are no narrower than the largest of them: so a disc looks into nine cells of its own level
+and of every level before.
+"""
+
+import warp as wp
+
+from .walls import Walls, wall_overlap
+
+f64 = wp.float64
+NOBODY = wp.constant(-1)
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.struct
+class DiscsRecord:
+    """Discs in the order in which they are placed, and the cells in which their centres are."""
+
+    radius: wp.array(dtype=f64)  # [m]
+    level: wp.array(dtype=wp.int32)
+    position: wp.array(dtype=wp.vec2d)  # [m], of those that have a place
+    follower: wp.array(dtype=wp.int32)  # the next disc in the same cell
+    newest: wp.array(dtype=wp.int32)  # by cell
+    cell: wp.array(dtype=f64)  # width of the cells of a level [m]
+    width: wp.array(dtype=wp.int32)  # cells a side
+    first: wp.array(dtype=wp.int32)  # cell of a level
+    walls: Walls
+
+
+Discs = wp.ref[DiscsRecord]
+
+
+@wp.func
+def cell_index(x: f64, discs: Discs, level: int) -> int:
+    """The column, or row, of cells that a coordinate is in."""
+    place = int((x + discs.walls.radius_out) / discs.cell[level])
+    return wp.clamp(place, 0, discs.width[level] - 1)
+
+
+@wp.func
+def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
+    """Whether a disc at x overlaps none of those in a cell."""
+    clear = bool(True)
+    j = discs.newest[cell]
+    while clear and j != NOBODY:
+        d = discs.position[j] - x
+        reach = radius + discs.radius[j]
+        clear = d[0] * d[0] + d[1] * d[1] >= reach * reach
+        j = discs.follower[j]
+    return clear
+
+
+@wp.func
+def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
+    """Whether a disc at x overlaps none of a level; its own cell, the likeliest, comes first."""
+    width = discs.width[level]
+    column, row = cell_index(x[0], discs, level), cell_index(x[1], discs, level)
+    own = discs.first[level] + column * width + row
+    clear = is_clear_of_cell(x, radius, discs, own)
+    for c in range(wp.max(-column, -1), wp.min(width - column, 2)):
+        for r in range(wp.max(-row, -1), wp.min(width - row, 2)):
+            if clear:
+                clear = is_clear_of_cell(x, radius, discs, own + c * width + r)
+    return clear
+
+
+@wp.func
+def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
+    """Whether disc i at x is between the walls, off the origin, and clear of all discs before."""
+    if wall_overlap(x, discs.radius[i], discs.walls) > f64(0.0) or (x[0] == f64(0.0) and x[1] == f64(0.0)):
+        return False
+    clear = bool(True)
+    for level in range(discs.level[i] + 1):
+        clear = clear and is_clear(x, discs.radius[i], discs, level)
+    return clear
+
+
+@wp.func
+def put(x: wp.vec2d, discs: Discs, i: int):
+    """Give disc i its place."""
+    level = discs.level[i]
+    width = discs.width[level]
+    cell = discs.first[level] + cell_index(x[0], discs, level) * width + cell_index(x[1], discs, level)
+    discs.position[i] = x
+    discs.follower[i] = discs.newest[cell]
+    discs.newest[cell] = i
+
+
+@wp.kernel
+def place(discs: DiscsRecord, places: wp.array(dtype=wp.vec2d), progress: wp.array(dtype=wp.int32)):
+    """Try places [m] one after the other; progress counts the discs placed, and tries of the next one."""
+    i, tries = int(progress[0]), int(progress[1])
+    for k in range(places.shape[0]):
+        if i == discs.radius.shape[0]:
+            break
+        if fits(places[k], discs, i):
+            put(places[k], discs, i)
+            i = i + 1
+            tries = 0
+        else:
+            tries = tries + 1
+    progress[0] = i
+    progress[1] = tries
