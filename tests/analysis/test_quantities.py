@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, Simulation
-from warpgrains.analysis.quantities import quantities
+from warpgrains.analysis import quantities, snapshot
 from warpgrains.scene.geometry import area_below
 
 EPS = np.finfo(np.float64).eps
@@ -20,7 +20,8 @@ def scene(position, **fields):
 
 def of(scene, velocity=None):
     state = Simulation(scene).state()
-    return quantities(scene, state if velocity is None else replace(state, velocity=np.array(velocity)))
+    state = state if velocity is None else replace(state, velocity=np.array(velocity))
+    return quantities(snapshot(scene, state))
 
 
 def test_energies():
@@ -93,7 +94,7 @@ def test_wall_carries_the_weight(place, walls, expected):
     start = scene([place], **walls)
     simulation = Simulation(start)
     simulation.run(steps=3)
-    found = quantities(start, simulation.state())
+    found = quantities(simulation)
     for name, value in expected.items():
         # the gap is 0 but for one rounding of the place [1 m]: over dt, of mass 0.2 kg, that is a force of
         # eps m / dt^2, and a few of them are carried from step to step

@@ -1,1 +1,75 @@
-"""What a state, a step or a recording amounts to, and how exact it is."""
+"""What a state, a step or a recording amounts to, and how exact it is.
+
+>>> from warpgrains import analysis
+>>> analysis.coordination_number(simulation)
+
+Every function takes a simulation, or the `snapshot` of one, of a state or of a frame of a recording. Units
+are SI; in the plane, stress is a force by length.
+"""
+
+from warpgrains.analysis.cells import cell_areas, local_packing_fractions
+from warpgrains.analysis.contacts import (
+    contact_numbers,
+    coordination_number,
+    fabric_tensor,
+    force_distribution,
+    force_statistics,
+    rattlers,
+    wall_forces,
+)
+from warpgrains.analysis.energy import (
+    EnergyBalance,
+    contact_forces,
+    energy_balance,
+    granular_temperature,
+    kinetic_energy,
+    largest_speed,
+    mean_speed,
+    potential_energy,
+    step_energy_balance,
+)
+from warpgrains.analysis.packing import global_packing_fraction, heights, packing_fraction, pile_height
+from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
+from warpgrains.analysis.quantities import GROUPS, QUANTITIES, quantities
+from warpgrains.analysis.series import Series
+from warpgrains.analysis.snapshot import Snapshot, snapshot
+from warpgrains.analysis.stress import grain_stresses, mean_stress, pressure
+from warpgrains.analysis.structure import radial_distribution
+
+__all__ = [
+    "GROUPS",
+    "QUANTITIES",
+    "EnergyBalance",
+    "Profile",
+    "Series",
+    "Snapshot",
+    "cell_areas",
+    "contact_forces",
+    "contact_numbers",
+    "coordination_number",
+    "energy_balance",
+    "fabric_tensor",
+    "force_distribution",
+    "force_statistics",
+    "global_packing_fraction",
+    "grain_stresses",
+    "granular_temperature",
+    "height_profile",
+    "heights",
+    "kinetic_energy",
+    "largest_speed",
+    "local_packing_fractions",
+    "mean_speed",
+    "mean_stress",
+    "packing_fraction",
+    "pile_height",
+    "potential_energy",
+    "pressure",
+    "quantities",
+    "radial_distribution",
+    "radial_profile",
+    "rattlers",
+    "snapshot",
+    "step_energy_balance",
+    "wall_forces",
+]

@@ -1,67 +1,99 @@
-"""What a state of a scene amounts to: energies, forces on the walls, height and density of a pile."""
+"""What a state amounts to, in numbers by name: in series of a run, and in the tables of sweeps."""
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
-from warpgrains.scene.geometry import area_below
-from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import State
-from warpgrains.solver.forces import wall_contacts
+from warpgrains.analysis import contacts, energy, packing, stress
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.scene import checks
 
 
-def quantities(scene: Scene, state: State) -> dict[str, float]:
-    """Return all of them by name, for a state of a scene; each is a function of this file."""
-    up = upwards(scene.gravity)
-    height = state.position @ up
-    outer, inner = wall_forces(scene, state)
-    return {
-        "kinetic_energy": kinetic_energy(scene.mass, state.velocity),
-        "potential_energy": potential_energy(scene.mass, state.position, scene.gravity),
-        "outer_wall_force": outer,
-        "inner_wall_force": inner,
-        "pile_height": pile_height(height, scene),
-        "packing_fraction": packing_fraction(height, scene),
-    }
+class Quantity(NamedTuple):
+    """A number that a snapshot has."""
+
+    unit: str
+    """Empty for a pure number."""
+    of: Callable[[Snapshot], float]
 
 
-def upwards(gravity: tuple[float, float]) -> FloatArray:
-    """Return the unit vector against gravity [m/s2]; without gravity, that of y."""
-    size = np.hypot(*gravity)
-    return -np.array(gravity) / size if size > 0.0 else np.array([0.0, 1.0])
+def _stress(a: int, b: int) -> Quantity:
+    return Quantity("N/m", lambda moment: float(stress.mean_stress(moment)[a, b]))
 
 
-def kinetic_energy(mass: FloatArray, velocity: FloatArray) -> float:
-    """Return the sum of m v^2 / 2 [J]; masses [kg], shape (n,), velocities [m/s], shape (n, 2)."""
-    return float(0.5 * (mass * (velocity**2).sum(axis=1)).sum())
+def _power(loss: str) -> Quantity:
+    """Return what a step loses, over its time."""
+    return Quantity("W", lambda moment: getattr(energy.step_energy_balance(moment), loss) / moment.scene.dt)
 
 
-def potential_energy(mass: FloatArray, position: FloatArray, gravity: tuple[float, float]) -> float:
-    """Return the sum of -m g . x [J], 0 at the origin; masses [kg], (n,), positions [m], (n, 2)."""
-    return float(-(mass * (position @ np.array(gravity))).sum())
+QUANTITIES = {
+    "kinetic_energy": Quantity("J", energy.kinetic_energy),
+    "potential_energy": Quantity("J", energy.potential_energy),
+    "contact_power": _power("contact_loss"),
+    "drag_power": _power("drag_loss"),
+    "outer_wall_force": Quantity("N", lambda moment: contacts.wall_forces(moment)[0]),
+    "inner_wall_force": Quantity("N", lambda moment: contacts.wall_forces(moment)[1]),
+    "pile_height": Quantity("m", packing.pile_height),
+    "packing_fraction": Quantity("", packing.packing_fraction),
+    "coordination_number": Quantity("", contacts.coordination_number),
+    "rattlers": Quantity("", lambda moment: float(np.count_nonzero(contacts.rattlers(moment)))),
+    "pressure": Quantity("N/m", stress.pressure),
+    "stress_xx": _stress(0, 0),
+    "stress_xy": _stress(0, 1),
+    "stress_yy": _stress(1, 1),
+    "mean_force": Quantity("N", lambda moment: contacts.force_statistics(moment).mean),
+    "largest_force": Quantity("N", lambda moment: contacts.force_statistics(moment).largest),
+    "force_deviation": Quantity("N", lambda moment: contacts.force_statistics(moment).deviation),
+    "mean_speed": Quantity("m/s", energy.mean_speed),
+    "largest_speed": Quantity("m/s", energy.largest_speed),
+    "granular_temperature": Quantity("m2/s2", energy.granular_temperature),
+}
+"""All of them; powers and forces are those of the last step."""
+
+GROUPS = {
+    "energy": ("kinetic_energy", "potential_energy", "contact_power", "drag_power"),
+    "walls": ("outer_wall_force", "inner_wall_force"),
+    "packing": ("pile_height", "packing_fraction"),
+    "coordination": ("coordination_number", "rattlers"),
+    "stress": ("pressure", "stress_xx", "stress_xy", "stress_yy"),
+    "force": ("mean_force", "largest_force", "force_deviation"),
+    "speed": ("mean_speed", "largest_speed", "granular_temperature"),
+}
+"""Names for several."""
+
+OF_A_SWEEP = ("kinetic_energy", "potential_energy", *GROUPS["walls"], *GROUPS["packing"])
+"""Those that every run of a sweep has in its result."""
 
 
-def wall_forces(scene: Scene, state: State) -> tuple[float, float]:
-    """Return how hard the grains push on the outer and on the inner wall: sums of normal forces [N]."""
-    force = wall_contacts(scene, state.corrections).force
-    return float(force[force > 0.0].sum()), float(np.abs(force[force < 0.0]).sum())
+def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
+    """Return the quantities that some names stand for, each once, in the order they are asked for.
 
-
-def pile_height(height: FloatArray, scene: Scene) -> float:
-    """Return how far the highest point of a grain is above the lowest point of the walls [m].
-
-    Heights are those of the grains' centres above the origin [m], shape (n,).
+    Raises
+    ------
+    SceneError
+        A name is that of no quantity and of no group, or there is none.
     """
-    return float((height + scene.radius).max() + scene.walls.depth)
+    found: dict[str, None] = {}
+    for name in wanted:
+        known = checks.one_of("quantity", name, [*GROUPS, *QUANTITIES])
+        found |= dict.fromkeys(GROUPS.get(known, (known,)))
+    return tuple(found)
 
 
-def packing_fraction(height: FloatArray, scene: Scene) -> float:
-    """Return which share of the space between the walls the grains fill, beneath their mean height.
+def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)) -> dict[str, float]:
+    """Return some quantities by name, in the units of `QUANTITIES`.
 
-    Below the mean of the heights, weighted by area, a pile is dense; its loose surface does not count, nor
-    does where the walls end. Grains and space are cut at that height exactly.
+    Parameters
+    ----------
+    of : Snapshot or Simulation
+    names : iterable of str, optional
+        Names of quantities, or of `GROUPS`; by default all.
 
-    Heights are those of the grains' centres above the origin [m], shape (n,).
+    Raises
+    ------
+    SceneError
+        A name is unknown.
     """
-    radius = scene.radius
-    mean = (radius**2 * height).sum() / (radius**2).sum()
-    return float(area_below(radius, mean - height).sum() / scene.walls.area_below(mean))
+    moment = snapshot(of)
+    return {name: QUANTITIES[name].of(moment) for name in names_of(names)}

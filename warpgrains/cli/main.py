@@ -113,9 +113,13 @@ def _add_run(parser: ArgumentParser) -> None:
         metavar="SECTION.KEY=VALUE",
         help="replace a value of the scene, such as physics.drag=0.1; may be repeated",
     )
+    series = parser.add_argument_group("series").add_argument
+    series("--measure", metavar="WHAT,...", help="measure quantities as the run goes, such as energy,stress")
+    series("--series", metavar="CSV", help="file for what is measured, a row every K steps")
     checkpoints = parser.add_argument_group("checkpoints").add_argument
     checkpoints("--checkpoint", metavar="FILE", help="save the run to this .npz file as it goes")
-    checkpoints("--every", type=int, metavar="K", help="time steps between two checkpoints (default: 1000)")
+    spacing = "time steps between two checkpoints (default: 1000), and two rows of a series (default: 10)"
+    checkpoints("--every", type=int, metavar="K", help=spacing)
     left = "continue the run that left this checkpoint, and what it recorded: instead of SCENE"
     checkpoints("--resume", metavar="FILE", help=left)
     add("--json", action="store_true", help="print the summary as one JSON object")

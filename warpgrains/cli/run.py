@@ -10,10 +10,11 @@ from argparse import Namespace
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tqdm import tqdm
 
+from warpgrains.analysis.series import Series
 from warpgrains.console import in_columns, start_warp, stdout_kept_clean
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
@@ -23,9 +24,6 @@ from warpgrains.simulation import run as runs
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics, Summary, named
-
-if TYPE_CHECKING:
-    from warpgrains.usd.recorder import Recorder
 
 # What a resumed run takes from its checkpoint: the option of each argument.
 KEPT = {
@@ -38,6 +36,8 @@ KEPT = {
     "order": "--order",
     "method": "--method",
     "overrides": "--set",
+    "measure": "--measure",
+    "series": "--series",
 }
 
 
@@ -46,8 +46,10 @@ def run(arguments: Namespace) -> bool:
     # bad outputs, and those that another process writes, are refused before Warp starts and compiles kernels
     with stdout_kept_clean(), ExitStack() as held:
         start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
+        series = _series(start, options)
         recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))
-        _simulate(start, options, recorder, arguments)
+        observer = None if series is None else held.enter_context(series)
+        _simulate(start, options, runs.Outputs(recorder, observer), arguments)
     results = _results(start.scene, start.statistics.summary(options.record))
     print(json.dumps(results) if arguments.json else _lines(results))
     return False
@@ -60,11 +62,12 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
     if arguments.output is None:
         for name in _given(arguments, "fps", "color_by", "forces", "as_spheres"):
             raise SceneError(f"{KEPT[name]} needs --output")
-    if arguments.checkpoint is None and arguments.every is not None:
-        raise SceneError("--every needs --checkpoint")
+    if (arguments.measure is None) != (arguments.series is None):
+        raise SceneError("--measure and --series go together")
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
     scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
-    given = _given(arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "every")
+    given = _given(arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "measure", "series")
+    given |= _spacing(arguments, arguments.checkpoint, arguments.series)
     options = RunOptions(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
     if options.checkpoint is not None:
         held.enter_context(lock_checkpoint(Path(options.checkpoint)))
@@ -91,9 +94,28 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     if end < start.state.steps:
         raise SceneError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
     options = start.options or RunOptions(steps=planned)
-    if arguments.every is not None and options.checkpoint is other is None:
-        raise SceneError("--every needs --checkpoint")
-    return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint", "every"))
+    spacing = _spacing(arguments, options.checkpoint or other, options.series)
+    return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint"), **spacing)
+
+
+def _spacing(arguments: Namespace, checkpoint: str | None, series: str | None) -> dict[str, Any]:
+    """Return how many steps lie between two checkpoints, and two rows of a series, if it is told."""
+    if arguments.every is None:
+        return {}
+    if checkpoint is series is None:
+        raise SceneError("--every needs --checkpoint or --measure")
+    spaced = {"every": checkpoint, "measure_every": series}
+    return {name: arguments.every for name, file in spaced.items() if file is not None}
+
+
+def _series(start: Checkpoint, options: RunOptions) -> Series | None:
+    """Return the series of a run, if there is one; a resumed run goes on with its rows."""
+    if options.measure is None:
+        return None
+    resumed = start.statistics.steps > 0
+    return Series(
+        options.measure, options.measure_every, options.series, start.state.steps if resumed else None
+    )
 
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
@@ -111,9 +133,7 @@ def _steps(scene: Scene, arguments: Namespace) -> int | None:
     return None
 
 
-def _simulate(
-    start: Checkpoint, options: RunOptions, recorder: Recorder | None, arguments: Namespace
-) -> None:
+def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arguments: Namespace) -> None:
     start_warp()
     from warpgrains.simulation.simulation import Simulation
 
@@ -124,7 +144,7 @@ def _simulate(
     simulation.compile()
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
-        runs.carry_out(simulation, options, start.statistics, recorder, progress=sys.stderr.isatty())
+        runs.carry_out(simulation, options, start.statistics, outputs, progress=sys.stderr.isatty())
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:

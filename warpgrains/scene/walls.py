@@ -53,6 +53,11 @@ class Annulus(NamedTuple):
         return 2.0 * self.radius_out
 
     @property
+    def area(self) -> float:
+        """Area of the space between them [m2]."""
+        return float(np.pi) * (self.radius_out**2 - self.radius_in**2)
+
+    @property
     def depth(self) -> float:
         """How far its lowest point is below the origin, whichever way is down [m]."""
         return self.radius_out

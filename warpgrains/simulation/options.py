@@ -13,8 +13,15 @@ from warpgrains.scene.scene import Scene
 OnProgress = Callable[[float], None]
 """Hears of progress, in runs."""
 
-NEEDS = dict.fromkeys(("fps", "color_by", "forces", "as_spheres"), "record") | {"every": "checkpoint"}
+NEEDS = dict.fromkeys(("fps", "color_by", "forces", "as_spheres"), "record") | {
+    "every": "checkpoint",
+    "measure": "series",
+    "measure_every": "series",
+    "series": "measure",
+}
 """What options are of no effect without."""
+FILES = ("record", "series")
+"""What a run writes beside its checkpoint."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +48,12 @@ class RunOptions:
     """File that is to hold the state, and all that it takes to resume the run."""
     every: int = 1000
     """Steps between two checkpoints; the start and the end of a run have one anyway."""
+    measure: str | None = None
+    """Quantities that a series is of, by name, with commas between them."""
+    series: str | None = None
+    """CSV file to write it to."""
+    measure_every: int = 10
+    """Steps between two of its rows."""
 
     def __post_init__(self) -> None:
         checked: dict[str, Any] = {
@@ -50,7 +63,9 @@ class RunOptions:
             "color_by": checks.text("color_by", self.color_by),
             "forces": checks.truth("forces", self.forces),
             "as_spheres": checks.truth("as_spheres", self.as_spheres),
-            "record": _file("record", self.record),
+            "measure_every": checks.whole_number("measure_every", self.measure_every),
+            "measure": None if self.measure is None else checks.text("measure", self.measure),
+            **{name: _file(name, getattr(self, name)) for name in FILES},
             "checkpoint": _file("checkpoint", self.checkpoint),
         }
         for name, value in checked.items():
@@ -65,21 +80,18 @@ class RunOptions:
         return Path(self.checkpoint) if self.checkpoint is not None and is_due else None
 
     def stored(self, checkpoint: Path) -> dict[str, Any]:
-        """Return what a checkpoint keeps: the recording as seen from there, so that both may be moved."""
-        record = None if self.record is None else os.path.relpath(self.record, checkpoint.parent)
-        return {**asdict(self), "record": record, "checkpoint": checkpoint.name}
+        """Return what a checkpoint keeps: other files as seen from there, so that all may be moved."""
+        files = {name: getattr(self, name) for name in FILES}
+        seen = {name: file and os.path.relpath(file, checkpoint.parent) for name, file in files.items()}
+        return {**asdict(self), **seen, "checkpoint": checkpoint.name}
 
     @classmethod
     def restored(cls, stored: dict[str, Any], checkpoint: Path) -> Self:
         """Return the options that a checkpoint keeps; the next checkpoints are to replace it."""
-        record = _file("record", stored["record"])
-        if record is None:  # what earlier releases kept beside it has no effect
+        if stored["record"] is None:  # what earlier releases kept beside it has no effect
             stored = {name: value for name, value in stored.items() if NEEDS.get(name) != "record"}
-        elif os.path.isabs(record):
-            raise SceneError(f"record is {record!r}: it must be where it is as seen from the checkpoint")
-        else:
-            record = os.path.normpath(checkpoint.parent / record)
-        return cls(**{**stored, "record": record, "checkpoint": str(checkpoint)})
+        files = {name: _seen_from(checkpoint, name, stored.get(name)) for name in FILES}
+        return cls(**{**stored, **files, "checkpoint": str(checkpoint)})
 
 
 def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
@@ -89,6 +101,14 @@ def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
     if steps is not None:
         return checks.whole_number("steps", steps, least=0)
     return scene.steps if duration is None else scene.steps_in(duration)
+
+
+def _seen_from(checkpoint: Path, field: str, stored: Any) -> str | None:
+    """Return the name of a file, if there is one, that a checkpoint keeps."""
+    name = _file(field, stored)
+    if name is not None and os.path.isabs(name):
+        raise SceneError(f"{field} is {name!r}: it must be where it is as seen from the checkpoint")
+    return name and os.path.normpath(checkpoint.parent / name)
 
 
 def _file(field: str, name: Any) -> str | None:

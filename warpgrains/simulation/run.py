@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 from warnings import warn
 
 from tqdm import tqdm
@@ -21,8 +21,32 @@ if TYPE_CHECKING:
     from warpgrains.usd.recorder import Recorder
 
 
+class Observer(Protocol):
+    """What looks at a simulation while it runs, such as `warpgrains.analysis.Series`."""
+
+    every: int
+    """Steps between two looks: it looks at steps that are multiples of it."""
+
+    def observe(self, simulation: Simulation) -> None:
+        """Look at it."""
+
+    def flush(self) -> None:
+        """Put all that was seen on the disk: there is to be a checkpoint, or the run ends."""
+
+
+class Outputs(NamedTuple):
+    """What hears of a run."""
+
+    recorder: Recorder | None = None
+    observer: Observer | None = None
+
+
 def run(
-    simulation: Simulation, options: RunOptions, statistics: RunStatistics, progress: bool = False
+    simulation: Simulation,
+    options: RunOptions,
+    statistics: RunStatistics,
+    progress: bool = False,
+    observer: Observer | None = None,
 ) -> Summary:
     """Do what is left of a run, with its outputs locked; see `carry_out`.
 
@@ -38,7 +62,7 @@ def run(
         nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
         open_outputs(options, simulation.scene, statistics) as recorder,
     ):
-        carry_out(simulation, options, statistics, recorder, progress)
+        carry_out(simulation, options, statistics, Outputs(recorder, observer), progress)
     return statistics.summary(options.record)
 
 
@@ -67,7 +91,7 @@ def carry_out(
     simulation: Simulation,
     options: RunOptions,
     statistics: RunStatistics,
-    recorder: Recorder | None,
+    outputs: Outputs,
     progress: bool,
 ) -> None:
     """Do what is left of a run.
@@ -79,8 +103,8 @@ def carry_out(
         What the run is to do.
     statistics : RunStatistics
         What it has done; it is counted on.
-    recorder : Recorder, optional
-        What `open_outputs` gives.
+    outputs : Outputs
+        The recorder is what `open_outputs` gives.
     progress : bool
         Whether to show a progress bar on standard error.
 
@@ -95,17 +119,27 @@ def carry_out(
         Grains cannot fit; said once a run.
     """
     start = perf_counter() - statistics.seconds
-    with _bar(options, statistics, progress) as bar:
-        _keep(simulation, options, statistics, recorder)
+    with _bar(options, statistics, progress) as bar, _flushed(outputs.observer):
+        _keep(simulation, options, statistics, outputs)
         while statistics.steps < options.steps:
-            done = simulation.advance(_steps_to_next_output(options, statistics, recorder), bar.update)
+            done = simulation.advance(_steps_to_next(options, statistics, outputs, simulation), bar.update)
             if done.infeasible and not statistics.infeasible:
                 step, grains = simulation.infeasible_steps[0]
                 warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
             statistics.add(done)
             statistics.seconds = perf_counter() - start
-            _keep(simulation, options, statistics, recorder)
+            _keep(simulation, options, statistics, outputs)
     statistics.seconds = perf_counter() - start
+
+
+@contextmanager
+def _flushed(observer: Observer | None) -> Iterator[None]:
+    """Have what was seen on the disk in the end, whatever ends the run."""
+    try:
+        yield
+    finally:
+        if observer is not None:
+            observer.flush()
 
 
 def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> Recorder | None:
@@ -129,10 +163,11 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
     )
 
 
-def _keep(
-    simulation: Simulation, options: RunOptions, statistics: RunStatistics, recorder: Recorder | None
-) -> None:
-    """Record a frame and write a checkpoint, where due; the frames a checkpoint counts are on the disk."""
+def _keep(simulation: Simulation, options: RunOptions, statistics: RunStatistics, outputs: Outputs) -> None:
+    """Record, observe and write a checkpoint, where due; what it counts is on the disk before it."""
+    recorder, observer = outputs
+    if observer is not None and simulation.steps % observer.every == 0:
+        observer.observe(simulation)
     if recorder is not None and statistics.steps == statistics.frames * recorder.stride:
         contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
         recorder.record(simulation.position, simulation.velocity, *contacts)
@@ -141,12 +176,19 @@ def _keep(
     if checkpoint is not None:
         if recorder is not None:
             recorder.flush()
+        if observer is not None:
+            observer.flush()
         write_checkpoint(checkpoint, Checkpoint(simulation.scene, simulation.state(), options, statistics))
 
 
-def _steps_to_next_output(options: RunOptions, statistics: RunStatistics, recorder: Recorder | None) -> int:
-    """Return after how many steps there is something to record or to save, or the run ends."""
+def _steps_to_next(
+    options: RunOptions, statistics: RunStatistics, outputs: Outputs, simulation: Simulation
+) -> int:
+    """Return after how many steps there is something to record, to see or to save, or the run ends."""
+    recorder, observer = outputs
     ends = [options.steps]
+    if observer is not None:
+        ends.append(statistics.steps + observer.every - simulation.steps % observer.every)
     if recorder is not None:
         ends.append(statistics.frames * recorder.stride)
     if options.checkpoint is not None:

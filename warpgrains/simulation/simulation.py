@@ -15,7 +15,7 @@ from warpgrains.simulation.checkpoint import (
     write_checkpoint,
 )
 from warpgrains.simulation.options import RunOptions, steps_of
-from warpgrains.simulation.run import run
+from warpgrains.simulation.run import Observer, run
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
@@ -118,6 +118,7 @@ class Simulation:
         as_spheres: bool = False,
         checkpoint: str | Path | None = None,
         every: int = 1000,
+        observer: Observer | None = None,
         progress: bool = False,
     ) -> Summary:
         """Advance by many time steps.
@@ -138,6 +139,8 @@ class Simulation:
             An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
         every : int
             Steps between two checkpoints.
+        observer : Observer, optional
+            Looks at the simulation now and then, such as `warpgrains.analysis.Series`.
         progress : bool
             Whether to show a progress bar on standard error.
 
@@ -159,7 +162,7 @@ class Simulation:
             checkpoint=None if checkpoint is None else str(checkpoint),
             every=every,
         )
-        return run(self, options, RunStatistics(), progress)
+        return run(self, options, RunStatistics(), progress, observer)
 
     @property
     def steps(self) -> int:

@@ -1,11 +1,16 @@
 """What the contacts carry, in the units of forces (kernels/MODEL.md, eq. 9)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.geometry import pair_gaps, pair_normals
-from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import Corrections
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.scene.state import Corrections
 
 
 @dataclass(frozen=True, eq=False)

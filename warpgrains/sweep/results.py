@@ -5,7 +5,8 @@ Then those of `UNITS`, the same whenever, wherever and after however many interr
 last is `seconds`, its wall time, which the table of all results leaves out.
 """
 
-from warpgrains.analysis.quantities import quantities
+from warpgrains.analysis.quantities import OF_A_SWEEP, QUANTITIES, quantities
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.errors import SceneError
 from warpgrains.files import Row
 from warpgrains.simulation.checkpoint import Checkpoint
@@ -18,12 +19,7 @@ UNITS = {
     "iterations_max": "",
     "unconverged": "",  # steps that stopped short of the tolerance
     "worst_overlap": "m",  # after any step
-    "kinetic_energy": "J",  # at the end of the run, as all that follow: see `quantities`
-    "potential_energy": "J",
-    "outer_wall_force": "N",
-    "inner_wall_force": "N",
-    "pile_height": "m",
-    "packing_fraction": "",
+    **{name: QUANTITIES[name].unit for name in OF_A_SWEEP},  # at the end of the run
     "error": "",  # why the run failed, if it did
 }
 """Units of the columns that every sweep has, in their order."""
@@ -43,7 +39,7 @@ def result(labels: Row, reached: Checkpoint) -> Row:
         "iterations_max": summary.iterations_max,
         "unconverged": summary.unconverged,
         "worst_overlap": summary.overlap,
-        **quantities(scene, reached.state),
+        **quantities(snapshot(scene, reached.state), OF_A_SWEEP),
     }
     return _row(labels, {name: repr(value) for name, value in values.items()}, summary.seconds)
 

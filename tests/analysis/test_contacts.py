@@ -1,0 +1,232 @@
+"""Contacts, rattlers, stress and energy: closed forms, identities of mechanics, other libraries."""
+
+from dataclasses import replace
+
+import networkx
+import numpy as np
+import pytest
+
+from warpgrains import Scene, SceneError, Simulation, analysis
+
+EPS = np.finfo(np.float64).eps
+G = 9.81
+
+
+@pytest.fixture(scope="module")
+def settled():
+    """A pile of grains of several sizes, almost at rest."""
+    simulation = Simulation(Scene.load("polydisperse"), method="accelerated", tolerance=1e-8)
+    simulation.run(duration=3.0)
+    return simulation
+
+
+@pytest.fixture(scope="module")
+def flowing():
+    simulation = Simulation(Scene.load("polydisperse"), drag=0.2)
+    simulation.run(duration=0.6)
+    return simulation
+
+
+def column(n):
+    """Grains one above the other on the lowest point, at rest from the first step on."""
+    height = -1.0 + 0.05 * (2.0 * np.arange(n) + 1.0)
+    position = np.column_stack([np.zeros(n), height])
+    simulation = Simulation(
+        Scene(position=position, radius=0.05, mass=0.2, radius_out=1.0, tolerance=0.0, max_iterations=3000)
+    )
+    simulation.step()
+    return simulation
+
+
+@pytest.mark.parametrize("n", [1, 2, 6])
+def test_column(n):
+    column_ = column(n)
+    carried = np.arange(n, 0, -1) * 0.2 * G  # by the lower contact of each
+    # gaps are off by some eps, over dt^2 a force; n contacts pass it on
+    rounding = 16.0 * n * EPS * 0.2 / 0.01**2
+    moment = analysis.snapshot(column_)
+    assert moment.force == pytest.approx(carried[1:], abs=rounding)
+    assert analysis.contact_numbers(moment).tolist() == [2] * (n - 1) + [1]
+    assert analysis.coordination_number(moment) == (2 * n - 1) / n
+    # the upper one stands on one point; without it so does the next
+    assert analysis.rattlers(moment).all()
+    assert analysis.coordination_number(moment, without_rattlers=True) == 0.0
+    stress = analysis.grain_stresses(moment, area=np.ones(n))
+    expected = 0.05 * (carried + np.append(carried[1:], 0.0))
+    assert stress[:, 1, 1] == pytest.approx(expected, abs=rounding)
+    assert np.array_equal(stress[:, 0, 0], np.zeros(n))
+    if n > 1:
+        assert analysis.fabric_tensor(moment).tolist() == [[0.0, 0.0], [0.0, 1.0]]
+
+
+def test_a_grain_in_flight_has_nothing():
+    simulation = Simulation(Scene(position=[[0.5, 0.0]], radius=0.05, mass=0.2, radius_out=1.0))
+    simulation.step()
+    assert analysis.coordination_number(simulation) == 0.0
+    assert analysis.rattlers(simulation).tolist() == [True]
+    assert np.array_equal(analysis.mean_stress(simulation), np.zeros((2, 2)))
+    assert np.isnan(analysis.fabric_tensor(simulation)).all()
+    assert analysis.force_statistics(simulation).contacts == 0
+    assert np.array_equal(analysis.force_distribution(simulation).density, np.zeros(40))
+    assert analysis.step_energy_balance(simulation).contact_loss == pytest.approx(0.0, abs=EPS)
+
+
+@pytest.mark.parametrize(("gravity", "needed"), [((0.0, -G), 2), ((0.0, 0.0), 3)])
+def test_rattlers_are_what_no_core_holds(settled, gravity, needed):
+    """A k-core of the graph of contacts, in networkx; walls, a clique of their own, hold whom they touch."""
+    moment = replace(analysis.snapshot(settled), scene=settled.scene.replace(gravity=gravity))
+    graph = networkx.complete_graph([("wall", side) for side in range(4)])
+    walls = list(graph)
+    graph.add_edges_from(moment.pair.tolist())
+    graph.add_edges_from((walls[0], grain) for grain in np.flatnonzero(moment.wall_force).tolist())
+    graph = networkx.k_core(graph, needed)
+    core = set(graph) - set(walls)
+    assert set(np.flatnonzero(~analysis.rattlers(moment)).tolist()) == core
+    graph.remove_nodes_from(walls[1:])
+    contacts = sum(graph.degree(grain) for grain in core)
+    found = analysis.coordination_number(moment, without_rattlers=True)
+    assert found == (contacts / len(core) if core else 0.0)
+    assert needed == 3 or len(core) > 60
+
+
+def test_forces_add_up_to_the_change_of_momentum(flowing):
+    scene, (_, before) = flowing.scene, flowing.last_start()
+    m = scene.mass[:, np.newaxis]
+    free = before + scene.dt * (np.array(scene.gravity) - scene.drag / m * before)
+    expected = m * (flowing.velocity - free) / scene.dt
+    assert np.abs(expected).max() > 1.0
+    # velocities of some m/s are corrected thousands of times, each rounding by eps / 2
+    tolerance = 1e4 * EPS * m.max() * 10.0 / scene.dt
+    assert analysis.contact_forces(flowing) == pytest.approx(expected, abs=tolerance)
+
+
+def test_stress_is_what_weight_and_walls_demand(settled):
+    """Forces on every grain balance: sum f l n n^T is the moment of what is not a force between grains."""
+    scene, moment = settled.scene, analysis.snapshot(settled)
+    x, normal = moment.start, moment.start / np.hypot(*moment.start.T)[:, np.newaxis]
+    (_, before) = settled.last_start()
+    inertia = scene.mass[:, np.newaxis] * (
+        (settled.velocity - before) / scene.dt + scene.drag / scene.mass[:, np.newaxis] * before
+    )
+    weight = scene.mass[:, np.newaxis] * np.array(scene.gravity)
+    on_wall = moment.wall_force[:, np.newaxis] * normal
+    at_wall = x + np.sign(moment.wall_force)[:, np.newaxis] * scene.radius[:, np.newaxis] * normal
+    expected = (x.T @ (inertia - weight) + on_wall.T @ at_wall) / scene.walls.area
+    found = analysis.mean_stress(settled)
+    # branches are as long as the radii only where the gap is 0; at the start of a step it is what it moves
+    i, j = moment.pair.T
+    gap = np.hypot(*(x[j] - x[i]).T) - scene.radius[i] - scene.radius[j]
+    slack = (moment.force * np.abs(gap)).sum() / scene.walls.area
+    assert found == pytest.approx(expected, abs=slack + 1e-9)
+    assert slack < 1e-3 * np.abs(found).max()
+    assert found == pytest.approx(found.T)
+    assert analysis.pressure(settled) == pytest.approx(np.linalg.eigvalsh(found).mean())
+
+
+def test_stresses_of_grains_add_up(settled):
+    area = analysis.cell_areas(settled)
+    total = (area[:, np.newaxis, np.newaxis] * analysis.grain_stresses(settled)).sum(axis=0)
+    # a sum of n terms, in another order
+    assert total / settled.scene.walls.area == pytest.approx(analysis.mean_stress(settled), rel=1e3 * EPS)
+
+
+def test_isotropic_pressure_of_a_ring():
+    """Eight grains pressed outwards against the wall: p A = sum of r f / 2 over what each feels."""
+    angle = 2.0 * np.pi * np.arange(8) / 8.0
+    normal = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    scene = Scene(
+        position=0.9 * normal, velocity=normal, radius=0.1, mass=0.2, radius_out=1.0, gravity=(0.0, 0.0)
+    )
+    simulation = Simulation(scene)
+    simulation.step()
+    force = 0.2 * 1.0 / scene.dt  # what stops each
+    assert analysis.wall_forces(simulation)[0] == pytest.approx(8 * force, rel=64 * EPS)
+    expected = 8 * force * 0.1 / 2.0 / np.pi * np.eye(2)
+    assert analysis.mean_stress(simulation) == pytest.approx(expected, rel=64 * EPS, abs=64 * EPS)
+
+
+def test_force_statistics(settled):
+    force = settled.contacts().force
+    found = analysis.force_statistics(settled)
+    assert found.contacts == len(force)
+    assert found.mean == pytest.approx(force.mean())
+    assert found.deviation == pytest.approx(np.sqrt((force**2).mean() - force.mean() ** 2), rel=1e-9)
+    assert found.largest == pytest.approx(force.max())
+    edges, density = analysis.force_distribution(settled, bins=500, most=50.0)
+    assert density @ np.diff(edges) == pytest.approx(1.0, rel=1e3 * EPS)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    assert (density * np.diff(edges)) @ middle == pytest.approx(1.0, abs=0.05)  # half a bin
+
+
+def test_energy_of_every_step_is_accounted_for(flowing):
+    simulation = Simulation(flowing.scene)
+    simulation.restore(flowing.state())
+    before = analysis.kinetic_energy(simulation), analysis.potential_energy(simulation)
+    steps = 40
+    balance = analysis.energy_balance(simulation, steps)
+    after = analysis.kinetic_energy(simulation), analysis.potential_energy(simulation)
+    change = balance.gravity_work - balance.drag_loss - balance.contact_loss
+    # each step's sums are of some joules, and the velocities before it are had back to rounding of theirs
+    assert after[0] - before[0] == pytest.approx(change, abs=1e5 * EPS * steps)
+    assert balance.contact_loss > 0.0
+    assert balance.drag_loss > 0.0
+
+
+def test_a_grain_that_hits_the_wall_loses_what_it_had():
+    scene = Scene(
+        position=[[0.9, 0.0]], velocity=[[3.0, 0.0]], radius=0.1, mass=0.2, radius_out=1.0, gravity=(0.0, 0.0)
+    )
+    simulation = Simulation(scene)
+    simulation.step()
+    loss = analysis.step_energy_balance(simulation).contact_loss
+    assert loss == pytest.approx(0.5 * 0.2 * 9.0, rel=64 * EPS)
+
+
+def test_two_grains_that_meet_lose_their_relative_motion():
+    """1/2 mu v^2, mu = m1 m2 / (m1 + m2) (perfectly inelastic)."""
+    scene = Scene(
+        position=[[-0.1, 0.5], [0.1, 0.5]],
+        velocity=[[2.0, 0.0], [-1.0, 0.0]],
+        radius=0.1,
+        mass=[0.2, 0.6],
+        radius_out=2.0,
+        gravity=(0.0, 0.0),
+    )
+    simulation = Simulation(scene)
+    simulation.step()
+    loss = analysis.step_energy_balance(simulation).contact_loss
+    assert loss == pytest.approx(0.5 * (0.2 * 0.6 / 0.8) * 9.0, rel=64 * EPS)
+
+
+def test_granular_temperature():
+    scene = Scene(
+        position=[[-0.5, 0.5], [0.5, 0.5]],
+        velocity=[[3.0, 1.0], [1.0, 1.0]],
+        radius=0.1,
+        mass=1.0,
+        radius_out=2.0,
+    )
+    simulation = Simulation(scene)
+    assert analysis.granular_temperature(simulation) == 0.5
+    assert analysis.mean_speed(simulation) == (np.sqrt(10.0) + np.sqrt(2.0)) / 2.0
+    assert analysis.largest_speed(simulation) == np.sqrt(10.0)
+
+
+@pytest.mark.parametrize("name", ["energi", ""])
+def test_unknown_quantity_is_named(name):
+    simulation = Simulation(Scene.load("annulus"))
+    with pytest.raises(SceneError, match="unknown quantity"):
+        analysis.quantities(simulation, [name])
+    assert list(analysis.quantities(simulation)) == list(analysis.QUANTITIES)
+    assert list(analysis.quantities(simulation, ["walls", "inner_wall_force"])) == [
+        "outer_wall_force",
+        "inner_wall_force",
+    ]
+
+
+def test_at_rest_and_in_flight_nothing_is_dissipated():
+    """A column stands: its contacts carry weight and do no work."""
+    for simulation in (column(1), Simulation(column(1).scene.replace(position=[[0.0, 0.5]]))):
+        for _ in range(3):
+            simulation.step()
+            assert abs(analysis.step_energy_balance(simulation).contact_loss) < 1e3 * EPS

@@ -1,0 +1,117 @@
+"""Profiles and the radial distribution: closed forms, totals, and freud."""
+
+import freud
+import numpy as np
+import pytest
+
+from warpgrains import Scene, analysis
+from warpgrains.scene.layouts import random
+from warpgrains.scene.state import first_state
+from warpgrains.scene.walls import Annulus
+
+EPS = np.finfo(np.float64).eps
+
+
+def moment_of(position, radius, walls=Annulus(0.3, 1.0), **fields):  # noqa: B008
+    scene = Scene(position=position, radius=radius, mass=1.0, **walls._asdict(), **fields)
+    return analysis.snapshot(scene, first_state(scene))
+
+
+@pytest.fixture(scope="module")
+def scattered():
+    """Centres anywhere between the walls; overlaps do not matter."""
+    rng = np.random.default_rng(4)
+    position = rng.uniform(-1.0, 1.0, (4000, 2))
+    rho = np.hypot(*position.T)
+    position = position[(rho > 0.301) & (rho < 0.999)]
+    return moment_of(position, 0.001, velocity=rng.normal(0.0, 2.0, position.shape))
+
+
+def test_pairs_by_distance_are_freuds():
+    moment = moment_of(*random(Annulus(0.3, 1.0), count=500, radius=[0.005, 0.02], seed=2))
+    found = analysis.radial_distribution(moment, bins=60, reach=0.4)
+    other = freud.density.RDF(bins=60, r_max=0.4)
+    places = np.column_stack([moment.position, np.zeros(moment.n)])
+    other.compute((freud.box.Box.square(4.0), places), reset=True)
+    assert np.abs(found.edges - other.bin_edges).max() < 1e-7  # float32
+    # each pair twice there; in float32, a pair at an edge may be in the next bin
+    assert np.abs(found.pairs - np.array(other.bin_counts) / 2.0).max() <= 1
+    assert found.pairs.sum() > 10_000
+
+
+def test_grains_anywhere_have_g_of_one(scattered):
+    """Up to the walls and beyond; k pairs of n grains deviate by about sqrt(k) and k / sqrt(n)."""
+    found = analysis.radial_distribution(scattered, bins=20, reach=1.2)
+    deviation = 1.0 / np.sqrt(found.pairs) + 1.0 / np.sqrt(scattered.n)
+    assert (np.abs(found.g - 1.0) < 3.0 * deviation).all()
+
+
+def test_radial_distribution_of_two_and_of_one():
+    two = moment_of([[0.5, 0.0], [0.61, 0.0]], 0.02)
+    found = analysis.radial_distribution(two, bins=10, reach=0.2)
+    assert found.pairs.tolist() == [0, 0, 0, 0, 0, 1, 0, 0, 0, 0]
+    single = analysis.radial_distribution(moment_of([[0.5, 0.0]], 0.02))
+    assert not single.g.any()
+
+
+@pytest.mark.parametrize("profile", [analysis.height_profile, analysis.radial_profile])
+def test_profiles_add_up(profile):
+    moment = moment_of(*random(Annulus(0.3, 1.0), count=200, radius=[0.01, 0.03], seed=2))
+    found = profile(moment, bins=17)
+    if profile is analysis.radial_profile:
+        room = np.pi * np.diff(found.edges**2)
+    else:
+        room = np.diff([moment.scene.walls.area_below(edge) for edge in found.edges])
+    total = np.pi * (moment.scene.radius**2).sum()
+    assert found.packing_fraction @ room == pytest.approx(total, rel=1e4 * EPS)  # sums of a thousand areas
+    assert found.packing_fraction @ room / room.sum() == pytest.approx(
+        analysis.global_packing_fraction(moment), rel=1e4 * EPS
+    )
+
+
+def test_ring_of_half_a_grain():
+    """A disc about which the rings' edge goes: against points at random."""
+    moment = moment_of([[0.5, 0.2]], 0.2, Annulus(0.0, 1.0))
+    found = analysis.radial_profile(moment, bins=5)
+    rng = np.random.default_rng(1)
+    places = rng.uniform(-0.2, 0.2, (1_000_000, 2))
+    places = places[np.hypot(*places.T) < 0.2] + moment.position[0]
+    share = np.histogram(np.hypot(*places.T), found.edges)[0] / len(places)
+    area = found.packing_fraction * np.pi * np.diff(found.edges**2)
+    # five standard deviations of a share of so many points
+    assert area / (np.pi * 0.04) == pytest.approx(share, abs=5.0 * 0.5 / np.sqrt(len(places)))
+
+
+def test_rigid_rotation_has_no_radial_velocity_and_no_temperature():
+    position, radius = random(Annulus(0.3, 1.0), count=2000, radius=0.005, seed=5)
+    omega = 2.0
+    velocity = omega * np.stack([-position[:, 1], position[:, 0]], axis=1)
+    found = analysis.radial_profile(moment_of(position, radius, velocity=velocity), bins=10)
+    middle = 0.5 * (found.edges[1:] + found.edges[:-1])
+    assert np.abs(found.velocity[:, 0]).max() < 64 * EPS
+    half = np.diff(found.edges)[0] / 2.0 + 0.005  # where in the ring the grains are, or reach into it from
+    assert np.abs(found.velocity[:, 1] - omega * middle).max() < omega * half
+    assert found.temperature.max() < 0.5 * (omega * half) ** 2
+
+
+def test_shear_by_height():
+    position, radius = random(Annulus(0.3, 1.0), count=2000, radius=0.005, seed=5)
+    velocity = np.column_stack([3.0 * position[:, 1], np.zeros(len(position))])
+    found = analysis.height_profile(moment_of(position, radius, velocity=velocity), bins=10)
+    middle = 0.5 * (found.edges[1:] + found.edges[:-1])
+    assert np.abs(found.velocity[:, 0]).max() == 0.0
+    assert np.abs(found.velocity[:, 1] + 3.0 * middle).max() < 3.0 * 0.105
+
+
+def test_temperature_of_random_velocities(scattered):
+    """<v_x^2> = 4 m2/s2; the mean of k grains is known to about sqrt(1 / k) of itself."""
+    assert analysis.granular_temperature(scattered) == pytest.approx(4.0, rel=5.0 / np.sqrt(scattered.n))
+    found = analysis.radial_profile(scattered, bins=4)
+    assert found.temperature == pytest.approx(4.0, rel=5.0 / np.sqrt(scattered.n / 10))
+
+
+def test_empty_slices_have_no_mean():
+    found = analysis.height_profile(moment_of([[0.0, -0.8]], 0.05), bins=4)
+    assert found.packing_fraction[1:].tolist() == [0.0, 0.0, 0.0]
+    assert np.isnan(found.velocity[1:]).all()
+    assert found.packing_fraction[0] > 0.0

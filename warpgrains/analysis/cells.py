@@ -1,0 +1,93 @@
+"""The space that belongs to each grain: radical Voronoi cells, cut at the walls.
+
+A point belongs to the grain from which |x - x_i|^2 - r_i^2 is least: for equal radii the Voronoi cell, for
+unequal ones a cell that no other grain reaches into. These cells are dual to the lower convex hull of the
+points (x, y, |x|^2 - r^2) (Aurenhammer, Power diagrams, 1987): a facet z = 2 c . x + d of the hull is a
+corner c of the cells of its three grains.
+"""
+
+import numpy as np
+
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.errors import missing_extra
+from warpgrains.scene.walls import Annulus
+
+BEYOND = 10.0  # radii of the outer wall: three places there close the cells at the border
+
+
+def cell_areas(of: Snapshot | HasState) -> FloatArray:
+    """Return the area of each grain's radical Voronoi cell between the walls [m2], shape (n,).
+
+    Raises
+    ------
+    SceneError
+        scipy is not installed; it comes with the extra ``[report]``.
+    """
+    moment = snapshot(of)
+    return radical_cell_areas(moment.position, moment.scene.radius, moment.scene.walls)
+
+
+def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
+    """Return which share of its cell each grain fills, shape (n,); see `cell_areas`."""
+    moment = snapshot(of)
+    return np.pi * moment.scene.radius**2 / cell_areas(moment)
+
+
+def radical_cell_areas(position: FloatArray, radius: FloatArray, walls: Annulus) -> FloatArray:
+    """Return the areas of the cells of discs between the walls [m2], shape (n,)."""
+    grain, corner = _corners(position / walls.radius_out, radius / walls.radius_out)
+    _, first, count = np.unique(grain, return_index=True, return_counts=True)
+    middle = np.repeat(np.add.reduceat(corner, first) / count[:, np.newaxis], count, axis=0)
+    around = np.arctan2(*(corner - middle).T[::-1])
+    corner = corner[np.lexsort((around, grain))]  # each cell is convex
+    onward = np.arange(1, len(grain) + 1)
+    onward[first + count - 1] = first
+    inner = walls.radius_in / walls.radius_out
+    area = _area_in_disc(corner, corner[onward], 1.0) - _area_in_disc(corner, corner[onward], inner)
+    return np.asarray(walls.radius_out**2 * np.bincount(grain, area, len(position)), np.float64)
+
+
+def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:
+    """Return the corners of all cells, shape (c, 2), and before them, in order, the grains they are of.
+
+    The outer wall is at 1.
+    """
+    try:
+        from scipy.spatial import ConvexHull
+    except ModuleNotFoundError as error:
+        raise missing_extra("cell areas", error) from error
+    n, angle = len(position), 2.0 * np.pi * np.arange(3) / 3.0
+    places = np.concatenate([position, BEYOND * np.stack([np.cos(angle), np.sin(angle)], axis=1)])
+    height = (places**2).sum(axis=1)
+    height[:n] -= radius**2
+    hull = ConvexHull(np.column_stack([places, height]))
+    below = hull.equations[:, 2] < 0.0
+    a, b, c, _ = hull.equations[below].T
+    corner = np.repeat(np.stack([a, b], axis=1) / (-2.0 * c[:, np.newaxis]), 3, axis=0)
+    grain = hull.simplices[below].ravel().astype(np.int64)
+    order = np.argsort(grain, kind="stable")[: np.count_nonzero(grain < n)]
+    return grain[order], corner[order]
+
+
+def _area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArray:
+    """Return the signed areas that triangles (origin, start, end) have in a disc about the origin, (c,).
+
+    Along a side, it is that of a sector where the side is outside the disc, and of a triangle inside.
+    """
+    along = end - start
+    a, b = (along**2).sum(axis=1), (start * along).sum(axis=1)
+    inside = np.maximum(b**2 - a * ((start**2).sum(axis=1) - radius**2), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        enter, leave = (np.nan_to_num((-b + sign * np.sqrt(inside)) / a) for sign in (-1.0, 1.0))
+    p, q = (start + np.clip(t, 0.0, 1.0)[:, np.newaxis] * along for t in (enter, leave))
+    triangle = 0.5 * _cross(p, q)
+    return triangle + 0.5 * radius**2 * (_angle(start, p) + _angle(q, end))
+
+
+def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+
+
+def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
+    return np.arctan2(_cross(u, v), (u * v).sum(axis=1))

@@ -1,0 +1,127 @@
+"""How grains are held: contacts of each, rattlers, fabric, and how large the forces are."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray
+
+
+def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
+    """Return how many contacts each grain has, walls included, shape (n,).
+
+    Parameters
+    ----------
+    of : Snapshot or Simulation
+    least : float
+        Contacts that carry less are left out [N]: a step solved to a tolerance leaves tiny ones.
+    """
+    moment = snapshot(of)
+    return np.bincount(moment.loads.grain[moment.loads.force >= least], minlength=moment.n)
+
+
+def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
+    """Return which grains take no part in carrying loads, shape (n,).
+
+    A grain without friction is held by 3 contacts, or by 2 and its weight. Those with fewer are taken away
+    with their contacts, until none is left that has fewer: the others are the backbone, a k-core.
+
+    Parameters
+    ----------
+    of, least
+        See `contact_numbers`.
+    """
+    moment = snapshot(of)
+    needed = 2 if any(moment.scene.gravity) else 3
+    pair = moment.pair[moment.force >= least]
+    at_wall = (np.abs(moment.wall_force) >= least) & (moment.wall_force != 0.0)
+    loose = np.zeros(moment.n, dtype=bool)
+    while True:
+        kept = pair[~loose[pair].any(axis=1)]
+        found = np.bincount(kept.ravel(), minlength=moment.n) + at_wall < needed
+        if (found == loose).all():
+            return loose
+        loose |= found
+
+
+def coordination_number(of: Snapshot | HasState, least: float = 0.0, without_rattlers: bool = False) -> float:
+    """Return Z, the mean number of contacts a grain, walls included; 0 where there is no grain to count.
+
+    Parameters
+    ----------
+    of, least
+        See `contact_numbers`.
+    without_rattlers : bool
+        Whether to leave out rattlers, and their contacts.
+    """
+    moment = snapshot(of)
+    if not without_rattlers:
+        return float(contact_numbers(moment, least).mean())
+    loose, loads = rattlers(moment, least), moment.loads
+    pair = moment.pair[moment.force >= least]
+    between = 2 * np.count_nonzero(~loose[pair].any(axis=1))
+    at_wall = np.count_nonzero(~loose[loads.grain[2 * len(moment.pair) :]])
+    held = moment.n - np.count_nonzero(loose)
+    return (between + at_wall) / held if held else 0.0
+
+
+def fabric_tensor(of: Snapshot | HasState) -> FloatArray:
+    """Return the mean of n n^T over contacts between grains, shape (2, 2): trace 1; NaN without contacts.
+
+    Its eigenvalues are 1/2 each where contacts point anywhere alike; their difference is the anisotropy.
+    """
+    normal = snapshot(of).normal
+    return normal.T @ normal / len(normal) if len(normal) else np.full((2, 2), np.nan)
+
+
+class ForceStatistics(NamedTuple):
+    """How large the forces between grains are; NaN without contacts."""
+
+    contacts: int
+    """Contacts between grains."""
+    mean: float
+    """[N]."""
+    deviation: float
+    """Standard deviation [N]."""
+    largest: float
+    """[N]."""
+
+
+def force_statistics(of: Snapshot | HasState) -> ForceStatistics:
+    """Return number, mean, deviation and maximum of the forces between grains."""
+    force = snapshot(of).force
+    if len(force) == 0:
+        return ForceStatistics(0, np.nan, np.nan, np.nan)
+    return ForceStatistics(len(force), float(force.mean()), float(force.std()), float(force.max()))
+
+
+class Distribution(NamedTuple):
+    """A probability density by bins."""
+
+    edges: FloatArray
+    """Edges of the bins, shape (bins + 1,)."""
+    density: FloatArray
+    """Probability density in each, shape (bins,): the integral is 1, but for what is beyond the edges."""
+
+
+def force_distribution(of: Snapshot | HasState, bins: int = 40, most: float = 8.0) -> Distribution:
+    """Return P(f / <f>), the probability density of the forces between grains in units of their mean.
+
+    Parameters
+    ----------
+    of : Snapshot or Simulation
+    bins : int
+    most : float
+        Where the bins end, in means.
+    """
+    force = snapshot(of).force
+    relative = force / force.mean() if len(force) else force
+    count, edges = np.histogram(relative, bins, (0.0, most))
+    return Distribution(edges, count / (max(1, len(force)) * np.diff(edges)))
+
+
+def wall_forces(of: Snapshot | HasState) -> tuple[float, float]:
+    """Return how hard the grains push on the outer and on the inner wall: sums of normal forces [N]."""
+    force = snapshot(of).wall_force
+    return float(force[force > 0.0].sum()), float(np.abs(force[force < 0.0]).sum())

@@ -1,0 +1,96 @@
+"""Energies, what a step does to them, and how agitated the grains are."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.arrays import FloatArray
+
+
+def kinetic_energy(of: Snapshot | HasState) -> float:
+    """Return the sum of m v^2 / 2 [J]."""
+    moment = snapshot(of)
+    return float(0.5 * (moment.scene.mass * (moment.velocity**2).sum(axis=1)).sum())
+
+
+def potential_energy(of: Snapshot | HasState) -> float:
+    """Return the sum of -m g . x [J], 0 at the origin."""
+    moment = snapshot(of)
+    return float(-(moment.scene.mass * (moment.position @ np.array(moment.scene.gravity))).sum())
+
+
+def granular_temperature(of: Snapshot | HasState) -> float:
+    """Return <|v - <v>|^2> / 2 [m2/s2], the mean square of a component of the velocity fluctuations."""
+    velocity = snapshot(of).velocity
+    return float(0.5 * ((velocity - velocity.mean(axis=0)) ** 2).sum(axis=1).mean())
+
+
+def mean_speed(of: Snapshot | HasState) -> float:
+    """Return the mean of |v| [m/s]."""
+    return float(np.hypot(*snapshot(of).velocity.T).mean())
+
+
+def largest_speed(of: Snapshot | HasState) -> float:
+    """Return the largest |v| [m/s]."""
+    return float(np.hypot(*snapshot(of).velocity.T).max())
+
+
+class EnergyBalance(NamedTuple):
+    """What became of energy [J] over a step, or many.
+
+    The kinetic energy has changed by gravity_work - drag_loss - contact_loss, up to rounding.
+    """
+
+    gravity_work: float
+    """What gravity gave: what the potential energy has lost, but for a part proportional to dt, for a step
+    moves grains with the velocities at its end."""
+    drag_loss: float
+    """What drag took."""
+    contact_loss: float
+    """What contacts, which are inelastic, dissipated."""
+
+
+def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
+    """Return what became of energy in the last step, from its forces and velocities; zeros before the first.
+
+    From v before the step to v' after it, m (v' - v) = dt F, so the kinetic energy changes by
+    dt F . (v + v') / 2: each force has its share. With the free velocity v* = v' - dt F_contacts / m, v
+    follows from v* = v + dt (g - drag / m v) (kernels/MODEL.md, eq. 2).
+    """
+    moment = snapshot(of)
+    if moment.steps == 0:
+        return EnergyBalance(0.0, 0.0, 0.0)
+    scene, mass = moment.scene, moment.scene.mass[:, np.newaxis]
+    gravity, force = np.array(scene.gravity), contact_forces(moment)
+    free = moment.velocity - scene.dt * force / mass
+    before = (free - scene.dt * gravity) / (1.0 - scene.dt * scene.drag / mass)
+    path = 0.5 * scene.dt * (before + moment.velocity)
+    return EnergyBalance(
+        gravity_work=float((mass * path * gravity).sum()),
+        drag_loss=float((scene.drag * before * path).sum()),
+        contact_loss=float(-(force * path).sum()),
+    )
+
+
+class Steps(HasState, Protocol):
+    """What has a scene and a state, and takes steps: a `Simulation`."""
+
+    def step(self) -> object:
+        """Advance by one time step."""
+
+
+def energy_balance(simulation: Steps, steps: int) -> EnergyBalance:
+    """Advance a simulation by some steps, and return what became of energy in all of them [J]."""
+    total = np.zeros(3)
+    for _ in range(steps):
+        simulation.step()
+        total += step_energy_balance(simulation)
+    return EnergyBalance(*total.tolist())
+
+
+def contact_forces(of: Snapshot | HasState) -> FloatArray:
+    """Return the sum of the forces of all contacts on each grain [N], shape (n, 2)."""
+    moment = snapshot(of)
+    grain, normal, force = moment.loads
+    return np.stack([np.bincount(grain, -force * along, moment.n) for along in normal.T], axis=1)

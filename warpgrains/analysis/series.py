@@ -1,0 +1,132 @@
+"""Time series: quantities of a simulation as it runs, kept in a table and written as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
+
+from warpgrains.analysis.quantities import names_of, quantities
+from warpgrains.analysis.snapshot import HasState
+from warpgrains.errors import OutputError, SceneError
+from warpgrains.files import Row, read_table, require_place, table_text, write_whole
+from warpgrains.locks import Lock
+from warpgrains.scene import checks
+
+FIRST = ("step", "time")
+
+
+class Measured(HasState, Protocol):
+    """What a series is of: a `Simulation`."""
+
+    @property
+    def steps(self) -> int:
+        """Time steps since the start."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+
+class Series:
+    """Measures quantities of a simulation while it runs: ``simulation.run(observer=series)``.
+
+    Parameters
+    ----------
+    measure : str or iterable of str
+        Names of `QUANTITIES` or `GROUPS`; in one text, with commas between them.
+    every : int
+        Steps between two rows: there is one at each step that is a multiple of it.
+    path : str or Path, optional
+        CSV file to write the rows to, whole, at each checkpoint and in the end. It is locked until `close`,
+        or the end of a ``with`` block.
+    resume_at : int, optional
+        Continue the rows that the file has up to this step.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The quantities.
+    rows : list of dict
+        What was measured: `step`, `time` [s] and the quantities, in the units of `QUANTITIES`.
+
+    Raises
+    ------
+    SceneError
+        A name is unknown, or the file cannot be written or continued; as an `OutputError`, if another process
+        writes it, or it is no series.
+    """
+
+    def __init__(
+        self,
+        measure: str | Iterable[str],
+        every: int = 10,
+        path: str | Path | None = None,
+        resume_at: int | None = None,
+    ) -> None:
+        wanted = measure.split(",") if isinstance(measure, str) else measure
+        self.names = names_of(name.strip() for name in wanted)
+        self.every = checks.whole_number("every", every)
+        self.rows: list[dict[str, float]] = []
+        self._path = None if path is None else Path(path)
+        self._lock: Lock | None = None
+        self._written = 0
+        if self._path is not None:
+            require_place("series", self._path, ".csv")
+            self._lock = Lock(self._path)
+            try:
+                self._take_up(self._path, resume_at)
+            except BaseException:
+                self.close()
+                raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None = None,
+        error: BaseException | None = None,
+        traceback: TracebackType | None = None,
+    ) -> None:
+        self.close()
+
+    def observe(self, simulation: Measured) -> None:
+        """Measure, unless this step is measured already."""
+        if not self.rows or self.rows[-1]["step"] < simulation.steps:
+            found = quantities(simulation, self.names)
+            self.rows.append({"step": simulation.steps, "time": simulation.time, **found})
+
+    def flush(self) -> None:
+        """Have all rows so far in the file, if there is one."""
+        if self._path is not None and len(self.rows) > self._written:
+            write_whole(self._path, table_text(self.rows).encode())
+            self._written = len(self.rows)
+
+    def close(self) -> None:
+        """Let others write the file."""
+        if self._lock is not None:
+            self._lock.release()
+
+    def _take_up(self, path: Path, resume_at: int | None) -> None:
+        """Replace nothing that is no series, and go on with the rows of one."""
+        if not path.exists():
+            rows: list[Row] = []
+        else:
+            rows = read_table(path)
+            if not rows or tuple(rows[0])[:2] != FIRST:
+                raise OutputError(f"'{path}' is there and is no series: it is not replaced")
+        if resume_at is None:
+            return
+        if rows and tuple(rows[0]) != (*FIRST, *self.names):
+            raise SceneError(f"'{path}' is a series of other quantities")
+        try:
+            kept = [row for row in rows if int(row["step"]) <= resume_at]
+            self.rows = [{name: float(cell) for name, cell in row.items()} for row in kept]
+        except (ValueError, TypeError):
+            raise SceneError(f"'{path}' holds what is no number") from None
+        for row in self.rows:
+            row["step"] = int(row["step"])
+        if not self.rows or self.rows[-1]["step"] <= resume_at - self.every:
+            raise SceneError(f"'{path}' does not hold the rows before step {resume_at}, to continue from")

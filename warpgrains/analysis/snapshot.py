@@ -1,0 +1,129 @@
+"""Grains and what they carry at one moment: what all analysis is of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.scene.geometry import pair_normals
+from warpgrains.scene.walls import outward
+from warpgrains.solver.forces import pair_contacts, wall_contacts
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.scene.state import State
+
+
+class HasState(Protocol):
+    """What has a scene and a state of it, such as a `Simulation`."""
+
+    @property
+    def scene(self) -> Scene:
+        """What is simulated."""
+
+    def state(self) -> State:
+        """Return how far it is."""
+
+
+class Loads(NamedTuple):
+    """All contacts as grains see them: of pairs those of each i, then of each j, then those with walls."""
+
+    grain: IndexArray
+    """The grain, shape (c,)."""
+    normal: FloatArray
+    """Unit vectors from its centre to the contact, shape (c, 2)."""
+    force: FloatArray
+    """How hard it is pushed, against the normal [N], shape (c,), all > 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """Grains and contacts at one moment, as `snapshot` and `Recording.frame` make them.
+
+    Contacts are those that carried a force during the last step; their normals are those at its start.
+
+    Parameters
+    ----------
+    scene : Scene
+    steps : int
+        Time steps since the start.
+    position, velocity : ndarray
+        Centres [m] and velocities [m/s] of the grains, shape (n, 2).
+    start : ndarray
+        Centres at the start of the last step [m], shape (n, 2).
+    pair : ndarray
+        Grains i < j in contact, shape (m, 2).
+    force : ndarray
+        Force of each of these contacts [N], shape (m,), > 0.
+    wall_force : ndarray
+        Force of the walls on each grain [N], shape (n,): > 0 of the outer wall, < 0 of the inner one.
+    """
+
+    scene: Scene
+    steps: int
+    position: FloatArray
+    velocity: FloatArray
+    start: FloatArray
+    pair: IntArray
+    force: FloatArray
+    wall_force: FloatArray
+
+    @property
+    def n(self) -> int:
+        """Number of grains."""
+        return self.scene.n
+
+    @cached_property
+    def normal(self) -> FloatArray:
+        """Unit vectors from grain i to grain j of each pair, shape (m, 2)."""
+        i, j = self.pair.T
+        return pair_normals(self.start, i, j)
+
+    @cached_property
+    def loads(self) -> Loads:
+        """All contacts as the grains see them."""
+        i, j = self.pair.astype(np.int64).T
+        wall = np.flatnonzero(self.wall_force)
+        force = self.wall_force[wall]
+        to_wall = np.sign(force)[:, np.newaxis] * outward(self.start[wall])
+        return Loads(
+            np.concatenate([i, j, wall]),
+            np.concatenate([self.normal, -self.normal, to_wall]),
+            np.concatenate([self.force, self.force, np.abs(force)]),
+        )
+
+
+@overload
+def snapshot(of: Snapshot | HasState) -> Snapshot: ...
+@overload
+def snapshot(of: Scene, state: State) -> Snapshot: ...
+def snapshot(of: Any, state: State | None = None) -> Snapshot:
+    """Return grains and contacts of a simulation as it is, or of a state of a scene.
+
+    Parameters
+    ----------
+    of : Simulation, Scene or Snapshot
+        A simulation; a scene, together with a state of it; or a snapshot, which is returned.
+    state : State, optional
+        Such as `Batch.state` returns.
+    """
+    if isinstance(of, Snapshot):
+        return of
+    scene, state = (of.scene, of.state()) if state is None else (of, state)
+    start = state.position - scene.dt * state.velocity
+    contacts = pair_contacts(scene, start, state.corrections)
+    wall_force = wall_contacts(scene, state.corrections).force
+    return Snapshot(
+        scene=scene,
+        steps=state.steps,
+        position=state.position,
+        velocity=state.velocity,
+        start=start,
+        pair=contacts.pair,
+        force=contacts.force,
+        wall_force=wall_force,
+    )
