@@ -7,9 +7,12 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from math import inf
 from tempfile import TemporaryFile
-from typing import NoReturn
+from time import monotonic
+from typing import Any, NoReturn, Protocol
 
+BETWEEN_LINES = 30.0  # seconds, where no terminal can show a bar
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 STDOUT, STDERR = 1, 2
@@ -29,6 +32,56 @@ def open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)
         if getattr(sys, name) is None:
             setattr(sys, name, open(number, mode, closefd=False))  # noqa: SIM115  # as long as the process
+
+
+class Progress(Protocol):
+    """Hears how far something is."""
+
+    def update(self, n: float = 1) -> Any:
+        """Hear that so much more is done."""
+
+    def set_postfix_str(self, s: str) -> None:
+        """Hear what is being done."""
+
+
+class ProgressLines:
+    """A plain line on standard error now and then: what logs can hold."""
+
+    def __init__(self, total: int, initial: float, unit: str, between: float) -> None:
+        self._total, self._done, self._begun_at, self._unit = total, float(initial), initial, unit
+        self._between, self._doing = between, ""
+        self._start = self._told = monotonic()
+
+    def set_postfix_str(self, s: str) -> None:
+        """Hear what is being done."""
+        self._doing = f", {s}"
+
+    def update(self, n: float = 1) -> None:
+        """Hear that so much more is done."""
+        self._done += n
+        now = monotonic()
+        if now - self._told < self._between or self._done <= self._begun_at:
+            return
+        self._told, gone = now, now - self._start
+        left = gone * (self._total - self._done) / (self._done - self._begun_at)
+        line = (
+            f"{self._done:.0f} of {self._total} {self._unit}s, {gone:.0f} s, {left:.0f} s left{self._doing}"
+        )
+        print(line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def progress_bar(
+    total: int, initial: float = 0, shown: bool = True, unit: str = "step", **options: Any
+) -> Iterator[Progress]:
+    """Give something that tells of progress: a bar in a terminal or a notebook, else a line every 30 s."""
+    if not shown or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+        yield ProgressLines(total, initial, unit, BETWEEN_LINES if shown else inf)
+        return
+    from tqdm.auto import tqdm
+
+    with tqdm(total=total, initial=initial, unit=unit, **options) as bar:
+        yield bar
 
 
 @contextmanager

@@ -111,7 +111,7 @@ def test_bad_output_is_refused_before_a_step_is_done(scene, tmp_path, capfd, out
     assert sorted(tmp_path.iterdir()) == [tmp_path / "folder.usdc", scene]
 
 
-@pytest.mark.parametrize("arguments", [[], ["walk"], ["run"], ["run", "anulus"], ["check", "no.usdc"]])
+@pytest.mark.parametrize("arguments", [["walk"], ["run"], ["run", "anulus"], ["check", "no.usdc"]])
 def test_bad_command_is_one_line(capfd, arguments):
     assert exit_code(*arguments) == 2
     require_one_line(*capfd.readouterr())

@@ -3,10 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from tqdm import tqdm
-
 from warpgrains.arrays import FloatArray
 from warpgrains.batch.resident import Done, ResidentSets
+from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -102,7 +101,7 @@ class Batch:
             One a scene; `error` tells why it failed, if it did.
         """
         wanted = [steps_of(scene, steps, duration) for scene in self.scenes]
-        with tqdm(total=sum(wanted), disable=not progress) as bar:
+        with progress_bar(sum(wanted), shown=progress) as bar:
             outcomes = self._advance(wanted, bar.update)
         return [SceneSummary(**vars(done.statistics.summary(None)), error=done.error) for done in outcomes]
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import Namespace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from tqdm import tqdm
-
-from warpgrains.console import in_columns, start_warp, stdout_kept_clean
+from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
 from warpgrains.errors import OutputError, SceneError, missing_extra
 from warpgrains.files import Row, make_folder
 from warpgrains.scene import checks
@@ -49,6 +46,8 @@ def run(arguments: Namespace) -> bool:
         folder.copy_grain_files(sweep)
         with stdout_kept_clean():
             reasons = _finish(folder, left, len(share), arguments)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("to go on: the same command with --resume") from None
     finally:
         rows = folder.write_tables(sweep)
     numbers = set(_numbers(share))
@@ -106,13 +105,7 @@ def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespa
     """Finish what is left, here or on a cluster; return why some runs are not finished, by their numbers."""
     files = [SweepFolder(folder.path.absolute()).of(one) for one in left]
     execution = _execution(arguments)
-    with tqdm(
-        total=total,
-        initial=total - len(left),
-        unit="run",
-        bar_format=_BAR,
-        disable=not sys.stderr.isatty(),
-    ) as bar:
+    with progress_bar(total, total - len(left), unit="run", bar_format=_BAR) as bar:
         if arguments.scheduler is None and arguments.slurm is None:
             start_warp()
             from warpgrains.solver.tuning import find_device

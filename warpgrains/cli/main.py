@@ -31,6 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     open_standard_streams()
     try:
         parsed = _parser().parse_args(arguments)
+        if parsed.command is None:
+            _parser().print_help()
+            return DONE
         failed = parsed.command.do(parsed)
         sys.stdout.flush()
         return FAILED if failed else DONE
@@ -41,8 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return FAILED
     except (SimulationError, OSError) as error:
         return _complain(str(error), FAILED)
-    except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
+    except KeyboardInterrupt as interrupt:  # it may say how to go on
+        return _complain("; ".join(["interrupted", *map(str, interrupt.args)]), INTERRUPTED)
 
 
 class Command(NamedTuple):
@@ -80,7 +83,8 @@ def _parser() -> ArgumentParser:
         prog="warpgrains", description="Rigid frictionless grains in an annulus, on NVIDIA Warp."
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    parser.set_defaults(command=None)
+    subparsers = parser.add_subparsers(metavar="COMMAND")
     for name, command in COMMANDS.items():
         own = subparsers.add_parser(name, help=command.help, description=command.description)
         own.set_defaults(command=command)
@@ -123,6 +127,18 @@ def _add_run(parser: ArgumentParser) -> None:
     left = "continue the run that left this checkpoint, and what it recorded: instead of SCENE"
     checkpoints("--resume", metavar="FILE", help=left)
     add("--json", action="store_true", help="print the summary as one JSON object")
+
+
+def _add_scenes(parser: ArgumentParser) -> None:
+    kinds = "a TOML file, or the name of a shipped scene: show it, and every key it could have"
+    parser.add_argument("scene", metavar="SCENE", nargs="?", help=kinds)
+
+
+def _add_init(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("file", metavar="FILE", help="the scene to write, a .toml file")
+    base = "scene to begin with, a TOML file or the name of a shipped one (default: annulus)"
+    add("--from", dest="base", metavar="SCENE", default="annulus", help=base)
 
 
 def _add_batch(parser: ArgumentParser) -> None:
@@ -184,6 +200,18 @@ def _whole_numbers(text: str) -> list[int]:
 
 COMMANDS = {
     "run": Command("run.run", _add_run, "simulate a scene", "Simulate a scene."),
+    "scenes": Command(
+        "scenes.scenes",
+        _add_scenes,
+        "list the shipped scenes, or explain one",
+        "List the shipped scenes and sweeps; or show one, and every key with unit and default.",
+    ),
+    "init": Command(
+        "scenes.init",
+        _add_init,
+        "write a scene file to begin with",
+        "Write a scene file to begin with: every key is there, explained.",
+    ),
     "batch": Command(
         "batch.run",
         _add_batch,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 import warnings
 from argparse import Namespace
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -43,16 +45,35 @@ KEPT = {
 
 def run(arguments: Namespace) -> bool:
     """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
-    # bad outputs, and those that another process writes, are refused before Warp starts and compiles kernels
-    with stdout_kept_clean(), ExitStack() as held:
+    with ExitStack() as held:
         start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
+        try:
+            _carry_out(start, options, arguments)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(*_how_to_go_on(options)) from None
+    results = _results(start.scene, start.statistics.summary(options.record))
+    print(json.dumps(results) if arguments.json else _lines(results))
+    return False
+
+
+def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> None:
+    """Open what a run writes to, and simulate.
+
+    Bad outputs, and those that another process writes, are refused before Warp starts and compiles kernels.
+    """
+    with stdout_kept_clean(), ExitStack() as held:
         series = _series(start, options)
         recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))
         observer = None if series is None else held.enter_context(series)
         _simulate(start, options, runs.Outputs(recorder, observer), arguments)
-    results = _results(start.scene, start.statistics.summary(options.record))
-    print(json.dumps(results) if arguments.json else _lines(results))
-    return False
+
+
+def _how_to_go_on(options: RunOptions) -> Iterator[str]:
+    """Yield what can be done after an interrupt, with what is on the disk."""
+    if options.checkpoint is not None and Path(options.checkpoint).exists():
+        yield f"to go on: warpgrains run --resume {shlex.quote(options.checkpoint)}"
+    if options.record is not None and Path(f"{options.record}.chunks").exists():
+        yield f"for the frames so far: warpgrains recover {shlex.quote(options.record + '.chunks')}"
 
 
 def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
@@ -144,7 +165,7 @@ def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arg
     simulation.compile()
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
-        runs.carry_out(simulation, options, start.statistics, outputs, progress=sys.stderr.isatty())
+        runs.carry_out(simulation, options, start.statistics, outputs, progress=True)
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:

@@ -1,6 +1,5 @@
 """`warpgrains check`, `recover`, `plot` and `report`: what is done with recordings, and with the solver."""
 
-import sys
 from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
@@ -56,6 +55,6 @@ def report(arguments: Namespace) -> bool:
         start_warp()
         from warpgrains.report.report import write_report
 
-        written = write_report(scenes, Path(arguments.output), progress=sys.stderr.isatty())
+        written = write_report(scenes, Path(arguments.output), progress=True)
     print("\n".join(map(str, written)))
     return False

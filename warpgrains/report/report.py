@@ -7,10 +7,10 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from warpgrains import __version__
 from warpgrains.analysis.plots import save_figure
+from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder, table_text, write_whole
 from warpgrains.reference.reference import find_c_reference
@@ -56,7 +56,7 @@ def write_report(
     budget = budget or Budget()
     found = Findings()
     pictures: list[Path] = []
-    with tqdm(total=len(scenes), disable=not progress, unit="scene") as bar:
+    with progress_bar(len(scenes), shown=progress, unit="scene") as bar:
         for scene in scenes:
             for stage in _measure(scene, budget, found):
                 bar.set_postfix_str(f"{scene.name}: {stage}")

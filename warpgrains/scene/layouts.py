@@ -1,14 +1,7 @@
 """Where the grains start: each layout is a function, whose keyword parameters are the keys of `[grains]`.
 
-Every layout gets the walls between which the grains are to be, and has some of these keys:
-
-======== ========================================
-count    number of grains
-radius   of every grain [m]
-spacing  distance of neighbours, in radii
-======== ========================================
-
-and raises SceneError, one line, where a value is not what it must be or the grains find no place.
+Every layout gets the walls between which the grains are to be, and raises SceneError, one line, where a value
+is not what it must be or the grains find no place.
 """
 
 from collections.abc import Callable
@@ -25,6 +18,13 @@ from warpgrains.scene.walls import Annulus
 
 MOST_GRAINS = 10_000_000
 LEAST_SPACING = 0.1  # in radii: such grains all but coincide
+
+COMMON = {
+    "count": "Number of grains.",
+    "radius": "Radius of every grain [m].",
+    "spacing": "Distance of neighbours, centre to centre, in radii.",
+}
+"""Keys that several layouts have."""
 
 Placement = tuple[FloatArray, FloatArray]
 """Positions [m], shape (n, 2), and radii [m], shape (n,)."""

@@ -8,11 +8,10 @@ physics  gravity, drag                         [m/s2], [kg/s]
 time     dt, duration                          [s]
 solver   tolerance, max_iterations, order,     see `Scene`
 ..       method, stop, on_unconverged
-grains   layout and the keys of that layout    "rows", "lattice", "random" or "column": see `layouts`
-..       or: position, radius                  a list of places, a radius or a list of them [m]
-..       or: file, radius                      an .npz or .csv file beside the scene: see `grain_file`
-..       mass or density                       one for all or a list [kg], or mass by area [kg/m2]
-..       velocity                              one for all or a list [m/s]
+grains   layout and the keys of that layout    see `layouts`
+..       or: position, radius                  see `SOURCES`
+..       or: file, radius                      see `grain_file`
+..       mass or density, velocity             see `PROPERTIES`
 ======== ===================================== ====================================================
 """
 
@@ -42,15 +41,31 @@ SECTIONS = {
     "time": ("dt", "duration"),
     "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
 }
-SOURCES = ("layout", "position", "file")
-PROPERTIES = ("mass", "density", "velocity")
+SOURCES = {
+    "layout": "Where grains start: the name of a layout, rows, lattice, random or column. Or:",
+    "position": "centres of the grains [m], a list of pairs; or:",
+    "file": "name of an .npz or .csv file of grains, beside the scene.",
+}
+"""What the places of grains are from, one of these."""
+PROPERTIES = {
+    "mass": "Mass of every grain, or a list [kg]; or:",
+    "density": "mass by area [kg/m2].",
+    "velocity": "Velocity of all grains at the start, or a list [m/s]. By default all rest.",
+}
+"""What grains have beside them."""
 SHIPPED = {"scene": "", "sweep": "sweeps"}
 """Where the shipped files of each kind are, seen from the folder of the scenes."""
 
 
 def shipped_scenes() -> list[str]:
     """Return the names of the scenes that come with the package."""
-    return _shipped("scene")
+    return shipped("scene")
+
+
+def shipped(kind: str) -> list[str]:
+    """Return the names of the scenes, or of the sweeps, that come with the package."""
+    names = (entry.name for entry in _folder(kind).iterdir())
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
 def read_scene(name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
@@ -77,7 +92,7 @@ def read_text(path: Path, kind: str) -> str:
     """Return the text of a scene or a sweep, a file or the name of a shipped one; SceneError if none."""
     source: Path | Traversable = path
     if not _is_there(path):
-        known = _shipped(kind)
+        known = shipped(kind)
         if str(path) not in known:
             raise checks.unknown(f"{kind}, neither a file nor a shipped one,", str(path), known)
         source = _folder(kind) / f"{path}.toml"
@@ -100,7 +115,7 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
 def require_key(section: str, key: str) -> None:
     """Raise SceneError unless some scene has this key in this section."""
     _require_section(section)
-    of_layouts = {name for layout in LAYOUTS.values() for name in _own_parameters(layout)}
+    of_layouts = {name for layout in LAYOUTS.values() for name in own_parameters(layout)}
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
     _refuse_unknown_keys(section, {key: None}, known)
 
@@ -110,12 +125,6 @@ def _is_there(path: Path) -> bool:
         return path.exists() and not path.is_dir()
     except (OSError, ValueError):  # no file can have such a name
         return False
-
-
-def _shipped(kind: str) -> list[str]:
-    """Return the names of the scenes, or of the sweeps, that come with the package."""
-    names = (entry.name for entry in _folder(kind).iterdir())
-    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
 def _folder(kind: str) -> Traversable:
@@ -190,7 +199,7 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
 def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
     """Call a layout with the keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
-    own = _own_parameters(function)
+    own = own_parameters(function)
     _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
@@ -198,7 +207,7 @@ def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
     return function(walls, **parameters)
 
 
-def _own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
+def own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
     """Return the parameters of a layout that are keys of `[grains]`."""
     parameters = inspect.signature(layout).parameters
     return {name: own for name, own in parameters.items() if own.kind is own.KEYWORD_ONLY}

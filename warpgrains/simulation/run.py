@@ -9,8 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 from warnings import warn
 
-from tqdm import tqdm
-
+from warpgrains.console import progress_bar
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
@@ -106,7 +105,7 @@ def carry_out(
     outputs : Outputs
         The recorder is what `open_outputs` gives.
     progress : bool
-        Whether to show a progress bar on standard error.
+        Whether to tell of progress on standard error, see `progress_bar`.
 
     Raises
     ------
@@ -119,7 +118,7 @@ def carry_out(
         Grains cannot fit; said once a run.
     """
     start = perf_counter() - statistics.seconds
-    with _bar(options, statistics, progress) as bar, _flushed(outputs.observer):
+    with progress_bar(options.steps, statistics.steps, progress) as bar, _flushed(outputs.observer):
         _keep(simulation, options, statistics, outputs)
         while statistics.steps < options.steps:
             done = simulation.advance(_steps_to_next(options, statistics, outputs, simulation), bar.update)
@@ -194,7 +193,3 @@ def _steps_to_next(
     if options.checkpoint is not None:
         ends.append((statistics.steps // options.every + 1) * options.every)
     return min(ends) - statistics.steps
-
-
-def _bar(options: RunOptions, statistics: RunStatistics, progress: bool) -> tqdm:
-    return tqdm(total=options.steps, initial=statistics.steps, disable=not progress)
