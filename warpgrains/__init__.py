@@ -17,6 +17,7 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
     __path__.append(str(_checkout))
 
 if TYPE_CHECKING:
+    from warpgrains import accuracy, analysis
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import SceneError, SimulationError
     from warpgrains.scene.scene import Scene
@@ -34,6 +35,8 @@ __all__ = [
     "State",
     "StepReport",
     "Summary",
+    "accuracy",
+    "analysis",
 ]
 
 _HOME = {
@@ -51,6 +54,12 @@ _HOME = {
 
 def __getattr__(name: str) -> Any:
     """Import a public name on first use, so that the command line answers before Warp is loaded."""
+    if name in __all__ and name not in _HOME:
+        return import_module(f"warpgrains.{name}")
     if name not in _HOME:
         raise AttributeError(f"module 'warpgrains' has no attribute {name!r}")
     return getattr(import_module(f"warpgrains.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__"))])

@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from math import inf
 from tempfile import TemporaryFile
 from time import monotonic
@@ -109,11 +110,16 @@ def stdout_kept_clean() -> Iterator[None]:
         yield
 
 
+@cache
 def start_warp() -> None:
-    """Initialise Warp without its banner, and without its remark that this machine has no GPU."""
+    """Initialise Warp without its banner, and without its remark that this machine has no GPU.
+
+    It also says no more which modules it loads, unless its `log_level` has been set.
+    """
     import warp
 
-    warp.config.log_level = warp.LOG_WARNING
+    if warp.config.log_level == warp.LOG_INFO:
+        warp.config.log_level = warp.LOG_WARNING
     warp.config.use_precompiled_headers = False  # they cost more than they save where one kernel is compiled
     with TemporaryFile() as remarks:
         try:

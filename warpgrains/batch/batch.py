@@ -10,6 +10,7 @@ from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, require_state
+from warpgrains.shown import Shown
 from warpgrains.simulation.options import steps_of
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
@@ -17,15 +18,19 @@ from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SceneSummary(Summary):
     """What a run of a batch did with one of its scenes; `seconds` is what it took of one core's time."""
 
     error: str | None = None
     """Why the scene stopped before its end, at its last good state."""
 
+    def facts(self) -> dict[str, str]:
+        """Return what there is to tell of it in a line."""
+        return super().facts() | ({} if self.error is None else {"error": self.error})
 
-class Batch:
+
+class Batch(Shown):
     """Many scenes on one device, of any sizes and parameters.
 
     Each scene gets the same bits as alone in a `Simulation`, whatever else is in the batch, in whatever
@@ -59,6 +64,13 @@ class Batch:
             checks.thread_count("threads", threads)
         self._sets = ResidentSets(self.scenes, find_device(device), cores() if threads is None else threads)
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
+
+    def facts(self) -> dict[str, str]:
+        """Return what there is to tell of it in a line."""
+        names = sorted({scene.name for scene in self.scenes})
+        grains = sum(scene.n for scene in self.scenes)
+        shown = ", ".join([*names[:3], "..."] if len(names) > 3 else names)
+        return {f"{len(self)} scenes": f"of {shown}", "grains": f"{grains} in all"}
 
     def __len__(self) -> int:
         """Return the number of scenes."""

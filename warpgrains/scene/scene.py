@@ -1,13 +1,14 @@
 """`Scene`: what is simulated, checked once and never changed."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
@@ -15,6 +16,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.reader import read_scene
 from warpgrains.scene.walls import Annulus
+from warpgrains.shown import Shown
 
 ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated")
@@ -32,8 +34,8 @@ class Overlaps(NamedTuple):
     """Grains that overlap a wall."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Scene:
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Scene(Shown):
     """Rigid discs in an annulus centred on the origin, and how to simulate them.
 
     Arrays are copied and cannot be written to afterwards.
@@ -100,6 +102,31 @@ class Scene:
     name: str = "scene"
     text: str = ""
 
+    if TYPE_CHECKING:  # whatever makes an array is taken, and kept as one
+
+        def __init__(
+            self,
+            *,
+            position: ArrayLike,
+            velocity: ArrayLike | None = None,
+            radius: ArrayLike,
+            mass: ArrayLike,
+            radius_in: float = 0.0,
+            radius_out: float,
+            gravity: Sequence[float] | FloatArray = (0.0, -9.81),
+            drag: float = 0.0,
+            dt: float = 0.01,
+            duration: float = 1.0,
+            tolerance: float = 1e-6,
+            max_iterations: int = 10_000,
+            order: str = "sequential",
+            method: str = "gauss-seidel",
+            stop: str = "default",
+            on_unconverged: str = "report",
+            name: str = "scene",
+            text: str = "",
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         self._check_each_field()
         self.walls.require_inside(self.position, self.radius)
@@ -133,6 +160,20 @@ class Scene:
         if self.text and changes:
             changes = {"text": f"{self.text}\n# changed afterwards: {', '.join(changes)}", **changes}
         return replace(self, **changes)
+
+    def facts(self) -> dict[str, str]:
+        """Return what there is to tell of it in a line."""
+        inner = f"{self.radius_in:g} to " if self.radius_in > 0.0 else ""
+        return {
+            self.name: f"of {self.n} grains",
+            "radius": f"{_range(self.radius)} m",
+            "mass": f"{_range(self.mass)} kg",
+            "walls": f"{inner}{self.radius_out:g} m",
+            "gravity": f"({self.gravity[0]:g}, {self.gravity[1]:g}) m/s2",
+            "drag": f"{self.drag:g} kg/s",
+            "dt": f"{self.dt:g} s",
+            "duration": f"{self.duration:g} s",
+        }
 
     @property
     def n(self) -> int:
@@ -215,3 +256,8 @@ class Scene:
                 f"dt is {self.dt} s: in one step, drag {self.drag} kg/s would turn round grain {lightest}"
                 f" of mass {mass} kg; dt must be less than {mass / self.drag} s"
             )
+
+
+def _range(values: FloatArray) -> str:
+    low, high = values.min(), values.max()
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"

@@ -8,6 +8,7 @@ from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state, require_state
+from warpgrains.shown import Shown
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
     lock_checkpoint,
@@ -23,7 +24,7 @@ from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.tuning import find_device, threads_for
 
 
-class Simulation:
+class Simulation(Shown):
     """One scene on one device.
 
     Parameters
@@ -54,6 +55,14 @@ class Simulation:
         self._engine = Engine([self.scene], where, self._threads)
         self._stepped = False
         self._engine.load(0, first_state(self.scene))
+
+    def facts(self) -> dict[str, str]:
+        """Return what there is to tell of it in a line."""
+        return {
+            self.scene.name: f"of {self.scene.n} grains",
+            "steps": f"{self.steps}",
+            "time": f"{self.time:g} s",
+        }
 
     @property
     def is_compiled(self) -> bool:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, fields
 from operator import add
 from typing import Any, Self
 
+from warpgrains.shown import Shown
+
 NAMED = 10
 
 
@@ -61,8 +63,8 @@ class StepReport:
     redos: int
 
 
-@dataclass(frozen=True)
-class Summary:
+@dataclass(frozen=True, repr=False)
+class Summary(Shown):
     """What a run did.
 
     Attributes
@@ -102,6 +104,18 @@ class Summary:
     redos: int
     seconds: float
     output: str | None
+
+    def facts(self) -> dict[str, str]:
+        """Return what there is to tell of it in a line."""
+        told = {
+            "steps": f"{self.steps}",
+            "iterations": f"{self.iterations_mean:.1f} a step, {self.iterations_max} at most",
+            "not converged": f"{self.unconverged} steps",
+            "residual": f"{self.residual:.2e} m/s",
+            "overlap": f"{self.overlap:.2e} m",
+            "time": f"{self.seconds:.2f} s",
+        }
+        return told if self.output is None else {**told, "output": self.output}
 
 
 def _counted(reduce: Callable[[Any, Any], Any], default: Any = 0) -> Any:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
+from warpgrains.console import start_warp
 from warpgrains.errors import SceneError
 from warpgrains.solver.threads import cores
 
@@ -87,6 +88,7 @@ def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> 
 
 def find_device(name: str) -> wp.Device:
     """Return a Warp device by its name; raise SceneError if there is none."""
+    start_warp()
     try:
         return wp.get_device(name)
     except (ValueError, RuntimeError) as error:

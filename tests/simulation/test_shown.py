@@ -1,0 +1,83 @@
+"""What a notebook shows: names, short texts with units, and nothing that nobody asked for."""
+
+import ast
+import copy
+import inspect
+import subprocess
+import sys
+from dataclasses import MISSING, fields
+
+import pytest
+
+import warpgrains as wg
+from warpgrains.scene import scene
+
+
+def test_completion_lists_the_public_names():
+    assert {*wg.__all__} <= {*dir(wg)}
+    for name in dir(wg):
+        assert getattr(wg, name) is not None or name.startswith("__")
+    assert [name for name in dir(wg) if not name.startswith("__")] == wg.__all__
+
+
+def test_shown_in_a_line_with_units():
+    start = wg.Scene.load("annulus")
+    assert repr(start) == (
+        "Scene(annulus of 15 grains, radius 0.1 m, mass 0.1 kg, walls 0.5 to 2 m,"
+        " gravity (0, -9.81) m/s2, drag 0.5 kg/s, dt 0.01 s, duration 8 s)"
+    )
+    assert "radius 0.0213426 to 0.0991019 m" in repr(wg.Scene.load("polydisperse"))
+    assert "walls 1 m" in repr(wg.Scene.load("no_inner_wall"))
+    simulation = wg.Simulation(start)
+    summary = simulation.run(steps=30)
+    assert repr(simulation) == "Simulation(annulus of 15 grains, steps 30, time 0.3 s)"
+    assert repr(summary).startswith(
+        "Summary(steps 30, iterations 7.7 a step, 47 at most, not converged 0 steps, residual "
+    )
+    assert repr(summary).endswith(" s)")
+    assert " m/s, overlap " in repr(summary)
+    assert repr(wg.Batch([start, start])) == "Batch(2 scenes of annulus, grains 30 in all)"
+
+
+@pytest.mark.parametrize("name", ["annulus", "<b>&"])
+def test_shown_as_a_table(name):
+    shown = wg.Scene.load("annulus").replace(name=name)._repr_html_()
+    assert shown.count("<tr>") == 8
+    assert "<b>" not in shown
+    assert "0.1 kg" in shown
+
+
+def test_a_copy_is_still_frozen():
+    again = copy.deepcopy(wg.Scene.load("annulus"))
+    with pytest.raises(ValueError, match="read-only"):
+        again.radius[0] = 1.0
+    with pytest.raises(AttributeError):
+        again.dt = 1.0
+
+
+def test_what_types_promise_of_a_scene_is_what_it_takes():
+    tree = ast.parse(inspect.getsource(scene.Scene))
+    typed = next(
+        node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == "__init__"
+    )
+    defaults = {
+        argument.arg: None if default is None else ast.literal_eval(default)
+        for argument, default in zip(typed.args.kwonlyargs, typed.args.kw_defaults, strict=True)
+    }
+    taken = {field.name: None if field.default is MISSING else field.default for field in fields(scene.Scene)}
+    assert defaults == taken
+
+
+def test_a_library_user_sees_no_banner():
+    program = "import warpgrains as wg; print(wg.Simulation(wg.Scene.load('annulus')).run(steps=3).steps)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("3\n", "")
+
+
+def test_who_asks_for_warps_remarks_gets_them():
+    program = (
+        "import warp; warp.config.log_level = warp.LOG_DEBUG\n"
+        "import warpgrains as wg; wg.Simulation(wg.Scene.load('annulus')).run(steps=3)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert "initialized" in done.stdout + done.stderr
