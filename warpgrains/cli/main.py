@@ -106,6 +106,8 @@ def _add_run(parser: ArgumentParser) -> None:
     length.add_argument(
         "--duration", type=float, metavar="T", help="time to simulate in all [s] (default: the scene's)"
     )
+    until = "end earlier, at rest: rest[,speed=V][,energy=E][,time=T], see simulation/until.py"
+    add("--until", metavar="rest", help=until)
     add("--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)")
     add("--method", metavar="METHOD", help="gauss-seidel or accelerated (default: the scene's)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")

@@ -25,6 +25,7 @@ from warpgrains.scene.state import first_state
 from warpgrains.simulation import run as runs
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics, Summary, named
 
 # What a resumed run takes from its checkpoint: the option of each argument.
@@ -40,6 +41,7 @@ KEPT = {
     "overrides": "--set",
     "measure": "--measure",
     "series": "--series",
+    "until": "--until",
 }
 
 
@@ -52,6 +54,8 @@ def run(arguments: Namespace) -> bool:
         except KeyboardInterrupt:
             raise KeyboardInterrupt(*_how_to_go_on(options)) from None
     results = _results(start.scene, start.statistics.summary(options.record))
+    if options.until is not None:
+        results["until"] = options.until
     print(json.dumps(results) if arguments.json else _lines(results))
     return False
 
@@ -62,10 +66,11 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
     Bad outputs, and those that another process writes, are refused before Warp starts and compiles kernels.
     """
     with stdout_kept_clean(), ExitStack() as held:
+        until = criterion(options.until, start.scene)
         series = _series(start, options)
         recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))
         observer = None if series is None else held.enter_context(series)
-        _simulate(start, options, runs.Outputs(recorder, observer), arguments)
+        _simulate(start, options, runs.Outputs(recorder, observer, until), arguments)
 
 
 def _how_to_go_on(options: RunOptions) -> Iterator[str]:
@@ -87,7 +92,9 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
         raise SceneError("--measure and --series go together")
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
     scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
-    given = _given(arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "measure", "series")
+    given = _given(
+        arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "measure", "series", "until"
+    )
     given |= _spacing(arguments, arguments.checkpoint, arguments.series)
     options = RunOptions(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
     if options.checkpoint is not None:
@@ -188,7 +195,7 @@ def _lines(results: dict[str, Any]) -> str:
     start = results["overlaps_at_start"]
     rows = {
         "scene": f"{results['scene']}, {results['grains']} grains",
-        "steps": f"{results['steps']}",
+        "steps": f"{results['steps']}{_ended(results)}",
         "iterations": f"mean {results['iterations_mean']:.1f}, max {results['iterations_max']}",
         "not converged": f"{results['unconverged']} steps{_without_solution(results)}",
         "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
@@ -198,6 +205,12 @@ def _lines(results: dict[str, Any]) -> str:
         "output": results["output"] or "none (-o records one)",
     }
     return in_columns(rows)
+
+
+def _ended(results: dict[str, Any]) -> str:
+    if "until" not in results:
+        return ""
+    return f", {'at' if results['met'] else 'not at'} {results['until']}"
 
 
 def _without_solution(results: dict[str, Any]) -> str:

@@ -199,7 +199,9 @@ def _require_statistics(statistics: RunStatistics, state: State, options: RunOpt
     """Raise SceneError unless a run can have done this."""
     for field in fields(RunStatistics):
         value = getattr(statistics, field.name)
-        if isinstance(field.default, int):
+        if isinstance(field.default, bool):
+            checks.truth(field.name, value)
+        elif isinstance(field.default, int):
             most = state.steps if field.name == "steps" else MOST_COUNTED
             checks.whole_number(field.name, value, least=0, most=most)
         elif isinstance(field.default, float) and not (isinstance(value, float | int) and value >= 0.0):

@@ -48,6 +48,8 @@ class RunOptions:
     """File that is to hold the state, and all that it takes to resume the run."""
     every: int = 1000
     """Steps between two checkpoints; the start and the end of a run have one anyway."""
+    until: str | None = None
+    """What ends the run before its last step, see `criterion`."""
     measure: str | None = None
     """Quantities that a series is of, by name, with commas between them."""
     series: str | None = None
@@ -64,7 +66,10 @@ class RunOptions:
             "forces": checks.truth("forces", self.forces),
             "as_spheres": checks.truth("as_spheres", self.as_spheres),
             "measure_every": checks.whole_number("measure_every", self.measure_every),
-            "measure": None if self.measure is None else checks.text("measure", self.measure),
+            **{
+                name: None if value is None else checks.text(name, value)
+                for name, value in (("measure", self.measure), ("until", self.until))
+            },
             **{name: _file(name, getattr(self, name)) for name in FILES},
             "checkpoint": _file("checkpoint", self.checkpoint),
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -13,6 +14,7 @@ from warpgrains.console import progress_bar
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.until import EVERY, Criterion
 from warpgrains.solver.statistics import RunStatistics, Summary, named
 
 if TYPE_CHECKING:
@@ -34,10 +36,11 @@ class Observer(Protocol):
 
 
 class Outputs(NamedTuple):
-    """What hears of a run."""
+    """What hears of a run, and what may end it."""
 
     recorder: Recorder | None = None
     observer: Observer | None = None
+    until: Criterion | None = None
 
 
 def run(
@@ -45,9 +48,9 @@ def run(
     options: RunOptions,
     statistics: RunStatistics,
     progress: bool = False,
-    observer: Observer | None = None,
+    outputs: Outputs = Outputs(),  # noqa: B008  # it is never changed
 ) -> Summary:
-    """Do what is left of a run, with its outputs locked; see `carry_out`.
+    """Do what is left of a run, with its outputs locked; see `carry_out`. The recorder is made here.
 
     Raises
     ------
@@ -61,7 +64,7 @@ def run(
         nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
         open_outputs(options, simulation.scene, statistics) as recorder,
     ):
-        carry_out(simulation, options, statistics, Outputs(recorder, observer), progress)
+        carry_out(simulation, options, statistics, outputs._replace(recorder=recorder), progress)
     return statistics.summary(options.record)
 
 
@@ -115,7 +118,7 @@ def carry_out(
     Warns
     -----
     UserWarning
-        Grains cannot fit; said once a run.
+        Grains cannot fit, said once a run; or what was to end it was not met.
     """
     start = perf_counter() - statistics.seconds
     with progress_bar(options.steps, statistics.steps, progress) as bar, _flushed(outputs.observer):
@@ -127,8 +130,21 @@ def carry_out(
                 warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
             statistics.add(done)
             statistics.seconds = perf_counter() - start
+            if _is_met(simulation, statistics, outputs.until):
+                options = replace(options, steps=statistics.steps)
             _keep(simulation, options, statistics, outputs)
     statistics.seconds = perf_counter() - start
+    if outputs.until is not None and not statistics.met:
+        warn(f"{outputs.until.name} was not met within {simulation.time:g} s", stacklevel=3)
+
+
+def _is_met(simulation: Simulation, statistics: RunStatistics, until: Criterion | None) -> bool:
+    """Ask, where it is time to, whether the run is to end now, and count for how long that has held."""
+    if until is not None and statistics.steps % EVERY == 0:
+        held = statistics.held + EVERY if statistics.held else 1
+        statistics.held = held if until.holds(simulation) else 0
+        statistics.met = statistics.held > until.steps
+    return statistics.met
 
 
 @contextmanager
@@ -164,7 +180,7 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
 
 def _keep(simulation: Simulation, options: RunOptions, statistics: RunStatistics, outputs: Outputs) -> None:
     """Record, observe and write a checkpoint, where due; what it counts is on the disk before it."""
-    recorder, observer = outputs
+    recorder, observer, _ = outputs
     if observer is not None and simulation.steps % observer.every == 0:
         observer.observe(simulation)
     if recorder is not None and statistics.steps == statistics.frames * recorder.stride:
@@ -184,8 +200,10 @@ def _steps_to_next(
     options: RunOptions, statistics: RunStatistics, outputs: Outputs, simulation: Simulation
 ) -> int:
     """Return after how many steps there is something to record, to see or to save, or the run ends."""
-    recorder, observer = outputs
+    recorder, observer, until = outputs
     ends = [options.steps]
+    if until is not None:
+        ends.append((statistics.steps // EVERY + 1) * EVERY)
     if observer is not None:
         ends.append(statistics.steps + observer.every - simulation.steps % observer.every)
     if recorder is not None:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SimulationError
+from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state, require_state
@@ -16,7 +16,8 @@ from warpgrains.simulation.checkpoint import (
     write_checkpoint,
 )
 from warpgrains.simulation.options import RunOptions, steps_of
-from warpgrains.simulation.run import Observer, run
+from warpgrains.simulation.run import Observer, Outputs, run
+from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
@@ -120,6 +121,7 @@ class Simulation(Shown):
         self,
         steps: int | None = None,
         duration: float | None = None,
+        until: str | Question | None = None,
         record: str | Path | None = None,
         fps: float = 60.0,
         color_by: str = "palette",
@@ -138,6 +140,9 @@ class Simulation(Shown):
             How many; or
         duration : float, optional
             for how long [s]; by default for the scene's duration.
+        until : str or callable, optional
+            What ends the run earlier: "rest", or a callable that is asked every 10 steps whether the
+            simulation that it is given is to stop, see `warpgrains.simulation.until.criterion`.
         record : str or Path, optional
             A USD file to write the frames to, the present state first.
         fps : float
@@ -170,8 +175,12 @@ class Simulation(Shown):
             as_spheres=as_spheres,
             checkpoint=None if checkpoint is None else str(checkpoint),
             every=every,
+            until=until if isinstance(until, str) else None,
         )
-        return run(self, options, RunStatistics(), progress, observer)
+        if checkpoint is not None and callable(until):
+            raise SceneError("until is a callable, which no checkpoint can hold")
+        outputs = Outputs(observer=observer, until=criterion(until, self.scene))
+        return run(self, options, RunStatistics(), progress, outputs)
 
     @property
     def steps(self) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
-from operator import add
+from operator import add, or_
 from typing import Any, Self
 
 from warpgrains.shown import Shown
@@ -89,6 +89,8 @@ class Summary(Shown):
         Wall time [s].
     output : str or None
         The recording, if there is one.
+    met : bool
+        Whether the run has ended at what it was to run until.
     """
 
     steps: int
@@ -104,6 +106,7 @@ class Summary(Shown):
     redos: int
     seconds: float
     output: str | None
+    met: bool = False
 
     def facts(self) -> dict[str, str]:
         """Return what there is to tell of it in a line."""
@@ -141,6 +144,10 @@ class RunStatistics:
         Sum and maximum over the steps.
     unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, redos, seconds
         As in `Summary`.
+    held : int
+        Steps for which what is to end the run has held, and 1; 0 while it does not.
+    met : bool
+        As in `Summary`.
     """
 
     steps: int = _counted(add)
@@ -156,6 +163,8 @@ class RunStatistics:
     rebuilds: int = _counted(add)
     redos: int = _counted(add)
     seconds: float = _counted(add, 0.0)
+    held: int = _counted(add)
+    met: bool = _counted(or_, False)
 
     def __post_init__(self) -> None:
         self.infeasible_grains = tuple(self.infeasible_grains)

@@ -1,0 +1,114 @@
+"""Runs that end before their last step: at rest, or where a callable says so."""
+
+import json
+
+import numpy as np
+import pytest
+from command import exit_code, require_refusal
+from same_bits import contents
+
+from warpgrains import Scene, SceneError, Simulation
+from warpgrains.simulation.until import EVERY
+
+
+def test_rest_is_where_a_twin_finds_it():
+    """Step by step: the first look since which, at every look for the time, all was slow enough."""
+    scene = Scene.load("annulus")
+    simulation = Simulation(scene)
+    summary = simulation.run(until="rest,speed=0.05,time=0.35", duration=20.0)
+    assert summary.met
+    twin, since = Simulation(scene), None
+    while True:
+        twin.run(steps=EVERY)
+        calm = np.hypot(*twin.velocity.T).max() <= 0.05
+        since = (twin.steps if since is None else since) if calm else None
+        if since is not None and twin.steps - since >= 35:
+            break
+    assert summary.steps == simulation.steps == twin.steps < 800
+    assert contents(simulation.state()) == contents(twin.state())
+
+
+def test_by_default_nothing_moves_at_rest():
+    simulation = Simulation(Scene.load("annulus"))
+    assert simulation.run(until="rest", duration=20.0).met
+    assert np.hypot(*simulation.velocity.T).max() <= 1e-3 * np.sqrt(9.81 * 0.2)
+
+
+def test_energy_bound():
+    simulation = Simulation(Scene.load("annulus"))
+    assert simulation.run(until="rest,energy=1e-4,time=0.1", duration=20.0).met
+    assert 0.5 * 0.1 * (simulation.velocity**2).sum() <= 1e-4
+
+
+def test_a_callable_is_asked():
+    simulation = Simulation(Scene.load("annulus"))
+    summary = simulation.run(until=lambda other: other.position[:, 1].min() < -1.0)
+    assert summary.met
+    assert simulation.position[:, 1].min() < -1.0
+    assert summary.steps % EVERY == 0
+    twin = Simulation(Scene.load("annulus"))
+    twin.run(steps=summary.steps - EVERY)
+    assert twin.position[:, 1].min() >= -1.0
+
+
+def test_what_is_not_met_is_told():
+    simulation = Simulation(Scene.load("annulus"))
+    with pytest.warns(UserWarning, match="rest was not met within 0.2 s"):
+        summary = simulation.run(until="rest", steps=20)
+    assert not summary.met
+    assert summary.steps == 20
+
+
+def test_without_gravity_bounds_must_be_given():
+    scene = Scene(position=[[0.5, 0.0]], radius=0.1, mass=1.0, radius_out=1.0, gravity=(0.0, 0.0))
+    with pytest.raises(SceneError, match="needs time, and speed or energy"):
+        Simulation(scene).run(until="rest")
+    assert Simulation(scene).run(until="rest,speed=1e-3,time=0.1", steps=100).steps == 20
+
+
+def test_a_callable_cannot_go_into_a_checkpoint(tmp_path):
+    with pytest.raises(SceneError, match="no checkpoint can hold"):
+        Simulation(Scene.load("annulus")).run(until=lambda _: True, checkpoint=tmp_path / "kept.npz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, monkeypatch):
+    whole, parts = tmp_path / "whole.npz", tmp_path / "parts.npz"
+    options = ("--until", "rest,speed=0.05,time=1.0", "--duration", 20, "--json")
+    assert exit_code("run", "annulus", "--checkpoint", whole, *options) == 0
+    expected = json.loads(capfd.readouterr().out)
+    assert expected["met"]
+    advance = Simulation.advance
+
+    def interrupted(self, steps, on_progress):
+        if self.steps >= expected["steps"] - 60:
+            raise KeyboardInterrupt
+        return advance(self, steps, on_progress)
+
+    monkeypatch.setattr(Simulation, "advance", interrupted)
+    assert exit_code("run", "annulus", "--checkpoint", parts, "--every", 7, *options) == 130
+    monkeypatch.undo()
+    capfd.readouterr()
+    assert exit_code("run", "--resume", parts, "--json") == 0
+    resumed = json.loads(capfd.readouterr().out)
+    assert {**resumed, "seconds": 0} == {**expected, "seconds": 0}
+    assert contents(Simulation.load(parts).state()) == contents(Simulation.load(whole).state())
+    assert exit_code("run", "--resume", parts, "--json") == 0  # it has ended
+    assert json.loads(capfd.readouterr().out)["steps"] == expected["steps"]
+
+
+@pytest.mark.parametrize(
+    ("until", "complaint"),
+    [
+        ("rst", "did you mean 'rest'"),
+        ("rest,sped=1", "did you mean 'speed'"),
+        ("rest,speed=0", "until: speed is 0.0"),
+        ("rest,speed", "'speed' is no number"),
+        ("rest,time=nan", "until: time is nan"),
+        ("", "unknown until ''"),
+    ],
+)
+def test_bad_criterion_is_one_line(tmp_path, capfd, until, complaint):
+    assert exit_code("run", "annulus", "--until", until, "-o", tmp_path / "run.usdc") == 2
+    require_refusal(capfd, complaint)
+    assert not list(tmp_path.iterdir())
