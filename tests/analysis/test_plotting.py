@@ -11,7 +11,6 @@ from recordings import RADIUS, make_contacts, make_frames, make_scene, record
 from warpgrains import SceneError
 from warpgrains.analysis.plots import measure, plot
 from warpgrains.cli.main import main
-from warpgrains.usd.colors import Frame, GrainColors
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder
 
@@ -63,7 +62,7 @@ AROUND = np.stack([np.cos(np.arange(16) * np.pi / 8), np.sin(np.arange(16) * np.
 
 
 class TestFrame:
-    @pytest.mark.parametrize("options", [{}, {"as_spheres": True}, {"color_by": "speed"}])
+    @pytest.mark.parametrize("options", [{"color_by": "palette"}, {"draw_as": "discs"}])
     def test_grains_have_their_places_radii_and_colors(self, tmp_path, frames, options):
         recording = record(tmp_path / "run.usdc", frames, **options)
         for number, (position, _) in enumerate(frames):
@@ -87,17 +86,6 @@ class TestFrame:
     def test_no_inner_wall(self, tmp_path, frames):
         picture = draw(record(tmp_path / "run.usdc", frames, make_scene(radius_in=0.0)), 0)
         assert all(picture.shows(WHITE, 0.49 * direction) for direction in AROUND)
-
-    def test_colors_are_those_of_the_palette(self, recording):
-        """The file holds linear values, a screen takes encoded ones."""
-        first_two = RecordingReader(recording).color(0)[:2]
-        assert np.allclose(first_two, [(0.90, 0.62, 0.00), (0.34, 0.71, 0.91)], atol=1e-6)
-
-    def test_colors_that_change_are_those_of_the_frame(self, tmp_path, frames):
-        reader = RecordingReader(record(tmp_path / "run.usdc", frames, color_by="speed"))
-        for number, frame in enumerate(frames):
-            linear = ((reader.color(number) + 0.055) / 1.055) ** 2.4
-            assert np.allclose(linear, GrainColors(make_scene(), "speed").of(Frame(*frame)), atol=1e-3)
 
     def test_force_chains(self, tmp_path, frames):
         scene = make_scene(gravity=(0.0, -1.0))

@@ -136,7 +136,7 @@ def test_summary_is_aligned_lines(scene, tmp_path, capfd):
     assert summary["steps"] == "10"
     assert summary["not converged"] == "0 steps"
     assert summary["overlaps at start"] == "1 between grains, 0 with a wall"
-    assert summary["output"] == str(output)
+    assert summary["output"] == f"{output}, 6 frames, 50 a second"
     assert list(summary) == [
         *(
             "scene",
@@ -161,6 +161,16 @@ def test_length_of_a_run(scene, capfd, arguments, steps):
     assert json.loads(capfd.readouterr().out)["steps"] == steps
 
 
+@pytest.mark.parametrize(
+    ("fps", "said"),
+    [(60, "--fps 60 cannot be met: a frame every 2 steps of 0.01 s is 50 a second"), (50, ""), (None, "")],
+)
+def test_a_rate_that_cannot_be_met_is_said(scene, tmp_path, capfd, fps, said):
+    asked = [] if fps is None else ["--fps", fps]
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", *asked) == 0
+    assert capfd.readouterr().err == (said and f"warpgrains: warning: {said}\n")
+
+
 def test_what_the_frames_show(scene, tmp_path):
     from pxr import Usd
 
@@ -169,8 +179,8 @@ def test_what_the_frames_show(scene, tmp_path):
     stage = Usd.Stage.Open(str(output))
     grains = stage.GetPrimAtPath("/World/Grains")
     assert grains.GetTypeName() == "PointInstancer"
-    assert stage.GetPrimAtPath("/World/Forces").GetTypeName() == "BasisCurves"
-    assert grains.GetAttribute("primvars:displayColor").GetNumTimeSamples() == 6
+    assert stage.GetPrimAtPath("/World/Forces").GetTypeName() == "Mesh"
+    assert grains.GetAttribute("protoIndices").GetNumTimeSamples() == 6
     assert exit_code("run", scene, "-o", tmp_path / "other.usda", "--color-by", "taste") == 2
 
 

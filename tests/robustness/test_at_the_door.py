@@ -96,8 +96,13 @@ def test_duration(simulation, duration):
     [
         ({"fps": 30.0}, "fps has no effect without record"),
         ({"forces": True}, "forces has no effect without record"),
-        ({"color_by": "speed"}, "color_by has no effect without record"),
-        ({"as_spheres": True}, "as_spheres has no effect without record"),
+        ({"color_by": "radius"}, "color_by has no effect without record"),
+        ({"draw_as": "spheres"}, "draw_as has no effect without record"),
+        (
+            {"record": "run.usdc", "draw_as": "light", "color_by": "radius"},
+            "color_by has no effect with draw_as 'light'",
+        ),
+        ({"record": "run.usdc", "draw_as": 3}, "draw_as is 3"),
         ({"every": 10}, "every has no effect without checkpoint"),
         ({"record": "run.usdc", "fps": None}, "fps is None"),
         ({"record": "run.usdc", "forces": "no"}, "forces is 'no'"),
@@ -114,7 +119,15 @@ def test_options_of_a_run(simulation, options, complaint):
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--fps", "60"], ["--forces"], ["--color-by", "foo"], ["--as-spheres"], ["--every", "3"], ["-o", ""]],
+    [
+        ["--fps", "60"],
+        ["--forces"],
+        ["--color-by", "foo"],
+        ["--as-spheres"],
+        ["--light"],
+        ["--every", "3"],
+        ["-o", ""],
+    ],
 )
 def test_options_without_effect_on_the_command_line(arguments, capfd):
     assert exit_code("run", "annulus", "--steps", "1", *arguments) == 2

@@ -26,7 +26,8 @@ def frame(number, grains):
 
 
 def main(output, grains, frames, counter):
-    with Path(counter).open("wb", buffering=0) as count, Recorder(output, scene_of(grains), 60) as recorder:
+    recorder = Recorder(output, scene_of(grains), 60, draw_as="points")
+    with Path(counter).open("wb", buffering=0) as count, recorder:
         for number in range(frames):
             recorder.record(*frame(number, grains))
             count.seek(0)

@@ -49,9 +49,14 @@ def make_contacts(seed=0):
     return Contacts(pair, np.append(force[:3], 0.0)), WallContacts(np.array([force[4], 0, 0, -force[5], 0]))
 
 
+def points_recorder(path, scene, **options):
+    """A recorder of points, unless it is told otherwise."""
+    return Recorder(path, scene, 60, **{"draw_as": "points"} | options)
+
+
 def record(path, frames, scene=None, **options):
-    """Record frames, each with contacts of its own, and return the path."""
-    with Recorder(path, scene or make_scene(), 60, **options) as recorder:
+    """Record frames, each with contacts of its own, and return the path; by default as points."""
+    with points_recorder(path, scene or make_scene(), **options) as recorder:
         for seed, (position, velocity) in enumerate(frames):
             contacts = make_contacts(seed) if recorder.needs_contacts else ()
             recorder.record(position, velocity, *contacts)

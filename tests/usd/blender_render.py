@@ -1,8 +1,11 @@
-"""Render frames in Blender: python blender_render.py RECORDING HALF_WIDTH PIXELS FOLDER FRAME ...
+"""Render frames in Blender: python blender_render.py RECORDING HALF_WIDTH PIXELS FOLDER VIEW FRAME ...
 
 Runs in an environment of its own, which has `bpy`. Each frame becomes a PNG seen from +z, HALF_WIDTH [m]
 from the centre to each edge, transparent where nothing is, and a NumPy file of the same red, green, blue and
 alpha, shape (PIXELS, PIXELS, 4). Prints what was imported as JSON.
+
+VIEW is how Blender turns light into colors. With VIEW "Glow", everything shows its `displayColor` as it is.
+With another one, everything is as imported, and seen by the recording's own camera.
 """
 
 import json
@@ -47,7 +50,12 @@ def glow_in_display_color():
             item.data.materials.append(material)
 
 
-def render(pixels, folder, frames):
+def look_through(top):
+    """Look through the recording's own camera."""
+    bpy.context.scene.camera = next(item for item in top.children if item.type == "CAMERA")
+
+
+def render(pixels, folder, view, frames):
     """Render each frame with one ray a pixel on the CPU."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
@@ -59,7 +67,7 @@ def render(pixels, folder, frames):
     scene.render.film_transparent = True
     scene.render.resolution_x = scene.render.resolution_y = pixels
     scene.render.resolution_percentage = 100
-    scene.view_settings.view_transform = "Standard"
+    scene.view_settings.view_transform = view
     scene.render.image_settings.file_format = "PNG"
     scene.render.image_settings.color_mode = "RGBA"
     for frame in frames:
@@ -70,12 +78,15 @@ def render(pixels, folder, frames):
         np.save(f"{folder}/{frame:04d}.npy", picture.reshape(pixels, pixels, 4)[::-1])
 
 
-def main(path, half_width, pixels, folder, *frames):
+def main(path, half_width, pixels, folder, view, *frames):
     """Import, render, and describe what was imported."""
     top = import_recording(path)
-    look_along_z(top, float(half_width))
-    glow_in_display_color()
-    render(int(pixels), folder, [int(frame) for frame in frames])
+    if view == "Glow":
+        look_along_z(top, float(half_width))
+        glow_in_display_color()
+    else:
+        look_through(top)
+    render(int(pixels), folder, "Standard" if view == "Glow" else view, [int(frame) for frame in frames])
     scene = bpy.context.scene
     types = {item.name: item.type for item in bpy.data.objects}
     print(json.dumps({"types": types, "frames": [scene.frame_start, scene.frame_end]}))

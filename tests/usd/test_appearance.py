@@ -1,22 +1,47 @@
+"""What a recording shows: colors and raw values of grains, force chains, material, light and camera."""
+
+import matplotlib
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
 from recordings import (
+    GRAINS,
     RADIUS,
     Contacts,
     WallContacts,
-    grains_of,
     make_contacts,
     make_frames,
     make_scene,
     record,
 )
 
-from warpgrains.usd.colors import Frame, GrainColors, force_scale, pressure, pressure_scale, speed_scale
+from warpgrains.usd.chains import CHAIN_COLOR, ChainScale
+from warpgrains.usd.colormaps import PALETTE, colormap, encoded, linear
+from warpgrains.usd.colors import (
+    COLORMAPS,
+    LEVELS,
+    Frame,
+    GrainColors,
+    pressure,
+    pressure_scale,
+    speed_scale,
+)
+from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder
 
-HIGHEST = GrainColors(make_scene(), "radius").still[np.argmax(RADIUS)]
-LOWEST = GrainColors(make_scene(), "radius").still[np.argmin(RADIUS)]
+FORCES = "/World/Forces"
+HALF_STEP = 0.5 / (LEVELS - 1)  # of a scale
+
+
+@pytest.mark.parametrize("name", sorted(set(COLORMAPS.values())))
+def test_colormaps_are_those_of_matplotlib(name):
+    share = np.linspace(0.0, 1.0, 1001)
+    assert np.allclose(colormap(name, share), matplotlib.colormaps[name](share)[:, :3], atol=0.025)
+    assert np.array_equal(colormap(name, np.array([-1.0, 7.0])), colormap(name, np.array([0.0, 1.0])))
+
+
+def test_linear_colors_are_encoded_back():
+    assert np.allclose(encoded(linear(PALETTE)), PALETTE, atol=1e-6)  # float32 in between
 
 
 def test_pressure_is_force_over_circumference():
@@ -37,80 +62,149 @@ def test_scales_come_from_the_scene():
     assert speed_scale(make_scene(gravity=(0, -10), drag=5.0)) == pytest.approx(10 * 1.0 / 5.0)
     assert speed_scale(make_scene(gravity=(0, 0), velocity=np.full((5, 2), 3.0))) == pytest.approx(3 * 2**0.5)
     assert pressure_scale(scene) == pytest.approx(5 * 10 / 1.0)
-    assert force_scale(scene) == pytest.approx(50 * 2 * RADIUS.mean())
+    assert ChainScale.of(scene).force == pytest.approx(50 * 2 * RADIUS.mean())
     thrown = make_scene(gravity=(0, 0), velocity=np.full((5, 2), 3.0))
     assert pressure_scale(thrown) == pytest.approx(3 * 2**0.5 / 0.01 / (2 * np.pi * RADIUS.mean()))
     assert pressure_scale(make_scene(gravity=(0, 0))) == pytest.approx(1 / 0.01**2 / (2 * np.pi))
 
 
 def test_neighbours_in_the_palette_differ():
-    colors = GrainColors(make_scene(), "palette").still
-    assert (colors[1:] != colors[:-1]).any(axis=1).all()
+    colors = GrainColors(make_scene(), "palette")
+    assert colors.scale is None
+    assert (np.diff(colors.still) != 0).all()
 
 
 @pytest.mark.parametrize("color_by", ["speed", "pressure"])
 def test_colors_run_from_nothing_to_the_scale_and_no_further(color_by):
     scene = make_scene()
-    velocity = speed_scale(scene) * np.array([[0, 0], [0, 0.5], [-1, 0], [7, 0], [0, 0]])
-    wall = pressure_scale(scene) * 2 * np.pi * RADIUS * np.array([0, 0.5, -1, 7, 0])
-    colors = GrainColors(scene, color_by).of(Frame(scene.position, velocity, *no_contacts(wall)))
-    assert colors.shape == (5, 3)
-    assert np.array_equal(colors[[0, 4]], [LOWEST, LOWEST])
-    assert np.array_equal(colors[[2, 3]], [HIGHEST, HIGHEST])
-    assert not (colors[1] == LOWEST).all()
-    assert not (colors[1] == HIGHEST).all()
+    velocity = speed_scale(scene) * np.array([[0, 0], [0, 1 / 3], [-1, 0], [7, 0], [0, 0]])
+    wall = pressure_scale(scene) * 2 * np.pi * RADIUS * np.array([0, 1 / 3, -1, 7, 0])
+    frame = Frame(scene.position, velocity, *no_contacts(wall))
+    colors = GrainColors(scene, color_by)
+    assert colors.levels(frame).tolist() == [0, 21, 63, 63, 0]
+    expected = matplotlib.colormaps[COLORMAPS[color_by]](np.array([0.0, 1 / 3, 1.0, 1.0, 0.0]))[:, :3]
+    assert np.allclose(colors.of(frame), expected, atol=0.025 + HALF_STEP)
 
 
 def test_a_scene_without_a_scale_has_the_lowest_color():
     scene = make_scene(np.full(5, 0.1), gravity=(0, 0))
-    colors = GrainColors(scene, "radius").still
-    assert np.array_equal(colors, np.tile(LOWEST, (5, 1)))
     frame = Frame(scene.position, scene.velocity, *no_contacts(np.zeros(5)))
-    for color_by in ("speed", "pressure"):
-        assert np.array_equal(GrainColors(scene, color_by).of(frame), colors)
+    for color_by in ("radius", "speed", "pressure"):
+        assert GrainColors(scene, color_by).levels(frame).tolist() == [0] * 5
 
 
+@pytest.mark.parametrize("draw_as", ["discs", "spheres", "points"])
 @pytest.mark.parametrize(
     ("color_by", "codes"), [("palette", 0), ("radius", 0), ("speed", 3), ("pressure", 3)]
 )
-def test_only_what_changes_is_written_each_frame(tmp_path, color_by, codes):
-    stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(3), color_by=color_by)))
-    color = grains_of(stage).GetDisplayColorPrimvar()
-    assert color.GetAttr().GetNumTimeSamples() == codes
-    assert color.GetInterpolation() == "vertex"
-    assert len(color.Get(1)) == 5
+def test_grains_have_their_colors_and_only_what_changes_is_written_each_frame(
+    tmp_path, color_by, codes, draw_as
+):
+    frames = make_frames(3)
+    path = record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)
+    stage = Usd.Stage.Open(str(path))
+    grains = stage.GetPrimAtPath(GRAINS)
+    color = grains.GetAttribute("primvars:displayColor" if draw_as == "points" else "protoIndices")
+    assert color.GetNumTimeSamples() == codes
+    reader, colors = RecordingReader(path), GrainColors(make_scene(), color_by)
+    assert reader.scale == colors.scale
+    for number, state in enumerate(frames):
+        frame = Frame(*state, *make_contacts(number))
+        assert np.allclose(reader.color(number), colors.of(frame), atol=1e-6)  # float32, linear and back
+
+
+@pytest.mark.parametrize("draw_as", ["discs", "spheres", "points"])
+def test_raw_values_stand_beside_the_colors(tmp_path, draw_as):
+    frames = make_frames(2)
+    path = record(tmp_path / "run.usdc", frames, color_by="radius", forces=True, draw_as=draw_as)
+    stage = Usd.Stage.Open(str(path))
+    grains = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(GRAINS))
+    assert np.array_equal(grains.GetPrimvar("radius").Get(), RADIUS.astype(np.float32))
+    for number, (position, velocity) in enumerate(frames):
+        contacts, wall_contacts = make_contacts(number)
+        frame = Frame(position, velocity, contacts, wall_contacts)
+        speed, raw_pressure = (grains.GetPrimvar(name).Get(number) for name in ("speed", "pressure"))
+        assert np.array_equal(speed, np.hypot(*velocity.T).astype(np.float32))
+        assert np.array_equal(raw_pressure, pressure(frame, RADIUS).astype(np.float32))
+        force = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(FORCES)).GetPrimvar("force").Get(number)
+        expected = np.concatenate([contacts.force[:3], np.abs(wall_contacts.force[[0, 3]])])
+        assert np.array_equal(force, expected.astype(np.float32))
+
+
+def test_light_recording_has_places_alone(tmp_path):
+    path = record(tmp_path / "run.usdc", make_frames(2), draw_as="light")
+    stage = Usd.Stage.Open(str(path))
+    grains = stage.GetPrimAtPath(GRAINS)
+    authored = {attribute.GetName() for attribute in grains.GetAttributes() if attribute.IsAuthored()}
+    assert authored == {"points", "widths", "ids", "extent"}
+
+
+def test_the_file_says_what_its_colors_and_chains_mean(tmp_path):
+    path = record(tmp_path / "run.usdc", make_frames(1), color_by="pressure", forces=True)
+    told = Sdf.Layer.FindOrOpen(str(path)).customLayerData["warpgrains"]
+    high = pressure_scale(make_scene())
+    scale = {"quantity": "pressure", "unit": "N/m", "colormap": "cividis", "low": 0.0, "high": high}
+    assert told["colors"] == scale
+    assert told["forces"] == {"unit": "N", "force": ChainScale.of(make_scene()).force, "width": RADIUS.min()}
+
+
+@pytest.mark.parametrize("draw_as", ["discs", "spheres", "points", "light"])
+def test_everything_has_a_material_that_reads_its_color(tmp_path, draw_as):
+    stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1), forces=True, draw_as=draw_as)))
+    drawn = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Gprim)]
+    assert len(drawn) == 3 + (1 if draw_as in ("points", "light") else LEVELS)
+    for prim in drawn:
+        material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+        surface = material.ComputeSurfaceSource()[0]
+        assert surface.GetIdAttr().Get() == "UsdPreviewSurface"
+        source = surface.GetInput("diffuseColor").GetConnectedSources()[0][0].source
+        assert source.GetInput("varname").Get() == "displayColor"
+    assert any(prim.IsA(UsdLux.DistantLight) for prim in stage.Traverse())
+
+
+def test_viewers_find_the_camera(tmp_path):
+    stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1))))
+    camera = stage.GetPrimAtPath(f"/World/{UsdUtils.GetPrimaryCameraName()}")
+    assert camera.IsA(UsdGeom.Camera)
+    assert stage.GetRootLayer().customLayerData["cameraSettings"] == {"boundCamera": str(camera.GetPath())}
 
 
 class TestForceChains:
     @pytest.fixture
-    def curves(self, tmp_path):
+    def recording(self, tmp_path):
         self.frames = make_frames(3)
-        stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", self.frames, forces=True)))
-        return stage, UsdGeom.BasisCurves(stage.GetPrimAtPath("/World/Forces"))
+        return record(tmp_path / "run.usdc", self.frames, forces=True)
 
-    def test_join_centres_and_walls(self, curves):
+    def test_join_centres_and_walls(self, recording):
         for code in range(3):
             position = self.frames[code, 0]
-            ends = np.array(curves[1].GetPointsAttr().Get(code)).reshape(-1, 2, 3)
+            ends = RecordingReader(recording).chains(code).ends
             pairs = [position[[0, 1]], position[[1, 2]], position[[0, 4]]]
-            assert np.array_equal(ends[:3, :, :2], np.float32(pairs))
-            for grain, side, (centre, foot) in zip((0, 3), (1, -1), ends[3:, :, :2], strict=True):
+            assert np.allclose(ends[:3], pairs, atol=1e-6)  # float32
+            for grain, side, (centre, foot) in zip((0, 3), (1, -1), ends[3:], strict=True):
                 outwards = position[grain] / np.linalg.norm(position[grain])
-                assert np.array_equal(centre, np.float32(position[grain]))
+                assert np.allclose(centre, position[grain], atol=1e-6)
                 assert np.allclose(foot, position[grain] + side * RADIUS[grain] * outwards, atol=1e-6)
-            assert (ends[:, :, 2] > RADIUS.max()).all()
 
-    def test_are_as_wide_as_their_forces_up_to_the_smallest_grain(self, curves):
+    def test_are_as_wide_as_their_forces_up_to_half_the_smallest_grain(self, recording):
         contacts, wall_contacts = make_contacts(seed=1)
         force = np.concatenate([contacts.force[:3], np.abs(wall_contacts.force[[0, 3]])])
-        expected = np.minimum(force / force_scale(make_scene()), 1.0) * 2 * RADIUS.min()
-        widths = np.array(curves[1].GetWidthsAttr().Get(1))
-        assert np.array_equal(widths, np.repeat(np.float32(expected), 2))
-        assert list(curves[1].GetCurveVertexCountsAttr().Get(1)) == [2] * 5
+        expected = np.minimum(force / ChainScale.of(make_scene()).force, 1.0) * RADIUS.min()
+        assert np.allclose(RecordingReader(recording).chains(1).width, expected, atol=1e-6)  # float32
+
+    @pytest.mark.parametrize(("draw_as", "height"), [("discs", 0.24), ("spheres", 1.0), ("points", 1.0)])
+    def test_are_in_front_of_the_grains(self, tmp_path, draw_as, height):
+        path = record(tmp_path / "run.usdc", make_frames(1), forces=True, draw_as=draw_as)
+        stage = Usd.Stage.Open(str(path))
+        bands = UsdGeom.Mesh(stage.GetPrimAtPath(FORCES))
+        depth = np.array(bands.GetPointsAttr().Get(0))[:, 2]
+        assert np.allclose(depth, 1.05 * height * RADIUS.max())
+        assert np.allclose(bands.GetDisplayColorPrimvar().Get()[0], linear(np.array(CHAIN_COLOR)))
 
     def test_may_be_none(self, tmp_path):
         scene = make_scene()
         with Recorder(tmp_path / "run.usdc", scene, 60, forces=True) as recorder:
             recorder.record(scene.position, scene.velocity, *no_contacts(np.zeros(5)))
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
-        assert len(stage.GetAttributeAtPath("/World/Forces.points").Get(0)) == 0
+        assert len(stage.GetAttributeAtPath(f"{FORCES}.points").Get(0)) == 0
+        assert RecordingReader(tmp_path / "run.usdc").chains(0).ends.shape == (0, 2, 2)

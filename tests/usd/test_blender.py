@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from recordings import make_scene, record
 
-from warpgrains.usd.colors import GrainColors
+from warpgrains.usd.chains import CHAIN_COLOR
+from warpgrains.usd.colors import Frame, GrainColors, speed_scale
 
 pytestmark = pytest.mark.blender
 
@@ -30,11 +31,11 @@ def scene():
     return make_scene(random.uniform(0.02, 0.1, 200), position=position)
 
 
-def rendered(path, frames):
+def rendered(path, frames, view="Glow"):
     """Return the pictures of frames as Blender draws them, and what it says it imported."""
     if "BLENDER_PYTHON" not in os.environ:
         pytest.fail("BLENDER_PYTHON must name a python that has bpy")
-    command = [os.environ["BLENDER_PYTHON"], SCRIPT, path, HALF_WIDTH, PIXELS, path.parent, *frames]
+    command = [os.environ["BLENDER_PYTHON"], SCRIPT, path, HALF_WIDTH, PIXELS, path.parent, view, *frames]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=True)
     pictures = [np.load(path.parent / f"{frame:04d}.npy") for frame in frames]
     return pictures, json.loads(done.stdout.splitlines()[-1])
@@ -74,18 +75,65 @@ def test_shows_the_colors_as_they_are_meant(tmp_path):
     path = record(tmp_path / "run.usdc", [(make_scene().position, np.zeros((5, 2)))], color_by="radius")
     (picture,), _ = rendered(path, [0])
     x, y = pixel_centres()
-    linear = GrainColors(make_scene(), "radius").still
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    for centre, color in zip(make_scene().position, encoded, strict=True):
+    shown = GrainColors(make_scene(), "radius")
+    for centre, color in zip(make_scene().position, shown.colors[shown.still], strict=True):
         pixel = picture[np.argmin(np.abs(y - centre[1])), np.argmin(np.abs(x - centre[0])), :3]
         assert np.allclose(pixel, color, atol=0.01)
 
 
-def test_shows_force_chains_and_spheres(tmp_path, scene):
-    forces = record(tmp_path / "forces.usdc", [(make_scene().position, np.zeros((5, 2)))], forces=True)
-    assert rendered(forces, [0])[1]["types"]["Forces"] == "CURVES"
-    spheres = record(tmp_path / "spheres.usdc", [(scene.position, scene.velocity)], scene, as_spheres=True)
-    (picture,), _ = rendered(spheres, [0])
+@pytest.mark.parametrize("draw_as", ["discs", "spheres"])
+def test_instances_cover_what_discs_cover(tmp_path, scene, draw_as):
+    path = record(tmp_path / "run.usdc", [(scene.position, scene.velocity)], scene, draw_as=draw_as)
+    (picture,), _ = rendered(path, [0])
     expected = covered(scene, scene.position)
     wrong = np.count_nonzero((picture[:, :, 3] > 0.5) != expected)
-    assert wrong <= 0.1 * np.count_nonzero(expected)  # Blender's sphere is a polyhedron
+    polygon = 1.0 - np.sin(2 * np.pi / 64) / (2 * np.pi / 64)  # lacks so much of the disc
+    assert wrong <= (polygon + 1e-3) * np.count_nonzero(expected)
+
+
+class TestAsOpened:
+    """A recording imported with Blender's defaults, and nothing done to it."""
+
+    def pixels_at(self, places, picture):
+        """Return the colors at places [m]; a picture 16 by 9 shows 5 % more than the walls, up and down."""
+        reach = 1.05 * 1.02 * 2.0 * 16 / 9
+        steps = reach * ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1)
+        column = np.abs(steps - places[:, :1]).argmin(axis=1)
+        row = np.abs(-steps - places[:, 1:]).argmin(axis=1)
+        return picture[row, column, :3]
+
+    @pytest.mark.parametrize(
+        ("draw_as", "color_by"), [("discs", "speed"), ("discs", "palette"), ("spheres", "radius")]
+    )
+    def test_grains_have_their_colors(self, tmp_path, draw_as, color_by):
+        scene = make_scene()
+        speed = speed_scale(scene) * np.array([[0.0, 0.1, 0.4, 0.7, 1.0], [1.0, 0.3, 0.2, 0.1, 0.0]])
+        frames = [(scene.position, np.stack([one, 0.0 * one], axis=1)) for one in speed]
+        path = record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)
+        pictures, imported = rendered(path, [0, 1], view="Standard")
+        assert imported["frames"] == [0, 1]
+        colors = GrainColors(scene, color_by)
+        for picture, frame in zip(pictures, frames, strict=True):
+            shown = self.pixels_at(scene.position, picture)
+            assert np.allclose(shown, colors.of(Frame(*frame)), atol=0.01)
+
+    def test_colors_are_told_apart_by_the_view_that_is_default(self, tmp_path):
+        scene = make_scene()
+        path = record(
+            tmp_path / "run.usdc", [(scene.position, scene.velocity)], color_by="palette", draw_as="discs"
+        )
+        (picture,), _ = rendered(path, [0], view="AgX")
+        hue = [color - color.mean() for color in self.pixels_at(scene.position, picture)]
+        meant = [color - color.mean() for color in GrainColors(scene, "palette").colors]
+        likeness = [[a @ b / np.linalg.norm(a) / np.linalg.norm(b) for b in meant] for a in hue]
+        assert (np.diag(likeness) > 0.8).all()  # AgX fades and shifts colors
+        assert (np.ptp(self.pixels_at(scene.position, picture), axis=1) > 0.15).all()  # none is grey
+
+    def test_force_chains_have_theirs(self, tmp_path):
+        scene = make_scene(gravity=(0.0, -1.0))
+        still = [(scene.position, scene.velocity)]
+        path = record(tmp_path / "run.usdc", still, scene, draw_as="discs", forces=True)
+        (picture,), imported = rendered(path, [0], view="Standard")
+        assert imported["types"]["Forces"] == "MESH"
+        middle = scene.position[:2].mean(axis=0, keepdims=True)
+        assert np.allclose(self.pixels_at(middle, picture), CHAIN_COLOR, atol=0.01)

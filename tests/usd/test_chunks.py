@@ -3,12 +3,12 @@ import re
 import numpy as np
 import pytest
 from pxr import Sdf, Usd
-from recordings import GRAINS, grains_of, make_frames, make_scene, record
+from recordings import GRAINS, grains_of, make_frames, make_scene, points_recorder, record
 
 from warpgrains.errors import SceneError
 from warpgrains.usd import chunks as usd_chunks
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.recorder import Recorder, chunks_of, recover
+from warpgrains.usd.recorder import chunks_of, recover
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +38,7 @@ def require_frames(path, frames):
 
 class TestWhileRunning:
     @pytest.mark.parametrize("count", [4, 5, 9])
-    @pytest.mark.parametrize("options", [{}, {"as_spheres": True}, {"color_by": "pressure", "forces": True}])
+    @pytest.mark.parametrize("options", [{}, {"draw_as": "discs"}, {"color_by": "pressure", "forces": True}])
     def test_viewers_see_all_that_is_flushed(self, tmp_path, count, options):
         chunks = cut_short(tmp_path / "run.usdc", make_frames(count), **options)
         assert inspect_recording(chunks / "root.usda") == []
@@ -103,7 +103,7 @@ class TestNothingIsLost:
         chunks = cut_short(tmp_path / "run.usdc", make_frames(5))
         before = {path: path.read_bytes() for path in chunks.iterdir()}
         with pytest.raises(SceneError, match=r"run.usdc.chunks' holds frames of another run"):
-            Recorder(tmp_path / "run.usdc", make_scene(), 60)
+            points_recorder(tmp_path / "run.usdc", make_scene())
         assert {path: path.read_bytes() for path in chunks.iterdir()} == before
 
     def test_frames_lost_in_writing_a_chunk_are_noticed(self, tmp_path, monkeypatch):
@@ -131,7 +131,7 @@ class TestNothingIsLost:
 
     def test_a_chunk_that_could_not_be_written_is_tried_again(self, tmp_path, monkeypatch):
         frames = make_frames(9)
-        with Recorder(tmp_path / "run.usdc", make_scene(), 60) as recorder:
+        with points_recorder(tmp_path / "run.usdc", make_scene()) as recorder:
             for frame in frames[:3]:
                 recorder.record(*frame)
             with monkeypatch.context() as full_disk:
@@ -144,7 +144,7 @@ class TestNothingIsLost:
         require_frames(tmp_path / "run.usdc", frames)
 
     def test_a_chunk_lost_during_the_run_is_noticed(self, tmp_path):
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 60)
+        recorder = points_recorder(tmp_path / "run.usdc", make_scene())
         for frame in make_frames(12):
             recorder.record(*frame)
         (recorder.chunks / "chunk.00000004.usdc").unlink()
@@ -165,14 +165,14 @@ class TestNothingIsLost:
 class TestResume:
     def test_continues_as_if_never_cut_short(self, tmp_path):
         frames, path = make_frames(11), tmp_path / "run.usdc"
-        killed = Recorder(path, make_scene(), 60)
+        killed = points_recorder(path, make_scene())
         for number, frame in enumerate(frames[:10]):
             killed.record(*frame)
             if number in (5, 9):
                 killed.flush()
         assert len(list(chunks_of(path).glob("chunk.*"))) == 3
         del killed  # and with it its lock
-        with Recorder(path, make_scene(), 60, resume_at=6) as recorder:
+        with points_recorder(path, make_scene(), resume_at=6) as recorder:
             assert inspect_recording(chunks_of(path) / "root.usda") == []
             assert recorder.frames == 6
             for frame in frames[6:]:
@@ -182,16 +182,16 @@ class TestResume:
     def test_refuses_chunks_that_end_elsewhere(self, tmp_path):
         cut_short(tmp_path / "run.usdc", make_frames(6))
         with pytest.raises(SceneError, match="holds 6 of the 7 frames"):
-            Recorder(tmp_path / "run.usdc", make_scene(), 60, resume_at=7)
+            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=7)
         with pytest.raises(SceneError, match="holds 6 of the 5 frames"):
-            Recorder(tmp_path / "run.usdc", make_scene(), 60, resume_at=5)
+            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=5)
 
     def test_refuses_chunks_of_another_scene_or_drawing(self, tmp_path):
         cut_short(tmp_path / "run.usdc", make_frames(4))
         for scene, options in ((make_scene(text="other"), {}), (make_scene(), {"color_by": "radius"})):
             with pytest.raises(SceneError, match="holds no frames of this scene"):
-                Recorder(tmp_path / "run.usdc", scene, 60, resume_at=4, **options)
+                points_recorder(tmp_path / "run.usdc", scene, resume_at=4, **options)
 
     def test_refuses_what_is_not_there(self, tmp_path):
         with pytest.raises(SceneError, match="holds no frames of this scene"):
-            Recorder(tmp_path / "run.usdc", make_scene(), 60, resume_at=4)
+            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=4)

@@ -13,7 +13,7 @@ def recording(tmp_path):
 
 
 def forces_of(stage):
-    return UsdGeom.BasisCurves(stage.GetPrimAtPath("/World/Forces"))
+    return UsdGeom.Mesh(stage.GetPrimAtPath("/World/Forces"))
 
 
 def drop_the_grains(stage):
@@ -121,11 +121,15 @@ def drop_forces_of_a_frame(stage):
 
 
 def shorten_segments(stage):
-    forces_of(stage).GetCurveVertexCountsAttr().Set([2, 2], 1)
+    forces_of(stage).GetFaceVertexCountsAttr().Set([4, 4], 1)
 
 
-def shorten_segment_widths(stage):
-    forces_of(stage).GetWidthsAttr().Set([0.1], 1)
+def shorten_raw_forces(stage):
+    UsdGeom.PrimvarsAPI(forces_of(stage)).GetPrimvar("force").Set([0.1], 1)
+
+
+def shorten_raw_speeds(stage):
+    UsdGeom.PrimvarsAPI(grains_of(stage)).GetPrimvar("speed").Set([0.1], 1)
 
 
 def shrink_the_extent_of_forces(stage):
@@ -159,8 +163,9 @@ def shrink_the_extent_of_forces(stage):
         (forget_the_default, "there is no defaultPrim"),
         (drop_all_frames, "the grains have no frames"),
         (drop_forces_of_a_frame, "Forces.points has other time codes than the grains' positions"),
-        (shorten_segments, "points hold 10 values, not 4 for 2 segments (frame 1)"),
-        (shorten_segment_widths, "widths hold 1 values, not 10 for 10 points (frame 1)"),
+        (shorten_segments, "points hold 20 values, not 8 for 2 bands (frame 1)"),
+        (shorten_raw_forces, "primvars:force hold 1 values, not 5 for 5 bands (frame 1)"),
+        (shorten_raw_speeds, "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
         (shrink_the_extent_of_forces, "extent does not cover what it bounds (frame 1)"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
@@ -173,16 +178,18 @@ def test_names_what_is_broken(recording, damage, problem):
 
 
 def test_spheres_are_inspected_too(tmp_path):
-    recording = record(tmp_path / "run.usdc", make_frames(2), as_spheres=True)
+    recording = record(tmp_path / "run.usdc", make_frames(2), draw_as="spheres")
     stage = Usd.Stage.Open(str(recording))
     instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath(GRAINS))
     wider = 1.5 * np.array(instancer.GetScalesAttr().Get())
     instancer.GetScalesAttr().Set(Vt.Vec3fArray.FromNumpy(wider))
-    instancer.GetProtoIndicesAttr().Set([0, 0])
+    instancer.GetProtoIndicesAttr().Set([0, 0], 0)
+    instancer.GetProtoIndicesAttr().Set([0, 64, 0, 0, 0], 1)
     stage.Save()
     assert inspect_recording(recording) == [
-        "protoIndices hold 2 values, not 5 for 5 grains (frame 0 and 1 more)",
+        "protoIndices hold 2 values, not 5 for 5 grains (frame 0)",
         "extent does not cover what it bounds (frame 0 and 1 more)",
+        "protoIndices are not all those of 64 prototypes (frame 1)",
     ]
 
 

@@ -10,10 +10,17 @@ from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, recor
 import warpgrains
 from warpgrains.errors import SceneError
 from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.colors import speed_scale
 from warpgrains.usd.recorder import Recorder, recording_rate, recording_stride
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
-DRAWINGS = ({}, {"as_spheres": True}, {"color_by": "pressure", "forces": True})
+DRAWINGS = {
+    "points": {},
+    "discs": {"draw_as": "discs", "color_by": "radius"},
+    "spheres": {"draw_as": "spheres"},
+    "forces": {"draw_as": "discs", "color_by": "pressure", "forces": True},
+    "light": {"draw_as": "light", "forces": True},
+}
 
 
 class TestStride:
@@ -41,13 +48,16 @@ class TestStride:
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 class TestIndependentReader:
-    @pytest.mark.parametrize("options", DRAWINGS, ids=["points", "spheres", "forces"])
+    @pytest.mark.parametrize("options", DRAWINGS.values(), ids=list(DRAWINGS))
     def test_every_frame_equals_the_float32_state(self, tmp_path, suffix, options):
         frames = make_frames(7)
         path = record(tmp_path / f"run{suffix}", frames, **options)
         grains = lightusd.load(str(path)).prim_at(GRAINS)
-        places = "positions" if options.get("as_spheres") else "points"
-        for name, state in ((places, frames[:, 0]), ("velocities", frames[:, 1])):
+        places = "positions" if options.get("draw_as") in ("discs", "spheres") else "points"
+        drawn = [(places, frames[:, 0])]
+        if options.get("draw_as") != "light":
+            drawn.append(("velocities", frames[:, 1]))
+        for name, state in drawn:
             attribute = grains.attribute(name)
             assert attribute.timesamples.times == tuple(range(7))
             for code, expected in enumerate(state):
@@ -64,12 +74,19 @@ class TestIndependentReader:
         assert (stage.start_time, stage.end_time) == (0.0, 2.0)
         assert stage.time_codes_per_second == stage.frames_per_second == 50.0
         kept = stage.custom_layer_data["warpgrains"]
+        assert kept.pop("colors") == {
+            "quantity": "speed",
+            "unit": "m/s",
+            "colormap": "viridis",
+            "low": 0.0,
+            "high": speed_scale(scene),
+        }
         assert kept == {"version": warpgrains.__version__, "name": "example", "scene": scene.text}
         assert scene.text in stage.doc
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize("options", DRAWINGS, ids=["points", "spheres", "forces"])
+@pytest.mark.parametrize("options", DRAWINGS.values(), ids=list(DRAWINGS))
 def test_passes_both_checkers(tmp_path, suffix, options):
     recording = record(tmp_path / f"run{suffix}", make_frames(4), **options)
     assert inspect_recording(recording) == []
@@ -87,12 +104,16 @@ class TestStage:
         assert list(points.GetWidthsAttr().Get()) == [np.float32(0.2)]
         assert inspect_recording(path) == []
 
-    def test_spheres_have_the_radii_of_the_grains(self, tmp_path):
-        stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(2), as_spheres=True)))
+    @pytest.mark.parametrize("draw_as", ["discs", "spheres"])
+    def test_instances_have_the_radii_of_the_grains(self, tmp_path, draw_as):
+        stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(2), draw_as=draw_as)))
         instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath(GRAINS))
-        sphere = UsdGeom.Sphere(stage.GetPrimAtPath(instancer.GetPrototypesRel().GetTargets()[0]))
-        radius = sphere.GetRadiusAttr().Get() * np.array(instancer.GetScalesAttr().Get())
-        assert np.array_equal(radius, np.repeat(RADIUS.astype(np.float32)[:, np.newaxis], 3, axis=1))
+        scales = np.array(instancer.GetScalesAttr().Get())
+        assert np.array_equal(scales, np.repeat(RADIUS.astype(np.float32)[:, np.newaxis], 3, axis=1))
+        for prototype in instancer.GetPrototypesRel().GetTargets():
+            points = np.array(UsdGeom.Mesh(stage.GetPrimAtPath(prototype)).GetPointsAttr().Get())
+            across = points if draw_as == "spheres" else points[:, :2]
+            assert np.linalg.norm(across, axis=1).max() == pytest.approx(1.0, rel=1e-6)
 
     @pytest.mark.parametrize(("radius_in", "walls"), [(0.5, ["Outer", "Inner"]), (0.0, ["Outer"])])
     def test_walls_stand_where_the_scene_says(self, tmp_path, radius_in, walls):
@@ -112,18 +133,18 @@ class TestStage:
 
     def test_camera_sees_the_outer_wall(self, tmp_path):
         stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1))))
-        frustum = UsdGeom.Camera(stage.GetPrimAtPath("/World/Camera")).GetCamera().frustum
+        frustum = UsdGeom.Camera(stage.GetPrimAtPath("/World/main_cam")).GetCamera().frustum
         assert frustum.projectionType == Gf.Frustum.Perspective
         for corner in ((2.04, 0, 0), (0, 2.04, 0), (-2.04, 0, 0), (0, -2.04, 0)):
             assert frustum.Intersects(Gf.Vec3d(corner))
-        assert not frustum.Intersects(Gf.Vec3d(2.3, 0, 0))
+        assert not frustum.Intersects(Gf.Vec3d(0, 2.3, 0))
 
 
 class TestRecord:
     def test_the_arrays_handed_in_may_be_reused(self, tmp_path):
         frames = make_frames(3)
         buffer = np.empty_like(frames[0])
-        with Recorder(tmp_path / "run.usdc", make_scene(), 60) as recorder:
+        with Recorder(tmp_path / "run.usdc", make_scene(), 60, draw_as="points") as recorder:
             for frame in frames:
                 buffer[:] = frame
                 recorder.record(*buffer)
@@ -132,7 +153,7 @@ class TestRecord:
         assert np.array_equal(written[:, :, :2], frames[:, 0].astype(np.float32))
 
     def test_arrays_of_another_shape_are_refused(self, tmp_path):
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 60)
+        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 60, draw_as="points")
         with pytest.raises(ValueError, match=re.escape("(5, 2), not (4, 2)")):
             recorder.record(np.zeros((4, 2)), np.zeros((5, 2)))
         with pytest.raises(ValueError, match="nothing was recorded"):
@@ -156,6 +177,11 @@ class TestOutput:
     def test_unknown_coloring(self, tmp_path):
         with pytest.raises(SceneError, match="color by 'mood' is unknown; choose palette, radius, speed"):
             Recorder(tmp_path / "run.usdc", make_scene(), 60, color_by="mood")
+        assert list(tmp_path.iterdir()) == []
+
+    def test_unknown_way_to_draw(self, tmp_path):
+        with pytest.raises(SceneError, match="draw as 'cubes' is unknown; choose discs, spheres, points"):
+            Recorder(tmp_path / "run.usdc", make_scene(), 60, draw_as="cubes")
         assert list(tmp_path.iterdir()) == []
 
     def test_folder_that_does_not_exist(self, tmp_path):

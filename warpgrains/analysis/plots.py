@@ -121,7 +121,7 @@ def _draw_frame(axes: Axes, reader: RecordingReader, number: int) -> None:
         linewidths=np.minimum(_OUTLINE, 3.0 * diameter / half_width),
     )
     axes.add_collection(grains, autolim=False)
-    if reader.has_forces:
+    if reader.chain_scale is not None:
         bands = PolyCollection(list(_bands(reader.chains(number))), facecolors=_CHAIN_COLOR, linewidths=0.0)
         axes.add_collection(bands, autolim=False)
 
@@ -156,12 +156,11 @@ def measure(reader: RecordingReader) -> dict[str, FloatArray]:
     A recording holds no masses: energy and height are means over the grains, each counted alike.
     """
     frames = range(len(reader.time))
-    curves = {
-        "kinetic energy per mass [J/kg]": [
-            0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames
-        ],
-        "mean height [m]": [reader.position(frame)[:, 1].mean() for frame in frames],
-    }
-    if reader.has_forces:
+    curves: dict[str, list[float]] = {}
+    if reader.has_velocities:
+        energies = [0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames]
+        curves["kinetic energy per mass [J/kg]"] = energies
+    curves["mean height [m]"] = [reader.position(frame)[:, 1].mean() for frame in frames]
+    if reader.chain_scale is not None:
         curves["contacts that push"] = [len(reader.chains(frame).width) for frame in frames]
     return {title: np.array(values, dtype=np.float64) for title, values in curves.items()}

@@ -95,12 +95,20 @@ def _parser() -> ArgumentParser:
 def _add_run(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("scene", metavar="SCENE", nargs="?", help="a TOML file, or the name of a shipped scene")
-    recording = parser.add_argument_group("recording").add_argument
+    group = parser.add_argument_group("recording")
+    recording = group.add_argument
     recording("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
     recording("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
-    recording("--color-by", metavar="WHAT", help="palette, radius, speed or pressure (default: palette)")
+    recording("--color-by", metavar="WHAT", help="speed, pressure, radius or palette (default: speed)")
     recording("--forces", action="store_true", help="draw force chains")
-    recording("--as-spheres", action="store_true", help="draw spheres, for viewers that draw no points")
+    ways = {
+        "spheres": ("--as-spheres", "draw spheres instead of discs"),
+        "points": ("--as-points", "draw points, which particle tools read"),
+        "light": ("--light", "points without colors and velocities, for long runs of many grains"),
+    }
+    one_way = group.add_mutually_exclusive_group().add_argument
+    for way, (option, help_text) in ways.items():
+        one_way(option, dest="draw_as", action="store_const", const=way, help=help_text)
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate in all")
     length.add_argument(

@@ -27,6 +27,7 @@ from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_c
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics, Summary, named
+from warpgrains.usd.frame_rate import recording_rate, recording_stride
 
 # What a resumed run takes from its checkpoint: the option of each argument.
 KEPT = {
@@ -35,7 +36,7 @@ KEPT = {
     "fps": "--fps",
     "color_by": "--color-by",
     "forces": "--forces",
-    "as_spheres": "--as-spheres",
+    "draw_as": "--as-{}",
     "order": "--order",
     "method": "--method",
     "overrides": "--set",
@@ -56,6 +57,8 @@ def run(arguments: Namespace) -> bool:
     results = _results(start.scene, start.statistics.summary(options.record))
     if options.until is not None:
         results["until"] = options.until
+    if options.record is not None:
+        results |= {"frames": start.statistics.frames, "fps": _rate(start.scene, options.fps)}
     print(json.dumps(results) if arguments.json else _lines(results))
     return False
 
@@ -86,17 +89,19 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
     if arguments.scene is None:
         raise SceneError("SCENE is missing, or --resume FILE")
     if arguments.output is None:
-        for name in _given(arguments, "fps", "color_by", "forces", "as_spheres"):
-            raise SceneError(f"{KEPT[name]} needs --output")
+        for name in _given(arguments, "fps", "color_by", "forces", "draw_as"):
+            raise SceneError(f"{_option(arguments, name)} needs --output")
     if (arguments.measure is None) != (arguments.series is None):
         raise SceneError("--measure and --series go together")
     solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
     scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
     given = _given(
-        arguments, "fps", "color_by", "forces", "as_spheres", "checkpoint", "measure", "series", "until"
+        arguments, "fps", "color_by", "forces", "draw_as", "checkpoint", "measure", "series", "until"
     )
     given |= _spacing(arguments, arguments.checkpoint, arguments.series)
     options = RunOptions(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
+    if "fps" in given:
+        _warn_of_rate(scene, options.fps)
     if options.checkpoint is not None:
         held.enter_context(lock_checkpoint(Path(options.checkpoint)))
     return Checkpoint(scene, first_state(scene), options, RunStatistics()), options
@@ -108,7 +113,8 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     Its checkpoint is locked, and the one that it is to write from now on.
     """
     for name in _given(arguments, *KEPT):
-        raise SceneError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
+        option = _option(arguments, name)
+        raise SceneError(f"{option} cannot go with --resume, which continues a run as it was begun")
     kept, other = Path(arguments.resume), arguments.checkpoint
     start = read_checkpoint(kept)
     if start.options is not None:
@@ -150,6 +156,11 @@ def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
     """Return those options that are given."""
     values = {name: getattr(arguments, name) for name in names}
     return {name: value for name, value in values.items() if value is not None and value is not False}
+
+
+def _option(arguments: Namespace, name: str) -> str:
+    """Return an option as it was written."""
+    return KEPT[name].format(getattr(arguments, name)).replace("--as-light", "--light")
 
 
 def _steps(scene: Scene, arguments: Namespace) -> int | None:
@@ -202,7 +213,7 @@ def _lines(results: dict[str, Any]) -> str:
         "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
         "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall",
         "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
-        "output": results["output"] or "none (-o records one)",
+        "output": "none (-o records one)" if results["output"] is None else _output(results),
     }
     return in_columns(rows)
 
@@ -211,6 +222,24 @@ def _ended(results: dict[str, Any]) -> str:
     if "until" not in results:
         return ""
     return f", {'at' if results['met'] else 'not at'} {results['until']}"
+
+
+def _output(results: dict[str, Any]) -> str:
+    frames = results["frames"]
+    return f"{results['output']}, {frames} frame{'s' * (frames > 1)}, {results['fps']:.6g} a second"
+
+
+def _rate(scene: Scene, fps: float) -> float:
+    """Return the true rate of a recording that is to have so many frames a second [1/s]."""
+    return recording_rate(scene.dt, recording_stride(scene.dt, fps))
+
+
+def _warn_of_rate(scene: Scene, fps: float) -> None:
+    """Say what a recording has instead of the frames a second that are asked for, if it cannot have them."""
+    rate = _rate(scene, fps)
+    if rate != fps:
+        steps = f"{recording_stride(scene.dt, fps)} steps of {scene.dt:g} s"
+        _show_warning(f"--fps {fps:g} cannot be met: a frame every {steps} is {rate:.6g} a second")
 
 
 def _without_solution(results: dict[str, Any]) -> str:

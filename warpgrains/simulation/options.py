@@ -13,7 +13,7 @@ from warpgrains.scene.scene import Scene
 OnProgress = Callable[[float], None]
 """Hears of progress, in runs."""
 
-NEEDS = dict.fromkeys(("fps", "color_by", "forces", "as_spheres"), "record") | {
+NEEDS = dict.fromkeys(("fps", "color_by", "forces", "draw_as"), "record") | {
     "every": "checkpoint",
     "measure": "series",
     "measure_every": "series",
@@ -40,9 +40,9 @@ class RunOptions:
     """USD file to write the frames to."""
     fps: float = 60.0
     """Wanted frames per second of simulated time [1/s]."""
-    color_by: str = "palette"
+    color_by: str = "speed"
     forces: bool = False
-    as_spheres: bool = False
+    draw_as: str = "discs"
     """These three say what the frames show, see `Recorder`."""
     checkpoint: str | None = None
     """File that is to hold the state, and all that it takes to resume the run."""
@@ -64,7 +64,7 @@ class RunOptions:
             "fps": checks.positive("fps", self.fps),
             "color_by": checks.text("color_by", self.color_by),
             "forces": checks.truth("forces", self.forces),
-            "as_spheres": checks.truth("as_spheres", self.as_spheres),
+            "draw_as": checks.text("draw_as", self.draw_as),
             "measure_every": checks.whole_number("measure_every", self.measure_every),
             **{
                 name: None if value is None else checks.text(name, value)
@@ -78,6 +78,8 @@ class RunOptions:
         for name, needed in NEEDS.items():
             if checked[needed] is None and checked[name] != getattr(type(self), name):
                 raise SceneError(f"{name} has no effect without {needed}")
+        if self.draw_as == "light" and self.color_by != type(self).color_by:
+            raise SceneError("color_by has no effect with draw_as 'light'")
 
     def checkpoint_after(self, steps: int) -> Path | None:
         """Return the checkpoint to write after so many steps, if one is due then."""
@@ -93,6 +95,8 @@ class RunOptions:
     @classmethod
     def restored(cls, stored: dict[str, Any], checkpoint: Path) -> Self:
         """Return the options that a checkpoint keeps; the next checkpoints are to replace it."""
+        if stored.pop("as_spheres", False):  # of earlier releases
+            stored = {**stored, "draw_as": "spheres"}
         if stored["record"] is None:  # what earlier releases kept beside it has no effect
             stored = {name: value for name, value in stored.items() if NEEDS.get(name) != "record"}
         files = {name: _seen_from(checkpoint, name, stored.get(name)) for name in FILES}

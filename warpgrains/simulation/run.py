@@ -173,7 +173,7 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
         options.fps,
         color_by=options.color_by,
         forces=options.forces,
-        as_spheres=options.as_spheres,
+        draw_as=options.draw_as,
         resume_at=statistics.frames or None,
     )
 

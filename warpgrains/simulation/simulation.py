@@ -124,9 +124,9 @@ class Simulation(Shown):
         until: str | Question | None = None,
         record: str | Path | None = None,
         fps: float = 60.0,
-        color_by: str = "palette",
+        color_by: str = "speed",
         forces: bool = False,
-        as_spheres: bool = False,
+        draw_as: str = "discs",
         checkpoint: str | Path | None = None,
         every: int = 1000,
         observer: Observer | None = None,
@@ -147,7 +147,7 @@ class Simulation(Shown):
             A USD file to write the frames to, the present state first.
         fps : float
             Wanted frames per second of simulated time [1/s], see `recording_stride`.
-        color_by, forces, as_spheres
+        color_by, forces, draw_as
             What the frames show, see `Recorder`.
         checkpoint : str or Path, optional
             An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
@@ -172,7 +172,7 @@ class Simulation(Shown):
             fps=fps,
             color_by=color_by,
             forces=forces,
-            as_spheres=as_spheres,
+            draw_as=draw_as,
             checkpoint=None if checkpoint is None else str(checkpoint),
             every=every,
             until=until if isinstance(until, str) else None,

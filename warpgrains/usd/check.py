@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdPhysics
 
+from warpgrains.usd.forces import FORCES
+from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.reader import open_recording
-from warpgrains.usd.stage import FORCES, GRAINS
 
 Values = NDArray[Any]
 
@@ -82,7 +83,7 @@ def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float])
 
 
 class GrainsInspector:
-    """Checks the grains, be they `UsdGeom.Points` or a `UsdGeom.PointInstancer` of a sphere.
+    """Checks the grains, be they `UsdGeom.Points` or a `UsdGeom.PointInstancer` of a shape a color.
 
     All that is `animated` must have the time codes of their `position`.
     """
@@ -91,13 +92,20 @@ class GrainsInspector:
         self._are_points = prim.IsA(UsdGeom.Points)
         self.position = prim.GetAttribute("points" if self._are_points else "positions")
         self._size = prim.GetAttribute("widths" if self._are_points else "scales")
-        self._velocities = prim.GetAttribute("velocities")
         self._extent = prim.GetAttribute("extent")
         self._ids = prim.GetAttribute("ids")
-        self._color = UsdGeom.PrimvarsAPI(prim).GetPrimvar("displayColor")
-        self.animated = [self._velocities, self._extent]
-        if self._color.GetAttr().GetNumTimeSamples():
-            self.animated.append(self._color.GetAttr())
+        self._color = prim.GetAttribute("primvars:displayColor" if self._are_points else "protoIndices")
+        self._colors = (
+            0 if self._are_points else len(UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets())
+        )
+        primvars = UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues()
+        values = [primvar.GetAttr() for primvar in primvars if primvar.GetAttr() != self._color]
+        velocities = prim.GetAttribute("velocities")
+        self._values = [
+            attribute for attribute in (velocities, self._color, *values) if attribute.IsAuthored()
+        ]
+        changing = [attribute for attribute in self._values if attribute.GetNumTimeSamples()]
+        self.animated = [self._extent, *changing]
 
     def static_problems(self) -> Iterator[str]:
         """Yield what is wrong with what no frame may change."""
@@ -116,45 +124,49 @@ class GrainsInspector:
         if position is None or len(position) == 0:
             yield f"{self.position.GetName()} are empty"
             return
-        for attribute in (self.position, self._velocities, self._color.GetAttr()):
+        for attribute in (self.position, *self._values):
             yield from _finite_problems(attribute, code)
         yield from self._length_problems(len(position), code)
+        yield from self._color_problems(code)
         size = _values(self._size, code)
         if size is not None and len(size) in (1, len(position)):
             half_width = size / 2.0 if self._are_points else size[:, 0]
             yield from _extent_problems(self._extent, position, half_width, code)
 
     def _length_problems(self, grains: int, code: float) -> Iterator[str]:
-        expected = {self._velocities: grains, self._ids: grains, self._size: grains}
+        expected = dict.fromkeys((*self._values, self._ids, self._size), grains)
         if self._are_points and UsdGeom.Points(self._size.GetPrim()).GetWidthsInterpolation() == "constant":
             expected[self._size] = 1
-        expected[self._color.GetAttr()] = 1 if self._color.GetInterpolation() == "constant" else grains
-        if not self._are_points:
-            expected[self._size.GetPrim().GetAttribute("protoIndices")] = grains
         for attribute, length in expected.items():
             yield from _length_problem(attribute, length, f"{grains} grains", code)
 
+    def _color_problems(self, code: float) -> Iterator[str]:
+        which = _values(self._color, code)
+        if self._colors and which is not None and not ((which >= 0) & (which < self._colors)).all():
+            yield f"protoIndices are not all those of {self._colors} prototypes"
+
 
 class ForcesInspector:
-    """Checks the force chains, `UsdGeom.BasisCurves` of two points each, all `animated` with the grains."""
+    """Checks the force chains, a mesh of bands, all `animated` with the grains."""
 
     def __init__(self, prim: Usd.Prim) -> None:
-        names = ("points", "curveVertexCounts", "widths", "extent")
+        names = ("points", "faceVertexCounts", "faceVertexIndices", "primvars:force", "extent")
         self.animated = [prim.GetAttribute(name) for name in names]
 
     def frame_problems(self, code: float) -> Iterator[str]:
         """Yield what is wrong with the frame at time code `code`."""
-        points, counts, widths, extent = self.animated
-        ends, vertices, width = (_values(attribute, code) for attribute in (points, counts, widths))
-        if ends is None or vertices is None or width is None:
+        points, _, indices, force, extent = self.animated
+        corners, vertices, numbers, _, _ = (_values(attribute, code) for attribute in self.animated)
+        if corners is None or vertices is None or numbers is None:
             yield "force chains lack a value"
             return
-        yield from _length_problem(points, int(vertices.sum()), f"{len(vertices)} segments", code)
-        yield from _length_problem(widths, len(ends), f"{len(ends)} points", code)
+        yield from _length_problem(points, int(vertices.sum()), f"{len(vertices)} bands", code)
+        yield from _length_problem(indices, len(corners), f"{len(corners)} corners", code)
+        yield from _length_problem(force, len(vertices), f"{len(vertices)} bands", code)
         yield from _finite_problems(points, code)
-        yield from _finite_problems(widths, code)
-        if len(ends) and len(width) == len(ends):
-            yield from _extent_problems(extent, ends, width / 2.0, code)
+        yield from _finite_problems(force, code)
+        if len(corners):
+            yield from _extent_problems(extent, corners, np.zeros(len(corners)), code)
 
 
 def _finite_problems(attribute: Usd.Attribute, code: float) -> Iterator[str]:

@@ -1,21 +1,27 @@
-"""What the eye gets from numbers: colors of grains, and the speeds and forces they are measured against."""
+"""What the eye gets from numbers: colors of grains, and the range of numbers they stand for."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SceneError
 from warpgrains.scene.scene import Scene
+from warpgrains.usd.colormaps import PALETTE, colormap
 
 if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
 
-COLORINGS = ("palette", "radius", "speed", "pressure")
+UNITS = {"radius": "m", "speed": "m/s", "pressure": "N/m"}
+"""The quantities that grains are colored by."""
+COLORMAPS = {"radius": "plasma", "speed": "viridis", "pressure": "cividis"}
+COLORINGS = ("palette", *UNITS)
+LEVELS = 64
+"""Colors between the ends of a scale."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +43,50 @@ class Frame:
         return self.contacts, self.wall_contacts
 
 
+@dataclass(frozen=True)
+class ColorScale:
+    """Which colors a quantity has: one colormap a quantity, in recordings, pictures, films and windows."""
+
+    quantity: str
+    """One of `UNITS`."""
+    low: float
+    """The value of the first color; all below it have it too."""
+    high: float
+    """The value of the last color; all beyond it have it too."""
+
+    @property
+    def label(self) -> str:
+        """What to write beside it."""
+        return f"{self.quantity} [{UNITS[self.quantity]}]"
+
+    @property
+    def colormap(self) -> str:
+        """Name of its colormap."""
+        return COLORMAPS[self.quantity]
+
+    def described(self) -> dict[str, str | float]:
+        """Return what a recording says of it."""
+        unit = {"unit": UNITS[self.quantity], "colormap": self.colormap}
+        return {"quantity": self.quantity, **unit, "low": self.low, "high": self.high}
+
+    @classmethod
+    def read(cls, described: Mapping[str, Any]) -> Self:
+        """Return the scale that a recording describes."""
+        return cls(described["quantity"], described["low"], described["high"])
+
+    def levels(self, values: FloatArray) -> IndexArray:
+        """Return which of the `colors` each value has, shape (n,)."""
+        reach = self.high - self.low
+        share = np.clip((values - self.low) / reach, 0.0, 1.0) if reach > 0.0 else np.zeros_like(values)
+        return np.rint(share * (LEVELS - 1)).astype(np.int64)
+
+    def colors(self) -> FloatArray:
+        """Return its colors from low to high (sRGB), shape (64, 3)."""
+        return colormap(self.colormap, np.linspace(0.0, 1.0, LEVELS))
+
+
 class GrainColors:
-    """One color per grain: linear red, green and blue in [0, 1], as USD wants them.
+    """Which of a few colors each grain has.
 
     Scales are fixed by the scene, so that a color means the same in every frame and after a restart:
     speed against `speed_scale`, pressure against `pressure_scale`, radius between smallest and largest.
@@ -48,12 +96,16 @@ class GrainColors:
     scene : Scene
         What is drawn.
     color_by : str
-        "palette" (colors that tell neighbours apart), "radius", "speed" or "pressure".
+        "speed", "pressure", "radius", or "palette": colors that mean nothing and tell neighbours apart.
 
     Attributes
     ----------
+    scale : ColorScale or None
+        What the colors stand for; None for the palette.
+    colors : ndarray
+        All there are (sRGB), shape (k, 3).
     still : ndarray or None
-        The colors that no frame changes, shape (n, 3); None if each frame has its own.
+        Which of them each grain has in every frame, shape (n,); None if each frame has its own.
 
     Raises
     ------
@@ -64,23 +116,37 @@ class GrainColors:
     def __init__(self, scene: Scene, color_by: str) -> None:
         if color_by not in COLORINGS:
             raise SceneError(f"color by '{color_by}' is unknown; choose {', '.join(COLORINGS)}")
-        self._color_by = color_by
         self._radius = radius = scene.radius
-        self.still: NDArray[np.float32] | None = None
+        self.scale: ColorScale | None = None
+        self.still: IndexArray | None = None
         if color_by == "palette":
-            self.still = _PALETTE[np.arange(len(radius)) % len(_PALETTE)]
-        elif color_by == "radius":
-            self.still = _on_scale(radius - radius.min(), float(np.ptp(radius)))
-        elif color_by == "speed":
-            self._largest = speed_scale(scene)
+            self.still, self.colors = np.arange(len(radius)) % len(PALETTE), PALETTE
+            return
+        if color_by == "radius":
+            self.scale = ColorScale(color_by, float(radius.min()), float(radius.max()))
+            self.still = self.scale.levels(radius)
         else:
-            self._largest = pressure_scale(scene)
+            largest = speed_scale(scene) if color_by == "speed" else pressure_scale(scene)
+            self.scale = ColorScale(color_by, 0.0, largest)
+        self.colors = self.scale.colors()
 
-    def of(self, frame: Frame) -> NDArray[np.float32]:
-        """Return the colors of one frame, shape (n, 3), where they are not `still`."""
-        if self._color_by == "speed":
-            return _on_scale(np.hypot(*frame.velocity.T), self._largest)
-        return _on_scale(pressure(frame, self._radius), self._largest)
+    def levels(self, frame: Frame) -> IndexArray:
+        """Return which of the colors each grain has in a frame, shape (n,)."""
+        if self.scale is None or self.still is not None:
+            assert self.still is not None
+            return self.still
+        return self.scale.levels(quantity(self.scale.quantity, frame, self._radius))
+
+    def of(self, frame: Frame) -> FloatArray:
+        """Return the colors of a frame (sRGB), shape (n, 3)."""
+        return self.colors[self.levels(frame)]
+
+
+def quantity(name: str, frame: Frame, radius: FloatArray) -> FloatArray:
+    """Return one of the quantities in `UNITS` of each grain, shape (n,)."""
+    if name == "radius":
+        return radius
+    return np.hypot(*frame.velocity.T) if name == "speed" else pressure(frame, radius)
 
 
 def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
@@ -116,54 +182,3 @@ def pressure_scale(scene: Scene) -> float:
     radius = float(scene.radius.mean())
     stopping = float(scene.mass.mean()) * (speed_scale(scene) or radius / scene.dt) / scene.dt
     return stopping / (2.0 * np.pi * radius)
-
-
-def force_scale(scene: Scene) -> float:
-    """Return a large contact force [N]: `pressure_scale` over the diameter of a mean grain."""
-    return pressure_scale(scene) * 2.0 * float(scene.radius.mean())
-
-
-def _linear(color: Any) -> NDArray[np.float32]:
-    """Return the linear values of sRGB colors, which is what displayColor holds."""
-    encoded = np.asarray(color)
-    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float32)
-
-
-def _on_scale(value: FloatArray, largest: float) -> NDArray[np.float32]:
-    """Return the color of each value between 0 and `largest`, which also stands for all beyond it."""
-    share = np.clip(value / largest, 0.0, 1.0) if largest > 0.0 else np.zeros_like(value)
-    return _SCALE[np.rint(share * (len(_SCALE) - 1)).astype(np.intp)]
-
-
-# Okabe and Ito's colors, which color-blind readers tell apart too.
-_PALETTE = _linear(
-    [
-        (0.90, 0.62, 0.00),
-        (0.34, 0.71, 0.91),
-        (0.00, 0.62, 0.45),
-        (0.94, 0.89, 0.26),
-        (0.00, 0.45, 0.70),
-        (0.84, 0.37, 0.00),
-        (0.80, 0.47, 0.65),
-    ]
-)
-
-# Viridis: nine of its colors, from low to high, with 256 steps between them.
-_VIRIDIS = np.array(
-    [
-        (0.27, 0.00, 0.33),
-        (0.28, 0.18, 0.48),
-        (0.23, 0.32, 0.55),
-        (0.17, 0.45, 0.56),
-        (0.13, 0.57, 0.55),
-        (0.16, 0.68, 0.50),
-        (0.37, 0.79, 0.38),
-        (0.68, 0.86, 0.19),
-        (0.99, 0.91, 0.14),
-    ]
-)
-_STEPS = np.linspace(0.0, len(_VIRIDIS) - 1.0, 256)
-_SCALE = _linear(
-    np.stack([np.interp(_STEPS, np.arange(len(_VIRIDIS)), channel) for channel in _VIRIDIS.T], axis=1)
-)

@@ -1,6 +1,5 @@
 """A recording read back, for pictures and curves."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,18 +8,13 @@ from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.usd.stage import FORCES, GRAINS
+from warpgrains.usd.chains import Chains, ChainScale
+from warpgrains.usd.colormaps import PALETTE, encoded
+from warpgrains.usd.colors import ColorScale
+from warpgrains.usd.forces import FORCES
+from warpgrains.usd.grains import GRAINS
+from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import read_walls
-
-
-@dataclass(frozen=True)
-class Chains:
-    """The force chains of a frame."""
-
-    ends: FloatArray
-    """Both ends of each segment [m], shape (m, 2, 2)."""
-    width: FloatArray
-    """Width of each segment [m], shape (m,): proportional to the force up to the smallest grain's."""
 
 
 class RecordingReader:
@@ -39,8 +33,10 @@ class RecordingReader:
         Radii of the grains [m], shape (n,).
     walls : list of (float, float)
         Inner and outer radius of each wall, as thick as it is drawn [m].
-    has_forces : bool
-        Whether force chains were recorded.
+    scale : ColorScale or None
+        What the colors stand for.
+    chain_scale : ChainScale or None
+        How wide a force is drawn; None if no force chains were recorded.
 
     Raises
     ------
@@ -55,8 +51,8 @@ class RecordingReader:
         if not (is_points or (prim and prim.IsA(UsdGeom.PointInstancer))):
             raise SceneError(f"'{path}' holds no grains")
         self._position = prim.GetAttribute("points" if is_points else "positions")
-        self._velocity = prim.GetAttribute("velocities")
-        self._color = prim.GetAttribute("primvars:displayColor")
+        self._prim = prim
+        self._prototypes = [] if is_points else UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets()
         self._codes = self._position.GetTimeSamples()
         if not self._codes:
             raise SceneError(f"'{path}' holds no frames")
@@ -68,7 +64,15 @@ class RecordingReader:
         )
         self.radius = np.broadcast_to(radius, (len(self.position(0)),))
         self.walls = read_walls(self._stage)
-        self.has_forces = bool(self._stage.GetPrimAtPath(FORCES))
+        scales = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
+        self.scale = ColorScale.read(scales["colors"]) if "colors" in scales else None
+        has_forces = bool(self._stage.GetPrimAtPath(FORCES))
+        self.chain_scale = ChainScale.read(scales["forces"]) if has_forces else None
+
+    @property
+    def has_velocities(self) -> bool:
+        """Whether velocities were recorded."""
+        return bool(self._prim.GetAttribute("velocities").IsAuthored())
 
     def position(self, frame: int) -> FloatArray:
         """Return the centres of the grains [m], shape (n, 2)."""
@@ -76,18 +80,28 @@ class RecordingReader:
 
     def velocity(self, frame: int) -> FloatArray:
         """Return the velocities of the grains [m/s], shape (n, 2)."""
-        return _values(self._velocity, self._codes[frame])[:, :2]
+        return _values(self._prim.GetAttribute("velocities"), self._codes[frame])[:, :2]
 
     def color(self, frame: int) -> FloatArray:
         """Return the colors of the grains as screens take them (sRGB), shape (n, 3)."""
-        linear = np.clip(_values(self._color, self._codes[frame]), 0.0, 1.0)
-        return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
+        code = self._codes[frame]
+        if self._prototypes:
+            which = np.array(self._prim.GetAttribute("protoIndices").Get(code))
+            return self._colors_of_prototypes()[which]
+        color = self._prim.GetAttribute("primvars:displayColor")
+        return encoded(_values(color, code)) if color else np.tile(PALETTE[0], (len(self.radius), 1))
+
+    def _colors_of_prototypes(self) -> FloatArray:
+        prims = [self._stage.GetPrimAtPath(path) for path in self._prototypes]
+        return np.array([encoded(_values(prim.GetAttribute("primvars:displayColor"))[0]) for prim in prims])
 
     def chains(self, frame: int) -> Chains:
         """Return the force chains."""
         forces, code = self._stage.GetPrimAtPath(FORCES), self._codes[frame]
-        ends = _values(forces.GetAttribute("points"), code).reshape(-1, 2, 3)[:, :, :2]
-        return Chains(ends, _values(forces.GetAttribute("widths"), code)[::2])
+        corner = _values(forces.GetAttribute("points"), code).reshape(-1, 4, 3)[:, :, :2]
+        ends = np.stack([corner[:, [0, 3]].mean(axis=1), corner[:, [1, 2]].mean(axis=1)], axis=1)
+        width = np.hypot(*(corner[:, 0] - corner[:, 3]).T)
+        return Chains(ends, width, _values(forces.GetAttribute("primvars:force"), code))
 
 
 def open_recording(path: Path) -> Usd.Stage:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -13,40 +12,21 @@ from pxr import Sdf
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene.scene import Scene
+from warpgrains.usd.chains import ChainScale
 from warpgrains.usd.chunks import ChunkFolder
 from warpgrains.usd.colors import Frame, GrainColors
 from warpgrains.usd.flatten import count_frames, flatten, resume
+from warpgrains.usd.forces import ForceChains
+from warpgrains.usd.frame_rate import recording_rate, recording_stride
+from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.output import SUFFIXES, chunks_of, lock_output
-from warpgrains.usd.stage import Drawing, ForceChains, GrainPoints, GrainSpheres, static_layer
+from warpgrains.usd.shapes import disc, sphere
+from warpgrains.usd.stage import Drawing, static_layer
 
 if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
 
-
-def recording_stride(dt: float, frames_per_second: float) -> int:
-    """Return how many steps of dt [s] lie between two frames, at least 1; frames per second are wanted ones.
-
-    The stride is the integer nearest to ``1 / (frames_per_second * dt)``, both taken as the decimal numbers
-    a user writes, so that no rounding of a float decides it. The file then states the rate it really has,
-    `recording_rate`: with dt = 0.01 s and 60 frames asked for, every 2nd step is a frame, 50 frames a second.
-
-    Raises
-    ------
-    SceneError
-        If `frames_per_second` is not a positive finite number.
-    """
-    if not 0 < frames_per_second < float("inf"):
-        raise SceneError(f"frames per second must be a positive number, not {frames_per_second}")
-    return max(1, round(1 / (_as_written(frames_per_second) * _as_written(dt))))
-
-
-def recording_rate(dt: float, stride: int) -> float:
-    """Return the frames per second [1/s] of one frame every `stride` steps of `dt` [s], to the last bit."""
-    return float(1 / (stride * _as_written(dt)))
-
-
-def _as_written(value: float) -> Fraction:
-    return Fraction(repr(float(value)))
+DRAWN_AS = ("discs", "spheres", "points", "light")
 
 
 class Recorder:
@@ -68,11 +48,12 @@ class Recorder:
     frames_per_second : float
         Wanted frames per second of simulated time [1/s], see `recording_stride`.
     color_by : str
-        Color of the grains: "palette", "radius", "speed" or "pressure", see `GrainColors`.
+        Color of the grains: "speed", "pressure", "radius" or "palette", see `GrainColors`.
     forces : bool
         Whether to draw force chains, see `ForceChains`.
-    as_spheres : bool
-        Whether to draw grains as instances of a sphere, for viewers that draw no points.
+    draw_as : str
+        How grains are drawn: as instances of colored "discs" or "spheres", as "points", or "light": as points
+        that have neither colors nor velocities, for long runs of many grains.
     resume_at : int, optional
         Continue the chunks of an earlier run of the same scene, or its file, with this frame, dropping what
         follows it. `flush` must have been called when the earlier run had recorded just as many frames.
@@ -89,9 +70,9 @@ class Recorder:
     Raises
     ------
     SceneError
-        If the suffix or the coloring is unknown, the folder cannot be written, the chunks of an earlier
-        run are there, or those to continue are not; as an `OutputError`, if another process records to this
-        file, or it is no recording.
+        If the suffix, the coloring or the way to draw is unknown, the folder cannot be written, the chunks of
+        an earlier run are there, or those to continue are not; as an `OutputError`, if another process
+        records to this file, or it is no recording.
     """
 
     def __init__(
@@ -100,21 +81,26 @@ class Recorder:
         scene: Scene,
         frames_per_second: float,
         *,
-        color_by: str = "palette",
+        color_by: str = "speed",
         forces: bool = False,
-        as_spheres: bool = False,
+        draw_as: str = "discs",
         resume_at: int | None = None,
     ) -> None:
         self.path = Path(path)
         self.chunks = chunks_of(self.path)
         self.stride = recording_stride(scene.dt, frames_per_second)
-        self.needs_contacts = forces or color_by == "pressure"
+        colors = GrainColors(scene, color_by)
+        self.needs_contacts = forces or (color_by == "pressure" and draw_as != "light")
         self._shape = scene.position.shape
-        grains = GrainSpheres if as_spheres else GrainPoints
-        self._drawings: list[Drawing] = [grains(scene, GrainColors(scene, color_by))]
+        grains = _grains(draw_as, scene, colors, self.needs_contacts)
+        self._drawings: list[Drawing] = [grains]
+        scales: dict[str, dict[str, str | float]] = {}
+        if colors.scale is not None and draw_as != "light":
+            scales["colors"] = colors.scale.described()
         if forces:
-            self._drawings.append(ForceChains(scene))
-        static = static_layer(scene, recording_rate(scene.dt, self.stride), self._drawings)
+            self._drawings.append(ForceChains(scene, grains.height * float(scene.radius.max())))
+            scales["forces"] = ChainScale.of(scene).described()
+        static = static_layer(scene, recording_rate(scene.dt, self.stride), self._drawings, scales)
         self._folder = ChunkFolder(self.chunks, static)
         self._lock = lock_output(self.path)
         try:
@@ -200,6 +186,17 @@ class Recorder:
             self._folder.remove()
         finally:
             self._lock.release()
+
+
+def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool) -> GrainPoints:
+    """Return the drawing of the grains."""
+    if draw_as not in DRAWN_AS:
+        raise SceneError(f"draw as '{draw_as}' is unknown; choose {', '.join(DRAWN_AS)}")
+    if draw_as == "light":
+        return GrainPoints(scene, None, has_contacts)
+    if draw_as == "points":
+        return GrainPoints(scene, colors, has_contacts)
+    return GrainInstances(scene, colors, has_contacts, disc() if draw_as == "discs" else sphere())
 
 
 def recover(folder: str | Path) -> tuple[Path, int]:

@@ -4,10 +4,12 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.scene.walls import Annulus
+from warpgrains.usd.looks import bind_look
 
 WALLS = Sdf.Path("/World/Walls")
 
-_COLOR = Gf.Vec3f(0.1, 0.1, 0.12)
+WALL_COLOR = (0.35, 0.35, 0.35)
+"""sRGB."""
 _SEGMENTS = 256
 _THICKNESS = 0.02  # of radius_out
 
@@ -22,9 +24,9 @@ def define_walls(stage: Usd.Stage, walls: Annulus) -> None:
         _define_ring(stage, WALLS.AppendChild("Inner"), max(radius_in - thickness, radius_in / 2), radius_in)
 
 
-def half_width(walls: Annulus, margin: float) -> float:
-    """Return how far from the origin a picture of the walls reaches [m], `margin` times as far as they do."""
-    return margin * (1.0 + _THICKNESS) * walls.radius_out
+def reach_of(walls: Annulus) -> float:
+    """Return how far from the origin the walls reach, as thick as they are drawn [m]."""
+    return (1.0 + _THICKNESS) * walls.radius_out
 
 
 def read_walls(stage: Usd.Stage) -> list[tuple[float, float]]:
@@ -53,4 +55,4 @@ def _define_ring(stage: Usd.Stage, path: Sdf.Path, inner: float, outer: float) -
     ring.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     ring.CreateDoubleSidedAttr(True)
     ring.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
-    ring.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(Vt.Vec3fArray([_COLOR]))
+    bind_look(ring.GetPrim(), np.array(WALL_COLOR))

@@ -1,0 +1,77 @@
+"""Force chains: a band a contact, as wide as its force."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.walls import outward
+from warpgrains.usd.colors import Frame, pressure_scale
+
+CHAIN_COLOR = (0.78, 0.10, 0.12)
+"""sRGB; no color of a scale is near it."""
+
+
+@dataclass(frozen=True)
+class Chains:
+    """The force chains of a frame."""
+
+    ends: FloatArray
+    """Both ends of each segment [m], shape (m, 2, 2)."""
+    width: FloatArray
+    """Width of each segment [m], shape (m,): proportional to the force up to half the smallest grain's."""
+    force: FloatArray
+    """Force of each contact [N], shape (m,)."""
+
+    def corners(self) -> FloatArray:
+        """Return the corners of each band [m], counter-clockwise, shape (m, 4, 2)."""
+        start, end = self.ends[:, 0], self.ends[:, 1]
+        along = end - start
+        length = np.hypot(*along.T)[:, np.newaxis]
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.where(length > 0.0, length, 1.0)
+        side = 0.5 * self.width[:, np.newaxis] * across
+        return np.stack([start - side, end - side, end + side, start + side], axis=1)
+
+
+@dataclass(frozen=True)
+class ChainScale:
+    """How wide a force is drawn."""
+
+    force: float
+    """The force that has the full width, and all beyond it [N]."""
+    width: float
+    """The full width [m], half the smallest grain's: grains stay visible beneath it."""
+
+    @classmethod
+    def of(cls, scene: Scene) -> ChainScale:
+        """Return that of a scene: its large pressure over the diameter of a mean grain."""
+        return cls(pressure_scale(scene) * 2.0 * float(scene.radius.mean()), float(scene.radius.min()))
+
+    def described(self) -> dict[str, str | float]:
+        """Return what a recording says of it: the force [N] that is drawn so wide [m]."""
+        return {"unit": "N", "force": self.force, "width": self.width}
+
+    @classmethod
+    def read(cls, described: Mapping[str, Any]) -> ChainScale:
+        """Return the scale that a recording describes."""
+        return cls(described["force"], described["width"])
+
+
+def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
+    """Return a band from centre to centre, and from centre to wall, for each contact that pushes."""
+    contacts, wall_contacts = frame.forces()
+    pushes = contacts.force > 0.0
+    between = frame.position[contacts.pair[pushes]]
+    leaning = np.flatnonzero(wall_contacts.force)
+    wall_force = wall_contacts.force[leaning]
+    centre = frame.position[leaning]
+    reach = np.sign(wall_force) * scene.radius[leaning]
+    foot = centre + reach[:, np.newaxis] * outward(centre)
+    force = np.concatenate([contacts.force[pushes], np.abs(wall_force)])
+    ends = np.concatenate([between, np.stack([centre, foot], axis=1)])
+    return Chains(ends, np.minimum(force / scale.force, 1.0) * scale.width, force)

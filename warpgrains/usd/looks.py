@@ -1,0 +1,64 @@
+"""What makes a recording look right when it is opened: a material of the colors, a light and a camera."""
+
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
+
+from warpgrains.arrays import FloatArray
+from warpgrains.usd.colormaps import linear
+
+MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
+CAMERA = Sdf.Path("/World/main_cam")
+"""By this name usdview and usdrecord know the camera to look through."""
+
+_MARGIN = 1.05  # half-width of the picture, in that of what is to be seen
+_FOCAL_LENGTH = 50.0
+_APERTURE = 24.0
+_ASPECT = 16.0 / 9.0  # of most screens: where pictures are square, they show less to the sides
+_INTENSITY = 0.7853981633974483  # pi / 4: in Blender, what faces the light has its own color
+
+
+def define_looks(stage: Usd.Stage, reach: float) -> None:
+    """Author the material, the light and a camera that sees all within `reach` [m] of the origin."""
+    UsdGeom.Scope.Define(stage, MATERIAL.GetParentPath())
+    material = UsdShade.Material.Define(stage, MATERIAL)
+    surface = UsdShade.Shader.Define(stage, MATERIAL.AppendChild("Surface"))
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(1.0)
+    surface.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
+    surface.CreateInput("specularColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(0.0))
+    reader = UsdShade.Shader.Define(stage, MATERIAL.AppendChild("Color"))
+    reader.CreateIdAttr("UsdPrimvarReader_float3")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+    color = reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(color)
+    shown = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    material.CreateSurfaceOutput().ConnectToSource(shown)
+    _define_light(stage)
+    _define_camera(stage, _MARGIN * reach)
+
+
+def bind_look(prim: Usd.Prim, color: FloatArray | None = None) -> None:
+    """Give a prim the material, and one color (sRGB), unless it has colors of its own."""
+    if color is not None:
+        value = Vt.Vec3fArray([Gf.Vec3f(*linear(color).tolist())])
+        UsdGeom.Gprim(prim).CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(value)
+    material = UsdShade.Material.Get(prim.GetStage(), MATERIAL)
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+
+
+def _define_light(stage: Usd.Stage) -> None:
+    """Define a light that shines along the view, whose power does not depend on its size."""
+    light = UsdLux.DistantLight.Define(stage, "/World/Light")
+    light.CreateIntensityAttr(_INTENSITY)
+    light.CreateNormalizeAttr(True)
+
+
+def _define_camera(stage: Usd.Stage, shown: float) -> None:
+    """Define a perspective camera on the z axis: Blender misreads the aperture of an orthographic one."""
+    distance = shown * 2.0 * _FOCAL_LENGTH / _APERTURE
+    camera = UsdGeom.Camera.Define(stage, CAMERA)
+    camera.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, distance))
+    camera.CreateProjectionAttr(UsdGeom.Tokens.perspective)
+    camera.CreateFocalLengthAttr(_FOCAL_LENGTH)
+    camera.CreateHorizontalApertureAttr(_APERTURE * _ASPECT)
+    camera.CreateVerticalApertureAttr(_APERTURE)
+    camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
