@@ -30,7 +30,7 @@ from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Floats, Grains, Vectors
 from .verlet import monitor
-from .walls import has_inner, wall_cost, wall_projection
+from .walls import has_inner, rounded_wall, wall_cost, wall_projection
 
 f64 = wp.float64
 CHUNK = wp.constant(128)
@@ -103,13 +103,16 @@ def shares_of(grains: Grains, contacts: Contacts, c: int) -> wp.vec3d:
 def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
     """One grain's wall correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
     wall = s.contacts.walls[c]
+    v = s.grains.next_velocity[wall.i]
+    if s.walls.round != 0:
+        wall = rounded_wall(wall, v, s.grains.radius[wall.i], s.walls, s.dt)
     y = wall.dv + beta * (wall.dv - s.momentum.wall_last[c])
-    vn = wp.dot(s.grains.next_velocity[wall.i], wall.n)
+    vn = wp.dot(v, wall.n)
     gap_out, gap_in = wall.gap_rate_out, wall.gap_rate_in
     inner = has_inner(s.walls)
     new = wall_projection(relaxation * vn, y, relaxation * gap_out, relaxation * gap_in, inner)
     dv = new - y
-    s.grains.next_velocity[wall.i] = s.grains.next_velocity[wall.i] - dv * wall.n
+    s.grains.next_velocity[wall.i] = v - dv * wall.n
     s.momentum.wall_last[c] = wall.dv
     s.contacts.walls[c].dv = new
     cost_y = wall_cost(y, gap_out, gap_in)

@@ -21,7 +21,7 @@ from .stopping import decide_to_stop
 from .threads import Team, partial_index
 from .types import Contacts, Vectors
 from .verlet import monitor, monitor_next
-from .walls import WallContact, has_inner, wall_projection
+from .walls import WallContact, has_inner, rounded_wall, wall_projection
 
 f64 = wp.float64
 
@@ -44,10 +44,8 @@ def correct_pair(velocity: Vectors, contacts: Contacts, c: int, weight: wp.vec2d
 
 
 @wp.func
-def correct_wall(velocity: Vectors, contacts: Contacts, c: int, inner: bool) -> f64:
+def correct_wall(velocity: Vectors, contacts: Contacts, c: int, wall: WallContact, inner: bool) -> f64:
     """One grain's wall correction, in place. Returns |dv|."""
-    wall = WallContact()
-    read_wall(contacts.walls, c, wall)
     v = vector_at(velocity, wall.i)
     vn = wp.dot(v, wall.n)
     dv = wall_projection(vn, wall.dv, wall.gap_rate_out, wall.gap_rate_in, inner) - wall.dv
@@ -95,10 +93,19 @@ def sweep_walls(team: Team, s: Scene):
     contacts = s.contacts
     inner = has_inner(s.walls)
     begin, end = walls_of(team, s)
+    wall = WallContact()
     c = begin
-    while c < end:
-        zeta = wp.max(zeta, correct_wall(velocity, contacts, c, inner))
-        c += 1
+    if s.walls.round != 0:
+        while c < end:
+            read_wall(contacts.walls, c, wall)
+            wall = rounded_wall(wall, vector_at(velocity, wall.i), s.grains.radius[wall.i], s.walls, s.dt)
+            zeta = wp.max(zeta, correct_wall(velocity, contacts, c, wall, inner))
+            c += 1
+    else:
+        while c < end:
+            read_wall(contacts.walls, c, wall)
+            zeta = wp.max(zeta, correct_wall(velocity, contacts, c, wall, inner))
+            c += 1
     if s.verlet.flags.monitored != 0:
         for k in range(begin, end):
             monitor(s, contacts.walls[k].i)

@@ -17,9 +17,14 @@ def begin_step(s: Scene):
 
 @wp.func
 def free_velocity(s: Scene, i: int):
-    """v* (eq. 2)."""
+    """v* (eqs. 2, 16, 17)."""
     v = s.grains.velocity[i]
-    s.grains.free_velocity[i] = law.free_velocity(v, s.gravity, s.drag, s.grains.mass[i], s.dt)
+    m = s.grains.mass[i]
+    if s.scheme.leapfrog != 0:
+        staggered = s.scheme.staggered != 0
+        s.grains.free_velocity[i] = law.leapfrog_velocity(v, s.gravity, s.drag, m, s.dt, staggered)
+    else:
+        s.grains.free_velocity[i] = law.free_velocity(v, s.gravity, s.drag, m, s.dt)
 
 
 @wp.func
@@ -31,3 +36,11 @@ def move(s: Scene, i: int):
     s.grains.last_velocity[i] = s.grains.velocity[i]
     s.grains.position[i] = x + s.dt * v
     s.grains.velocity[i] = v
+
+
+@wp.func
+def stagger(s: Scene):
+    """Say of which moment the velocities are now."""
+    s.scheme.last_staggered = s.scheme.staggered
+    if s.scheme.leapfrog != 0:
+        s.scheme.staggered = 1

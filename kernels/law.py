@@ -12,6 +12,18 @@ def free_velocity(v: wp.vec2d, gravity: wp.vec2d, drag: f64, mass: f64, dt: f64)
 
 
 @wp.func
+def leapfrog_velocity(
+    v: wp.vec2d, gravity: wp.vec2d, drag: f64, mass: f64, dt: f64, staggered: bool
+) -> wp.vec2d:
+    """The same in the middle of the step (eqs. 16, 17); a `staggered` v is of the middle of the last one."""
+    a = drag * dt / (f64(2.0) * mass)
+    kicked = v + (f64(0.5) * dt) * gravity
+    if staggered:
+        kicked = (f64(1.0) - a) * v + dt * gravity
+    return kicked / (f64(1.0) + a)
+
+
+@wp.func
 def normal(tail: wp.vec2d, head: wp.vec2d):
     """Unit normal from tail to head, and their distance [m] (eq. 4)."""
     d = head - tail

@@ -21,8 +21,8 @@ from .walls import Walls
 
 f64 = wp.float64
 
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED = (
-    wp.constant(k) for k in range(7)
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED, BEYOND_WALL = (
+    wp.constant(k) for k in range(8)
 )
 """Outcomes of a step: an UNPROVED one is taken, and worth a search for a proof that none solves it."""
 
@@ -86,6 +86,15 @@ class StoppingCriterion:
 
 
 @wp.struct
+class TimeScheme:
+    """Of which moments velocities are."""
+
+    leapfrog: wp.int32  # whether velocities belong to the middle of a step
+    staggered: wp.int32  # whether they are half a step behind the positions now
+    last_staggered: wp.int32  # and whether they were before the last good step
+
+
+@wp.struct
 class Tuning:
     """Lengths with which lists are made, and limits within which the proof of `verlet.py` holds."""
 
@@ -132,6 +141,7 @@ class SceneRecord:
     stopping: StoppingCriterion
     tuning: Tuning
     walls: Walls
+    scheme: TimeScheme
     gravity: wp.vec2d  # [m/s2]
     drag: f64  # [kg/s]
     dt: f64  # [s]

@@ -2,9 +2,10 @@
 
     eta = max over contacts of | max(0, dv_c + vn - gap/dt) - dv_c |    (MODEL.md, eq. 12),
 
-both walls apart, for the velocities that the corrections make of the free ones. No contact closes faster than
-gap/dt + eta. The velocities are the exact solution of a step whose gaps are changed by at most dt * eta, and
-whose free velocities by what letting go contacts still carry, at most eta each.
+both walls apart, for the velocities that the corrections make of the free ones, and the gaps that a round
+wall leaves to these. No contact closes faster than gap/dt + eta. The velocities are the exact solution of a
+step whose gaps are changed by at most dt * eta, and whose free velocities by what letting go contacts still
+carry, at most eta each.
 """
 
 import warp as wp
@@ -14,7 +15,7 @@ from .record import Scene, pair_count
 from .segments import pairs_of, walls_of
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Vectors
-from .walls import has_inner, wall_residual
+from .walls import has_inner, rounded_wall, wall_residual
 
 f64 = wp.float64
 
@@ -63,6 +64,8 @@ def measure_residual(team: Team, s: Scene):
     begin, end = walls_of(team, s)
     for c in range(begin, end):
         wall = s.contacts.walls[c]
+        if s.walls.round != 0:
+            wall = rounded_wall(wall, v[wall.i], s.grains.radius[wall.i], s.walls, s.dt)
         worst = wp.max(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
     begin, end = thread_range(team, 0, pair_count(s))
     for c in range(begin, end):

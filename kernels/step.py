@@ -137,6 +137,7 @@ METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED}
 
 FINISH = [
     Each(grain_count, integrate.move),
+    Serial(integrate.stagger),
     Each(grain_count, verlet.remember),
     Serial(verlet.shift_frame),
     Shared(statistics.overlaps),

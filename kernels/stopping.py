@@ -2,9 +2,10 @@
 
 import warp as wp
 
-from .record import EXPIRED, HALTED, NOT_CONVERGED, SOLVED, Scene
+from .record import BEYOND_WALL, EXPIRED, HALTED, NOT_CONVERGED, SOLVED, Scene, wall_count
 from .types import Floats
 from .verlet import check_all, outcome_of_check, reserve
+from .walls import room_of, slide
 
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
@@ -92,6 +93,18 @@ def stop_on_residual(s: Scene):
 
 
 @wp.func
+def grain_beyond_wall(s: Scene) -> int:
+    """The first grain that moves along a round wall by more than its circle is wide; -1 if none does."""
+    found = int(-1)
+    for c in range(wall_count(s)):
+        wall = s.contacts.walls[c]
+        path = slide(s.grains.next_velocity[wall.i], wall.n, s.dt)
+        if wp.abs(path) > room_of(s.grains.radius[wall.i], s.walls) and (found < 0 or wall.i < found):
+            found = wall.i
+    return found
+
+
+@wp.func
 def judge(s: Scene):
     """Take the step, try again with a new list, or give it up."""
     check_all(s, s.tuning.rounding)
@@ -102,6 +115,10 @@ def judge(s: Scene):
     outcome = outcome_of_check(s)
     if outcome == SOLVED and s.stopping.raise_on_unconverged != 0 and not converged:
         outcome = NOT_CONVERGED
+    if outcome == SOLVED and converged and s.walls.round != 0:
+        s.verlet.flags.bad_grain = grain_beyond_wall(s)
+        if s.verlet.flags.bad_grain >= 0:
+            outcome = BEYOND_WALL
     if s.control.halted != 0 and not converged:
         outcome = HALTED
     s.step.converged = 1 if converged else 0

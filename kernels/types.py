@@ -108,7 +108,7 @@ class VerletFlags:
 
     monitored: wp.int32  # whether the next sweep looks at every velocity that it changes
     list_expired: wp.int32  # whether a contact may be missing
-    bad_grain: wp.int32  # a grain that is no longer finite, or -1
+    bad_grain: wp.int32  # a grain that is no longer finite, or leaves a round wall, or -1
 
 
 @wp.struct

@@ -1,7 +1,8 @@
 """The walls of an annulus: all formulas of theirs that kernels use. Walls of another shape are written here.
 
 A grain has one accumulated correction dv_b for both walls: > 0 is carried by the outer one, < 0 by the inner
-one (MODEL.md, eq. 8). A wall's normal starts at the origin.
+one (MODEL.md, eq. 8). A wall's normal starts at the origin. For a step, a wall is its tangent; a round outer
+wall lets a grain's gap know how far the grain slides along it (eq. 18).
 """
 
 import warp as wp
@@ -17,6 +18,7 @@ class Walls:
 
     radius_in: f64  # [m]; 0: there is no inner wall
     radius_out: f64  # [m]
+    round: wp.int32  # whether the outer wall is a circle within a step as well, or its tangent
 
 
 @wp.struct
@@ -59,6 +61,31 @@ def frozen_wall(contact: WallContact, position: wp.vec2d, radius: f64, walls: Wa
     if has_inner(walls):
         frozen.gap_rate_in = inner_gap(distance, radius, walls) / dt
     return frozen
+
+
+@wp.func
+def slide(v: wp.vec2d, n: wp.vec2d, dt: f64) -> f64:
+    """How far a grain moves along a wall in a step [m]."""
+    return dt * (n[0] * v[1] - n[1] * v[0])
+
+
+@wp.func
+def room_of(radius: f64, walls: Walls) -> f64:
+    """How far from the origin a grain touches the outer wall [m]."""
+    return walls.radius_out - radius
+
+
+@wp.func
+def rounded_wall(contact: WallContact, v: wp.vec2d, radius: f64, walls: Walls, dt: f64) -> WallContact:
+    """The contact with the gap that a round wall leaves to a grain of this velocity [m/s] (eq. 18)."""
+    room = room_of(radius, walls)
+    path = slide(v, contact.n, dt)
+    sagitta = room - wp.sqrt(wp.max(f64(0.0), room * room - path * path))
+    rounded = contact
+    rounded.gap_rate_out = contact.gap_rate_out - sagitta / dt
+    if not has_inner(walls):
+        rounded.gap_rate_in = -rounded.gap_rate_out
+    return rounded
 
 
 @wp.func

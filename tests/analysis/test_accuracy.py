@@ -166,9 +166,10 @@ class TestCertify:
         for _ in range(6):
             start = simulation.state()
             redos += simulation.step().redos
-            position, velocity = simulation.last_start()
-            assert np.array_equal(position, start.position)
-            assert np.array_equal(velocity, start.velocity)
+            begun = simulation.last_start()
+            assert np.array_equal(begun.position, start.position)
+            assert np.array_equal(begun.velocity, start.velocity)
+            assert begun.staggered == start.staggered
             assert certify(simulation).at_most >= 0.0
         assert redos > 0
 
@@ -186,9 +187,9 @@ class TestCertify:
         simulation._engine._records.array(0, "grains.velocity")[:] = np.inf
         with pytest.raises(SimulationError, match="reached a velocity"):
             simulation.step()
-        position, velocity = simulation.last_start()
-        assert np.array_equal(position, column(3).position)
-        assert np.array_equal(velocity, np.zeros((3, 2)))
+        begun = simulation.last_start()
+        assert np.array_equal(begun.position, column(3).position)
+        assert np.array_equal(begun.velocity, np.zeros((3, 2)))
 
     def test_no_step(self) -> None:
         simulation = Simulation(column(2))

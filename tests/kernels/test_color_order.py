@@ -4,43 +4,16 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from graphs import complete, first_fit_colors
+from graphs import first_fit_colors
 from optimality import solve_one_step
-from same_bits import assert_same_bits
 from sample_scenes import SUDDEN, random_scene
 from simulate import Simulate
+from swept_order import step_both, swept_pairs
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import IntArray
 from warpgrains.reference.reference import Reference
 
 MakeReference = Callable[..., Reference]
-
-
-def swept_pairs(simulation: Simulation) -> IntArray:
-    """Read in which order the last step swept its pairs, shape (m, 2)."""
-    records = simulation._engine._records
-    listed = records.host["contacts"]["count"]["pairs"][0]
-    if records.sizes.has_strips:
-        return records.array(0, "workspace.sequence")[:listed, :2]
-    pairs = records.array(0, "contacts.pairs")[:listed]
-    return np.stack([pairs["i"], pairs["j"]], axis=1)
-
-
-def full_order(simulation: Simulation) -> IntArray:
-    """The pairs as swept, then all pairs that were left out, which must stay silent, then all walls."""
-    n, swept = simulation.scene.n, swept_pairs(simulation)
-    listed = {tuple(pair) for pair in swept.tolist()}
-    silent = [pair for pair in complete(n).tolist() if tuple(pair) not in listed]
-    walls = [(i, -1) for i in range(n)]
-    return np.array([*swept.tolist(), *silent, *walls], np.int32)
-
-
-def step_both(simulation: Simulation, reference: Reference, steps: int) -> None:
-    for _ in range(steps):
-        report = simulation.step()
-        assert (report.iterations, report.zeta) == reference.step(full_order(simulation))
-        assert_same_bits(simulation, reference)
 
 
 @pytest.mark.parametrize("name", ["annulus", "column", "no_inner_wall", "polydisperse"])

@@ -37,6 +37,8 @@ class Case:
         In words.
     outcome : callable, optional
         Asserts of the last state what the words say.
+    refused : bool
+        Whether a round wall refuses its first step: grains that are parted fly out of its circle.
     then : dict
         What changes in the scene once it has run so many steps; it then goes on for as many again.
     """
@@ -47,6 +49,7 @@ class Case:
     long_steps: int
     expectation: str
     outcome: Callable[[Simulation], None] = lambda simulation: None
+    refused: bool = False
     then: dict[str, Any] = field(default_factory=dict)
 
 
@@ -109,7 +112,8 @@ CASES = (
     Case("cloud falling on a pile", falling_cloud, 40, 200, "nothing is shot through"),
     Case("masses 1:1,000,000, squeezed", squeezed_light_grains, 40, 200, "the light shoot out"),
     Case("thirty grains in one place", explosion, 40, 200, "no overlap outlives a step"),
-    Case("deep overlap", overlapping, 40, 200, "no overlap outlives a step"),
+    Case("deep overlap", overlapping, 40, 200, "no overlap outlives a step", refused=True),
+    Case("overlap", partial(heap, 60, spacing=1.8), 40, 200, "no overlap outlives a step"),
     Case("small grain past the origin", partial(past_the_origin, 0.1), 20, 20, "flies on", flies_on),
     Case("large grain past the origin", partial(past_the_origin, 0.8), 60, 60, "stops", stops_at_the_wall),
     Case("tight grain past the origin", partial(past_the_origin, 0.98), 60, 60, "stops", stops_at_the_wall),

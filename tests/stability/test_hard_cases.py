@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from cases import CASES, CROWDED, Case, Crowded
 from invariants import checked_step
+from schemes import SCHEMES
 
-from warpgrains import Scene, Simulation
+from warpgrains import Scene, Simulation, SimulationError
 
 TOLERANCE = 1e-8  # m/s, of the residual
-MAX_ITERATIONS = 200_000
+MAX_ITERATIONS = 500_000
 
 
 def simulate(scene: Scene, **changes: Any) -> Simulation:
@@ -18,9 +19,14 @@ def simulate(scene: Scene, **changes: Any) -> Simulation:
     return Simulation(scene, tolerance=TOLERANCE, **{**solver, **changes})
 
 
-def run(case: Case, steps: int, order: str) -> None:
+def run(case: Case, steps: int, order: str, scheme: dict[str, str]) -> None:
     """Run a case, and once more if something changes on the way."""
-    simulation = simulate(case.scene(), order=order)
+    simulation = simulate(case.scene(), order=order, **scheme)
+    if case.refused and scheme["wall"] == "round":
+        with pytest.raises(SimulationError, match=r"step 1, .*: grain \d+ .* leaves the circle of"):
+            simulation.step()
+        assert np.array_equal(simulation.position, simulation.scene.position)
+        return
     take(simulation, steps)
     if case.then:
         state = simulation.state()
@@ -36,20 +42,23 @@ def take(simulation: Simulation, steps: int) -> None:
         assert report.converged, f"step {step}: {report}"
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_hard_case(case: Case) -> None:
-    run(case, case.steps, "sequential")
+def test_hard_case(case: Case, scheme: dict[str, str]) -> None:
+    run(case, case.steps, "sequential", scheme)
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_hard_case_for_long(case: Case) -> None:
-    run(case, case.long_steps, "color")
+def test_hard_case_for_long(case: Case, scheme: dict[str, str]) -> None:
+    run(case, case.long_steps, "color", scheme)
 
 
+@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("case", CROWDED, ids=lambda case: case.name)
-def test_infeasible_case(case: Crowded) -> None:
-    simulation = simulate(case.scene(), max_iterations=2000)
+def test_infeasible_case(case: Crowded, scheme: dict[str, str]) -> None:
+    simulation = simulate(case.scene(), max_iterations=2000, **scheme)
     for _ in range(3):
         report = simulation.step()
         assert not report.converged

@@ -6,10 +6,11 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.scheme import kick_of
 
 
 def kinetic_energy(of: Snapshot | HasState) -> float:
-    """Return the sum of m v^2 / 2 [J]."""
+    """Return the sum of m v^2 / 2 [J]; in the leapfrog scheme, half a step before the other quantities."""
     moment = snapshot(of)
     return float(0.5 * (moment.scene.mass * (moment.velocity**2).sum(axis=1)).sum())
 
@@ -44,7 +45,7 @@ class EnergyBalance(NamedTuple):
 
     gravity_work: float
     """What gravity gave: what the potential energy has lost, but for a part proportional to dt, for a step
-    moves grains with the velocities at its end."""
+    moves grains with the velocities at its end, and velocities of the leapfrog are half a step behind."""
     drag_loss: float
     """What drag took."""
     contact_loss: float
@@ -56,20 +57,19 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
 
     From v before the step to v' after it, m (v' - v) = dt F, so the kinetic energy changes by
     dt F . (v + v') / 2: each force has its share. With the free velocity v* = v' - dt F_contacts / m, v
-    follows from v* = v + dt (g - drag / m v) (kernels/MODEL.md, eq. 2).
+    follows from kernels/MODEL.md, eq. 2, or 16 and 17.
     """
     moment = snapshot(of)
     if moment.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
     scene, mass = moment.scene, moment.scene.mass[:, np.newaxis]
     gravity, force = np.array(scene.gravity), contact_forces(moment)
-    free = moment.velocity - scene.dt * force / mass
-    before = (free - scene.dt * gravity) / (1.0 - scene.dt * scene.drag / mass)
-    path = 0.5 * scene.dt * (before + moment.velocity)
+    kick = kick_of(scene, moment.velocity - scene.dt * force / mass, staggered=moment.steps > 1)
+    mean = 0.5 * (kick.before + moment.velocity)
     return EnergyBalance(
-        gravity_work=float((mass * path * gravity).sum()),
-        drag_loss=float((scene.drag * before * path).sum()),
-        contact_loss=float(-(force * path).sum()),
+        gravity_work=float((kick.time * mass * mean * gravity).sum()),
+        drag_loss=float((scene.drag * kick.path * mean).sum()),
+        contact_loss=float(-(scene.dt * force * mean).sum()),
     )
 
 

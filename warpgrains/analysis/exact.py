@@ -28,6 +28,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.scheme import free_velocity
 
 TOLERANCE = 1e-14  # asked of the library, which stops where rounding does not let it go further
 REGULARIZATION = 1e-12  # of its matrix: with its default, 1e-8, it stops at a gap of some 1e-6
@@ -46,26 +47,32 @@ class LinearConstraints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StepProblem:
-    """A step from where it starts: centres [m] and velocities [m/s], shape (n, 2)."""
+    """A step from where it starts: centres [m] and velocities [m/s], shape (n, 2), and of which moment."""
 
     scene: Scene
     position: FloatArray
     velocity: FloatArray
+    staggered: bool = False
+    """As in `State`."""
 
     @property
     def free_velocity(self) -> FloatArray:
-        """v* = v + dt (g - drag / m v) (eq. 2) [m/s], shape (n, 2)."""
-        scene, v = self.scene, self.velocity
-        return v + scene.dt * (np.array(scene.gravity) - (scene.drag / scene.mass)[:, np.newaxis] * v)
+        """v* (eq. 2, or 16 and 17) [m/s], shape (n, 2)."""
+        return free_velocity(self.scene, self.velocity, self.staggered)
 
-    def constraints(self, speed: FloatArray) -> LinearConstraints:
-        """Return all constraints that velocities can violate if no grain is faster than its speed [m/s]."""
+    def constraints(self, speed: FloatArray, sliding: FloatArray) -> LinearConstraints:
+        """Return all constraints that velocities can violate if no grain is faster than its speed [m/s].
+
+        Where the outer wall is round, its gaps are those of grains that slide with these velocities [m/s],
+        shape (n, 2) (eq. 18).
+        """
         scene, position, reach = self.scene, self.position, self.scene.dt * speed
         i, j = pairs_within(position, scene.radius, reach).T
         normal = pair_normals(position, i, j)
         rows = [_rows(scene.n, i, normal) - _rows(scene.n, j, normal)]  # (v_i - v_j) . n <= gap / dt
         gaps = [pair_gaps(position, scene.radius, i, j)]
-        for wall in scene.walls.seen_from(position, scene.radius):  # v . n <= gap / dt, n into the wall
+        walls = scene.walls.seen_from(position, scene.radius, scene.dt * sliding)
+        for wall in walls:  # v . n <= gap / dt, n into the wall
             i = np.flatnonzero(wall.gap <= reach)
             rows.append(_rows(scene.n, i, wall.normal[i]))
             gaps.append(wall.gap[i])
@@ -117,7 +124,8 @@ class _Projection(NamedTuple):
 def solve_exactly(problem: StepProblem, velocity: FloatArray) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
-    Velocities that the exact ones are expected near spare a search [m/s], shape (n, 2).
+    Velocities that the exact ones are expected near spare a search [m/s], shape (n, 2). A round wall has the
+    gaps that it leaves to these: they solve the step if they are what is found.
 
     Raises
     ------
@@ -126,7 +134,7 @@ def solve_exactly(problem: StepProblem, velocity: FloatArray) -> ExactStep:
     """
     speed = REACH * np.maximum(np.hypot(*problem.free_velocity.T), np.hypot(*velocity.T))
     while True:
-        exact = _solve(problem, problem.constraints(speed))
+        exact = _solve(problem, problem.constraints(speed, velocity))
         found = np.hypot(*exact.velocity.T)
         if (found <= speed).all():  # whoever is not constrained is out of reach
             return exact

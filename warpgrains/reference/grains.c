@@ -1,4 +1,4 @@
-/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), as they stand there.
+/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), and (16) to (18), as they stand there.
  *
  * Build with -ffp-contract=off, so that a product and a sum are rounded one after the other. */
 
@@ -17,6 +17,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->gravity[0] = 0.0;
     theGrains->gravity[1] = -9.81;
     theGrains->gamma = 0.5;
+    theGrains->leapfrog = theGrains->staggered = theGrains->round = 0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
     theGrains->vx = calloc(n, sizeof(double));
@@ -69,6 +70,13 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double dt, in
     return fabs(dv);
 }
 
+/* By how much grain i comes out of the circle on which it touches the outer wall, on its way along it. */
+static double sagitta(const femGrains *g, int i, double nx, double ny, double dt) {
+    double room = g->radiusOut - g->r[i];
+    double path = dt * (nx * g->vy[i] - ny * g->vx[i]);
+    return room - sqrt(fmax(0.0, room * room - path * path));
+}
+
 /* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns |dv|. */
 static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter) {
     double r = sqrt(g->x[i] * g->x[i] + g->y[i] * g->y[i]);
@@ -79,7 +87,9 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         double vn = g->vx[i] * nx + g->vy[i] * ny;
         double gapOut = g->radiusOut - r - g->r[i];
         double gapIn = r - g->radiusIn - g->r[i];
-        double dvOut = fmax(0.0, vn + *dvb - gapOut / dt);
+        double rateOut = gapOut / dt;
+        if (g->round) rateOut -= sagitta(g, i, nx, ny, dt) / dt;
+        double dvOut = fmax(0.0, vn + *dvb - rateOut);
         double dvIn = g->radiusIn > 0.0 ? fmax(0.0, -vn - *dvb - gapIn / dt) : 0.0;
         dv = dvOut - dvIn - *dvb;
         *dvb += dv;
@@ -117,13 +127,20 @@ double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, in
     return zeta;
 }
 
+/* A component of the velocity of a grain of mass m without contacts. */
+static double freeVelocity(const femGrains *g, double v, double gravity, double m, double dt) {
+    double a = g->gamma * dt / (2.0 * m);
+    if (!g->leapfrog) return v + dt * (gravity - g->gamma / m * v);
+    if (!g->staggered) return (v + 0.5 * dt * gravity) / (1.0 + a);
+    return ((1.0 - a) * v + dt * gravity) / (1.0 + a);
+}
+
 void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax) {
     int n = myGrains->n;
-    double *gravity = myGrains->gravity;
     for (int i = 0; i < n; i++) {
-        double drag = myGrains->gamma / myGrains->m[i];
-        myGrains->vx[i] += dt * (gravity[0] - drag * myGrains->vx[i]);
-        myGrains->vy[i] += dt * (gravity[1] - drag * myGrains->vy[i]);
+        double m = myGrains->m[i];
+        myGrains->vx[i] = freeVelocity(myGrains, myGrains->vx[i], myGrains->gravity[0], m, dt);
+        myGrains->vy[i] = freeVelocity(myGrains, myGrains->vy[i], myGrains->gravity[1], m, dt);
     }
 
     femGrainsContactIterate(myGrains, dt, 0);
@@ -138,4 +155,5 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
         myGrains->x[i] += dt * myGrains->vx[i];
         myGrains->y[i] += dt * myGrains->vy[i];
     }
+    myGrains->staggered = myGrains->leapfrog;
 }

@@ -4,6 +4,7 @@ typedef struct {
     int n;
     double radiusIn, radiusOut, gravity[2], gamma;
     double *x, *y, *vx, *vy, *r, *m, *dvBoundary, *dvContacts;
+    int leapfrog, staggered, round; /* not the text's: scheme, whether v is half a step behind, outer wall */
 } femGrains;
 
 /* A contact of grain i: with grain j > i, or with the walls where j < 0. */

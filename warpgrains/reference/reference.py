@@ -12,6 +12,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import State
 
 SOURCE = Path(__file__).parent / "grains.c"
@@ -32,6 +33,7 @@ class Grains(ctypes.Structure):
         ("gravity", ctypes.c_double * 2),
         ("gamma", ctypes.c_double),
         *((name, _Doubles) for name in (*_PER_GRAIN, "dvContacts")),
+        *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round")),
     )
 
 
@@ -74,8 +76,10 @@ class Reference:
         pointers = [array.ctypes.data_as(_Doubles) for array in self._arrays.values()]
         gravity = (ctypes.c_double * 2)(*scene.gravity)
         self._grains = Grains(n, scene.radius_in, scene.radius_out, gravity, scene.drag, *pointers)
+        self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", scene.wall == "round"
         if state is not None:
             arrays, corrections = self._arrays, state.corrections
+            self._grains.staggered = state.staggered
             arrays["x"][:], arrays["y"][:] = state.position.T
             arrays["vx"][:], arrays["vy"][:] = state.velocity.T
             arrays["dvContacts"][pair_index(corrections.pair, n)] = corrections.pair_correction
@@ -92,8 +96,8 @@ class Reference:
         `order`: contacts (i, j), or (i, -1) for the walls, if not in the text's order; shape (m, 2).
         """
         scene, arrays = self._scene, self._arrays
-        for name, gravity in zip(("vx", "vy"), scene.gravity, strict=True):
-            arrays[name] += scene.dt * (gravity - scene.drag / arrays["m"] * arrays[name])
+        free = free_velocity(scene, self.velocity, bool(self._grains.staggered))
+        arrays["vx"][:], arrays["vy"][:] = free.T
         self._iterate(0, order)
         iterations, zeta = 0, np.inf
         while iterations < scene.max_iterations and zeta > scene.tolerance:
@@ -101,6 +105,7 @@ class Reference:
             zeta = self._iterate(iterations, order)
         arrays["x"] += scene.dt * arrays["vx"]
         arrays["y"] += scene.dt * arrays["vy"]
+        self._grains.staggered = self._grains.leapfrog
         return iterations, zeta
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:

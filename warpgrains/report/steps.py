@@ -91,7 +91,7 @@ def follow_history(scene: Scene, longest: int) -> History:
 
 def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[StepRow]:
     """Solve the step after a snapshot in every configuration, with ever more iterations."""
-    problem = StepProblem(scene, snapshot.state.position, snapshot.state.velocity)
+    problem = StepProblem(scene, snapshot.state.position, snapshot.state.velocity, snapshot.state.staggered)
     accurate = Simulation(scene, **ACCURATE, tolerance=CONVERGED, max_iterations=CHECK_ITERATIONS)
     accurate.restore(snapshot.state)
     accurate.step()

@@ -65,7 +65,7 @@ def _discs(walls: Annulus, radius: FloatArray) -> tuple[Any, FloatArray]:
         "first": (np.cumsum(cells) - cells).astype(np.int32),
     }
     discs = _kernels().DiscsRecord()
-    discs.walls.radius_in, discs.walls.radius_out = walls
+    discs.walls.radius_in, discs.walls.radius_out = walls.radius_in, walls.radius_out
     discs.position = _shared(position, wp.vec2d)
     for name, array in arrays.items():
         setattr(discs, name, _shared(array, wp.dtype_from_numpy(array.dtype)))

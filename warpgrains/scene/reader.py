@@ -3,9 +3,9 @@
 ======== ===================================== ====================================================
 section  keys                                  meaning
 ======== ===================================== ====================================================
-domain   radius_in, radius_out                 walls [m]
+domain   radius_in, radius_out, wall           walls [m], see `Scene`
 physics  gravity, drag                         [m/s2], [kg/s]
-time     dt, duration                          [s]
+time     dt, duration, scheme                  [s], see `Scene`
 solver   tolerance, max_iterations, order,     see `Scene`
 ..       method, stop, on_unconverged
 grains   layout and the keys of that layout    see `layouts`
@@ -38,7 +38,7 @@ Table = dict[str, Any]
 SECTIONS = {
     "domain": Annulus._fields,
     "physics": ("gravity", "drag"),
-    "time": ("dt", "duration"),
+    "time": ("dt", "duration", "scheme"),
     "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
 }
 SOURCES = {

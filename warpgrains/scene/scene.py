@@ -15,6 +15,7 @@ from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.reader import read_scene
+from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.walls import Annulus
 from warpgrains.shown import Shown
 
@@ -50,12 +51,18 @@ class Scene(Shown):
         Radius [m] and mass [kg] of every grain, shape (n,), or one number for all.
     radius_in, radius_out
         Radii of the two walls [m]; `radius_in` 0 means that there is no inner wall.
+    wall
+        What the outer wall is within a step: its "tangent", the text's, which a grain that slides along it
+        leaves by (v dt)^2 / (2 radius_out), or "round": it ends on the circle.
     gravity
         Acceleration of gravity, two components [m/s2].
     drag
         Linear drag coefficient [kg/s].
     dt
         Time step [s].
+    scheme
+        How velocities go on in time: "text", of first order in dt, or "leapfrog", of second order, whose
+        velocities are those of the middle of a step (see `State`).
     duration
         Simulated time of a whole run [s].
     tolerance
@@ -89,9 +96,11 @@ class Scene(Shown):
     mass: FloatArray
     radius_in: float = 0.0
     radius_out: float
+    wall: str = "tangent"
     gravity: tuple[float, float] = (0.0, -9.81)
     drag: float = 0.0
     dt: float = 0.01
+    scheme: str = "text"
     duration: float = 1.0
     tolerance: float = 1e-6
     max_iterations: int = 10_000
@@ -113,9 +122,11 @@ class Scene(Shown):
             mass: ArrayLike,
             radius_in: float = 0.0,
             radius_out: float,
+            wall: str = "tangent",
             gravity: Sequence[float] | FloatArray = (0.0, -9.81),
             drag: float = 0.0,
             dt: float = 0.01,
+            scheme: str = "text",
             duration: float = 1.0,
             tolerance: float = 1e-6,
             max_iterations: int = 10_000,
@@ -183,7 +194,7 @@ class Scene(Shown):
     @property
     def walls(self) -> Annulus:
         """What the grains are in."""
-        return Annulus(self.radius_in, self.radius_out)
+        return Annulus(self.radius_in, self.radius_out, self.wall)
 
     @property
     def stops_on_residual(self) -> bool:
@@ -215,7 +226,7 @@ class Scene(Shown):
         n = len(position)
         if len(velocity) != n:
             raise SceneError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
-        walls = Annulus.checked(self.radius_in, self.radius_out)
+        walls = Annulus.checked(self.radius_in, self.radius_out, self.wall)
         checked = {
             "position": position,
             "velocity": velocity,
@@ -225,6 +236,7 @@ class Scene(Shown):
             "gravity": checks.vector("gravity", self.gravity),
             "drag": checks.not_negative("drag", self.drag),
             "dt": checks.positive("dt", self.dt),
+            "scheme": checks.one_of("scheme", self.scheme, SCHEMES),
             "duration": checks.positive("duration", self.duration),
             "tolerance": checks.not_negative("tolerance", self.tolerance),
             "max_iterations": checks.whole_number("max_iterations", self.max_iterations),
@@ -248,13 +260,18 @@ class Scene(Shown):
 
     def _check_drag_step(self) -> None:
         with np.errstate(over="ignore"):
-            reversing = self.drag * self.dt / self.mass >= 1.0
-        if reversing.any():
-            lightest = int(np.argmin(self.mass))
-            mass = self.mass[lightest].item()
+            lost = self.drag * self.dt / self.mass  # of a velocity in a step of the text's scheme, as a share
+        lightest = int(np.argmin(self.mass))
+        mass = self.mass[lightest].item()
+        if self.scheme == "text" and (lost >= 1.0).any():
             raise SceneError(
                 f"dt is {self.dt} s: in one step, drag {self.drag} kg/s would turn round grain {lightest}"
-                f" of mass {mass} kg; dt must be less than {mass / self.drag} s"
+                f' of mass {mass} kg; dt must be less than {mass / self.drag} s, or scheme "leapfrog"'
+            )
+        if not np.isfinite(lost).all():
+            raise SceneError(
+                f"drag is {self.drag} kg/s: times dt, {self.dt} s, it is no number in masses of"
+                f" grain {lightest}, {mass} kg"
             )
 
 

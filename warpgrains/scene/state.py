@@ -74,11 +74,15 @@ class State:
     steps : int
         Steps done since the start.
     position, velocity : ndarray
-        [m] and [m/s], shape (n, 2).
+        [m] and [m/s], shape (n, 2). A velocity is that with which the last step moved its grain.
     corrections : Corrections
         What the contacts carry.
     lists : VerletList or None
         What was listed; without it, a run in color order continues with an order of its own.
+    staggered : bool
+        Whether velocities are half a step behind positions: those of the middle of the last step, as after
+        any step of the leapfrog scheme, which goes on from them by a whole kick, and from others by half of
+        one. The text's scheme takes them as they are.
     """
 
     steps: int
@@ -86,6 +90,7 @@ class State:
     velocity: FloatArray
     corrections: Corrections
     lists: VerletList | None = None
+    staggered: bool = False
 
 
 def first_state(scene: Scene) -> State:
@@ -98,6 +103,7 @@ def require_state(state: State, n: int) -> None:
     """Raise SceneError unless a simulation of n grains can continue from a state."""
     _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
+    checks.truth("staggered", state.staggered)
     for name in ("position", "velocity"):
         _require_array(name, getattr(state, name), np.float64, (n, 2))
         checks.require_finite(f"{name} of the state, that", getattr(state, name))

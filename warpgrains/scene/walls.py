@@ -12,6 +12,8 @@ from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import ROUNDING, area_below, distance
 
+WALLS = ("tangent", "round")
+
 
 class Wall(NamedTuple):
     """One wall, as each grain sees it."""
@@ -31,11 +33,17 @@ class Annulus(NamedTuple):
     """Radius of the inner wall [m]; 0 means that there is none."""
     radius_out: float
     """Radius of the outer wall [m]."""
+    wall: str = "tangent"
+    """What the outer wall is within a step: its "tangent", or "round"."""
 
     @classmethod
-    def checked(cls, radius_in: Any, radius_out: Any) -> Self:
-        """Return the annulus of two values; raise SceneError unless 0 <= radius_in < radius_out."""
-        walls = cls(checks.not_negative("radius_in", radius_in), checks.positive("radius_out", radius_out))
+    def checked(cls, radius_in: Any, radius_out: Any, wall: Any = "tangent") -> Self:
+        """Return the annulus of these values; raise SceneError unless 0 <= radius_in < radius_out."""
+        walls = cls(
+            checks.not_negative("radius_in", radius_in),
+            checks.positive("radius_out", radius_out),
+            checks.one_of("wall", wall, WALLS),
+        )
         if walls.radius_in >= walls.radius_out:
             raise SceneError(
                 f"radius_in is {walls.radius_in} m: it must be less than radius_out, {walls.radius_out} m"
@@ -67,10 +75,20 @@ class Annulus(NamedTuple):
         """A gap within it of zero is a touch, not an overlap [m]."""
         return ROUNDING * self.radius_out
 
-    def seen_from(self, position: FloatArray, radius: FloatArray) -> list[Wall]:
-        """Return each wall as seen by grains at these positions [m], shape (n, 2), of these radii [m]."""
+    def seen_from(
+        self, position: FloatArray, radius: FloatArray, move: FloatArray | None = None
+    ) -> list[Wall]:
+        """Return each wall as seen by grains at these positions [m], shape (n, 2), of these radii [m].
+
+        For grains that move by so much in a step [m], shape (n, 2), a round wall has the gaps of eq. 18.
+        """
         rho, normal = distance(position), outward(position)
-        walls = [Wall(1.0, normal, self.radius_out - rho - radius)]
+        gap = self.radius_out - rho - radius
+        if move is not None and self.wall == "round":
+            room = self.radius_out - radius
+            path = normal[:, 0] * move[:, 1] - normal[:, 1] * move[:, 0]
+            gap = gap - (room - np.sqrt(np.maximum(0.0, room**2 - path**2)))
+        walls = [Wall(1.0, normal, gap)]
         if self.radius_in > 0.0:
             walls.append(Wall(-1.0, -normal, rho - self.radius_in - radius))
         return walls

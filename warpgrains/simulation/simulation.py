@@ -1,7 +1,7 @@
 """Simulation: one scene, step by step."""
 
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError, SimulationError
@@ -23,6 +23,17 @@ from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.tuning import find_device, threads_for
+
+
+class StepStart(NamedTuple):
+    """Where a step began."""
+
+    position: FloatArray
+    """Centres [m], shape (n, 2)."""
+    velocity: FloatArray
+    """[m/s], shape (n, 2)."""
+    staggered: bool
+    """Whether the velocities were those of the middle of the step before, see `State`."""
 
 
 class Simulation(Shown):
@@ -199,11 +210,14 @@ class Simulation(Shown):
 
     @property
     def velocity(self) -> FloatArray:
-        """Velocities of the grains [m/s], shape (n, 2); a copy."""
+        """Velocities with which the last step moved the grains [m/s], shape (n, 2); a copy.
+
+        In the leapfrog scheme they are those of the middle of that step, half a step behind the positions.
+        """
         return self._engine.grains(0, "velocity")
 
-    def last_start(self) -> tuple[FloatArray, FloatArray]:
-        """Return where the last step began: centres [m] and velocities [m/s], shape (n, 2); copies.
+    def last_start(self) -> StepStart:
+        """Return where the last step began.
 
         Raises
         ------
@@ -212,7 +226,8 @@ class Simulation(Shown):
         """
         if not self._stepped:
             raise SimulationError("no step has been taken from this state: call step() first")
-        return self._engine.grains(0, "last_position"), self._engine.grains(0, "last_velocity")
+        position, velocity = (self._engine.grains(0, f"last_{name}") for name in ("position", "velocity"))
+        return StepStart(position, velocity, self._engine.last_staggered(0))
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains of the last step, those that carry a correction."""

@@ -11,11 +11,19 @@ from warpgrains.arrays import IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as kernels
 from warpgrains.kernels.gpu import Launcher
-from warpgrains.kernels.record import HALTED, NOT_CONVERGED, NOT_FINITE, SOLVED, UNPROVED, WITHOUT_ROOM
+from warpgrains.kernels.record import (
+    BEYOND_WALL,
+    HALTED,
+    NOT_CONVERGED,
+    NOT_FINITE,
+    SOLVED,
+    UNPROVED,
+    WITHOUT_ROOM,
+)
 from warpgrains.kernels.step import step
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State
-from warpgrains.solver.failures import not_converged, not_finite
+from warpgrains.solver.failures import beyond_wall, not_converged, not_finite
 from warpgrains.solver.infeasible import (
     InfeasibilityProof,
     find_infeasibility_proof,
@@ -29,7 +37,7 @@ from warpgrains.solver.threads import side_by_side, team_of
 CPU_BLOCK = 1  # threads in which Warp compiles a kernel for a CPU
 BRIEF = 2e7  # iterations of grains: some tenths of a second
 REFUSED = -1  # outcome of a step whose list finds no memory
-FAILURES = (NOT_FINITE, NOT_CONVERGED, REFUSED)
+FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, REFUSED)
 
 
 class Engine:
@@ -115,6 +123,10 @@ class Engine:
     def grains(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return an array of the grains of scene k, such as "position"; a copy."""
         return self._pulled(k).array(f"grains.{name}").copy()
+
+    def last_staggered(self, k: int) -> bool:
+        """Return whether the velocities of scene k were half a step behind before its last good step."""
+        return self._pulled(k).moment("last_staggered")
 
     def corrections(self, k: int) -> Corrections:
         """Return what the contacts of scene k carry after its last good step."""
@@ -252,9 +264,12 @@ class Engine:
         memory, scene = self._memory[k], self.scenes[k]
         if self.outcome[k] == REFUSED:
             return self._errors[k]
-        if self.outcome[k] == NOT_FINITE:
+        if self.outcome[k] in (NOT_FINITE, BEYOND_WALL):
             grain = int(memory.record["verlet"]["flags"]["bad_grain"])
-            return not_finite(grain, memory.array("grains.next_velocity")[grain].tolist())
+            velocity = memory.array("grains.next_velocity")[grain].tolist()
+            if self.outcome[k] == NOT_FINITE:
+                return not_finite(grain, velocity)
+            return beyond_wall(scene, grain, velocity)
         proof = self._find_proof(k, "position", "next_velocity")
         iterations, zeta, residual = (
             memory.record["step"][name].item() for name in ("iterations", "zeta", "residual")

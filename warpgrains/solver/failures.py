@@ -16,6 +16,15 @@ def not_finite(grain: int, velocity: list[float]) -> str:
     return f"grain {grain} reached a velocity of {velocity} m/s"
 
 
+def beyond_wall(scene: Scene, grain: int, velocity: list[float]) -> str:
+    """Say which grain moves along the round wall by more than its circle is wide [m]."""
+    circle = scene.radius_out - scene.radius[grain].item()
+    return (
+        f"grain {grain} reached a velocity of {velocity} m/s along the round wall: in a step of {scene.dt} s,"
+        f" it leaves the circle of {circle} m on which it touches the wall"
+    )
+
+
 def not_converged(
     scene: Scene, iterations: int, zeta: float, residual: float, proof: InfeasibilityProof | None
 ) -> str:

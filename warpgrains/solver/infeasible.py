@@ -14,6 +14,8 @@ step has no solution.
 Such weights are the positive part of J v - b where 1/2 |max(0, J v - b)|^2 is least: its gradient J^T y is
 zero there, and b . y = -|y|^2. The velocities that Gauss-Seidel leaves behind are near that place, so the
 search begins from them, by nonlinear conjugate gradients (Polak and Ribiere 1969) with exact line search.
+
+A round wall leaves smaller gaps than its tangent, whose are proved upon: what the tangent refuses, it does.
 """
 
 from dataclasses import dataclass

@@ -10,7 +10,6 @@ import warp as wp
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.types import VerletNumbers
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.walls import Annulus
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Counts, Layout, Sizes, bytes_needed, fields, grid_width
 from warpgrains.solver.memory import require_memory
@@ -67,8 +66,10 @@ class SceneRecords:
         host, scenes, sizes = self.host, self._scenes, self.sizes
         for name in ("gravity", "drag", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
-        for name in Annulus._fields:
+        for name in ("radius_in", "radius_out"):
             host["walls"][name] = [getattr(scene, name) for scene in scenes]
+        host["walls"]["round"] = [scene.wall == "round" for scene in scenes]
+        host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("smallest_radius", "room", "acceleration", "rounding", "tile", "monitor_threshold"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE

@@ -77,7 +77,11 @@ class SceneMemory:
             scalar=numbers[6:],
         )
         position, velocity = self.array("grains.position").copy(), self.array("grains.velocity").copy()
-        return State(steps, position, velocity, self.corrections(), lists)
+        return State(steps, position, velocity, self.corrections(), lists, self.moment("staggered"))
+
+    def moment(self, name: str) -> bool:
+        """Return a flag of the record's scheme, such as "last_staggered"."""
+        return bool(self.record["scheme"][name])
 
     def load(self, state: State) -> None:
         """Continue from a state."""
@@ -100,6 +104,7 @@ class SceneMemory:
         record["control"] = 0
         record["control"]["unordered"] = lists is not None
         record["to_search"] = 0
+        record["scheme"]["staggered"] = state.staggered
 
     def _forget_list(self) -> None:
         """Let the next step ask for a list: no skin suffices."""

@@ -17,7 +17,7 @@ _THICKNESS = 0.02  # of radius_out
 def define_walls(stage: Usd.Stage, walls: Annulus) -> None:
     """Author the prims of the walls, outside the space that they leave to the grains."""
     UsdGeom.Xform.Define(stage, WALLS)
-    radius_in, radius_out = walls
+    radius_in, radius_out = walls.radius_in, walls.radius_out
     thickness = _THICKNESS * radius_out
     _define_ring(stage, WALLS.AppendChild("Outer"), radius_out, radius_out + thickness)
     if radius_in > 0:

@@ -1,0 +1,225 @@
+"""Half steps and a round wall: the reference's bits, orders in dt, the circle, and what is refused."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from launched import launched_state
+from same_bits import contents
+from sample_scenes import SUDDEN, random_scene
+from schemes import SECOND_ORDER, TEXTS
+from scipy.special import ellipj, ellipk
+from swept_order import step_both
+
+from warpgrains import Batch, Scene, Simulation, SimulationError
+from warpgrains.arrays import FloatArray
+from warpgrains.reference.reference import Reference
+from warpgrains.scene.scene import METHODS, ORDERS
+
+EPS = np.finfo(float).eps
+GRAVITY = 9.81
+
+MakeReference = Callable[..., Reference]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("seed", range(9))
+def test_random_scene_has_the_bits_of_the_reference(reference: MakeReference, seed: int, order: str) -> None:
+    scene = random_scene(seed).replace(order=order, **SECOND_ORDER)
+    step_both(Simulation(scene), reference(scene), steps=60)
+
+
+@pytest.mark.parametrize("make", SUDDEN)
+def test_nothing_is_pruned_that_acts(reference: MakeReference, make: Callable[[], Scene]) -> None:
+    """Steps that are solved again, with fast grains at the round wall."""
+    scene = make().replace(**SECOND_ORDER)
+    step_both(Simulation(scene), reference(scene), steps=25)
+
+
+@pytest.mark.parametrize("name", ["scheme", "wall"])
+def test_either_alone(reference: MakeReference, name: str) -> None:
+    """A leapfrog in tangents, and the text's scheme at a round wall."""
+    scene = Scene.load("no_inner_wall").replace(**(TEXTS | {name: SECOND_ORDER[name]}))
+    step_both(Simulation(scene), reference(scene), steps=80)
+
+
+def test_drag_too_stiff_for_the_text(reference: MakeReference) -> None:
+    scene = Scene.load("annulus").replace(scheme="leapfrog")
+    scene = scene.replace(drag=40.0 * scene.mass[0] / scene.dt)
+    step_both(Simulation(scene), reference(scene), steps=40)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_same_bits_however_it_is_run(method: str) -> None:
+    scene = Scene.load("no_inner_wall").replace(method=method, order="color", **SECOND_ORDER)
+    simulation = Simulation(scene)
+    simulation.advance(60)
+    batch = Batch([Scene.load("annulus"), scene], threads=1)
+    batch.run(duration=60 * scene.dt)
+    strips = Simulation(scene, threads=2)
+    strips.advance(60)
+    states = (launched_state(scene, 60), batch.state(1), strips.state())
+    for state in states:
+        assert state.staggered
+        for name in ("position", "velocity", "corrections"):
+            assert contents(getattr(state, name)) == contents(getattr(simulation.state(), name))
+
+
+def orders(errors: list[float]) -> FloatArray:
+    """Orders in dt of errors at steps each half as long as the one before."""
+    return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+
+
+@pytest.mark.parametrize("rate", [0.0, 2.0, 30.0])
+def test_flight_with_drag(rate: float) -> None:
+    """x = x_0 + w t + (v_0 - w) (1 - exp(-k t)) / k, w = g / k; x_0 + v_0 t + g t^2 / 2 without drag."""
+    x0, v0, g, end = np.array([0.3, 5.0]), np.array([1.5, -0.5]), np.array([0.4, -GRAVITY]), 0.2
+    exact = x0 + v0 * end + g * end**2 / 2.0
+    if rate:
+        exact = x0 + g / rate * end + (v0 - g / rate) * (1.0 - np.exp(-rate * end)) / rate
+    errors = []
+    for steps in (50, 100, 200, 400):
+        scene = Scene(
+            position=[x0],
+            velocity=[v0],
+            radius=0.1,
+            mass=0.5,
+            radius_out=90.0,
+            gravity=tuple(g),
+            drag=0.5 * rate,
+            dt=end / steps,
+            scheme="leapfrog",
+        )
+        flight = Simulation(scene)
+        flight.advance(steps)
+        errors.append(np.abs(flight.position - exact).max())
+    if rate:
+        assert (orders(errors) >= 1.9).all()
+    else:  # a step rounds v twice and x twice, all less than 16
+        assert max(errors) <= 400 * 400 * 4 * EPS * 16.0 * (end / 400)
+
+
+def pendulum(dt: float, **changes: str) -> Scene:
+    """A grain in an empty bowl, at rest 1 rad from its lowest point, 0.9 m from the centre."""
+    grain = {"position": [[0.9 * np.sin(1.0), -0.9 * np.cos(1.0)]], "radius": 0.1, "mass": 0.2}
+    return Scene(**grain, radius_out=1.0, dt=dt, tolerance=1e-13, **(SECOND_ORDER | changes))
+
+
+def swing(time: float) -> float:
+    """The angle of a pendulum of 0.9 m, 1 rad at first: sin(angle / 2) = k sn(w t + K, k), k = sin(1 / 2)."""
+    k = np.sin(0.5)
+    sn = ellipj(np.sqrt(GRAVITY / 0.9) * time + ellipk(k**2), k**2)[0]
+    return 2.0 * np.arcsin(k * sn)
+
+
+@pytest.mark.parametrize("dt", [1e-1, 1e-2, 1e-3, 1e-4])
+def test_a_sliding_grain_stays_on_the_circle(dt: float) -> None:
+    simulation = Simulation(pendulum(dt))
+    steps = round(3.0 / dt)
+    statistics = simulation.advance(steps)
+    assert statistics.unconverged == 0
+    assert statistics.overlap <= 1e-12 * 0.1
+    assert abs(np.hypot(*simulation.position[0]) - 0.9) <= 1e-12 * 0.1
+
+
+def test_a_sliding_grain_is_a_pendulum() -> None:
+    errors = []
+    for dt in (0.02, 0.01, 0.005, 0.0025):
+        simulation = Simulation(pendulum(dt))
+        worst = 0.0
+        for step in range(1, round(4.0 / dt) + 1):
+            simulation.step()
+            x, y = simulation.position[0]
+            worst = max(worst, abs(np.arctan2(x, -y) - swing(step * dt)))
+        errors.append(worst)
+    assert (orders(errors) >= 1.9).all()
+    assert errors[-1] <= 1e-3
+
+
+def test_the_tangent_is_left_and_the_text_is_of_first_order() -> None:
+    """What the tests above can see: neither holds for the text's scheme."""
+    tangent = Simulation(pendulum(0.01, **TEXTS))
+    assert tangent.advance(100).overlap > 1e-4
+    errors = []
+    for dt in (0.01, 0.005, 0.0025):
+        simulation = Simulation(pendulum(dt, scheme="text"))
+        simulation.advance(round(0.5 / dt))
+        x, y = simulation.position[0]
+        errors.append(abs(np.arctan2(x, -y) - swing(0.5)))
+    assert (orders(errors) < 1.2).all()
+
+
+@pytest.mark.parametrize(("position", "sign"), [((0.0, -1.75), 1.0), ((0.0, 0.75), -1.0)])
+def test_wall_carries_a_grain(position: tuple[float, float], sign: float) -> None:
+    """A grain at rest stays where it is, to the bit; it is given half a kick first, and so is its wall."""
+    mass, dt = 0.5, 1.0 / 128.0
+    scene = Scene(
+        position=[position], radius=0.25, mass=mass, radius_in=0.5, radius_out=2.0, dt=dt, **SECOND_ORDER
+    )
+    simulation = Simulation(scene)
+    for kicks in (0.5, 1.0, 1.0):
+        assert simulation.step().converged
+        assert np.array_equal(simulation.position, [position])
+        assert np.array_equal(simulation.velocity, [(0.0, 0.0)])
+        assert simulation.wall_contacts().force[0] == sign * kicks * mass * GRAVITY
+
+
+def test_a_state_says_of_which_moment_its_velocities_are() -> None:
+    scene = Scene.load("annulus").replace(**SECOND_ORDER)
+    simulation = Simulation(scene)
+    start = simulation.state()
+    assert not start.staggered
+    simulation.advance(70)
+    kept = simulation.state()
+    assert kept.staggered
+    simulation.advance(30)
+    resumed, wrong = Simulation(scene), Simulation(scene)
+    resumed.restore(kept)
+    resumed.advance(30)
+    assert contents(resumed.state()) == contents(simulation.state())
+    wrong.restore(replace(kept, staggered=False))
+    wrong.advance(30)
+    assert not np.array_equal(wrong.position, simulation.position)
+    assert not Simulation(scene, **TEXTS).state().staggered
+
+
+def test_a_first_step_that_fails_leaves_the_first_kick_to_be_done() -> None:
+    scene = Scene.load("no_inner_wall").replace(max_iterations=1, on_unconverged="raise", **SECOND_ORDER)
+    simulation = Simulation(scene.replace(velocity=np.random.default_rng(0).normal(0.0, 3.0, (60, 2))))
+    with pytest.raises(SimulationError, match="not converged"):
+        simulation.step()
+    assert not simulation.state().staggered
+
+
+def fast(**changes: str) -> Scene:
+    """A grain at the wall, along which it would move by more than the circle of its centre is wide."""
+    return Scene(
+        position=[[0.0, 0.0001], [0.0, -0.9]],
+        velocity=[[0.0, 0.0], [95.0, 0.0]],
+        radius=0.1,
+        mass=1.0,
+        radius_out=1.0,
+        gravity=(0.0, 0.0),
+        **changes,
+    )
+
+
+def test_a_grain_that_leaves_the_circle_is_refused() -> None:
+    simulation = Simulation(fast(**SECOND_ORDER))
+    refusal = (
+        r"step 1, from t = 0.0 s: grain 1 reached a velocity of \[95.0, .*\] m/s along the round wall:"
+        r" in a step of 0.01 s, it leaves the circle of 0.9 m"
+    )
+    for _ in range(2):
+        with pytest.raises(SimulationError, match=refusal):
+            simulation.step()
+        assert np.array_equal(simulation.position, simulation.scene.position)
+        assert not simulation.state().staggered
+    Simulation(fast(**TEXTS)).step()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        summaries = Batch([fast(**SECOND_ORDER), Scene.load("annulus").replace(duration=0.1)]).run()
+    assert "leaves the circle" in summaries[0].error
+    assert summaries[1].error is None

@@ -1,0 +1,36 @@
+"""In which order a simulation sweeps its contacts, and the C reference held against it in that order."""
+
+import numpy as np
+from graphs import complete
+from same_bits import assert_same_bits
+
+from warpgrains import Simulation
+from warpgrains.arrays import IntArray
+from warpgrains.reference.reference import Reference
+
+
+def swept_pairs(simulation: Simulation) -> IntArray:
+    """Read in which order the last step swept its pairs, shape (m, 2)."""
+    records = simulation._engine._records
+    listed = records.host["contacts"]["count"]["pairs"][0]
+    if records.sizes.has_strips:
+        return records.array(0, "workspace.sequence")[:listed, :2]
+    pairs = records.array(0, "contacts.pairs")[:listed]
+    return np.stack([pairs["i"], pairs["j"]], axis=1)
+
+
+def full_order(simulation: Simulation) -> IntArray:
+    """The pairs as swept, then all pairs that were left out, which must stay silent, then all walls."""
+    n, swept = simulation.scene.n, swept_pairs(simulation)
+    listed = {tuple(pair) for pair in swept.tolist()}
+    silent = [pair for pair in complete(n).tolist() if tuple(pair) not in listed]
+    walls = [(i, -1) for i in range(n)]
+    return np.array([*swept.tolist(), *silent, *walls], np.int32)
+
+
+def step_both(simulation: Simulation, reference: Reference, steps: int) -> None:
+    """Hold every step against the reference, which visits the contacts in the same order."""
+    for _ in range(steps):
+        report = simulation.step()
+        assert (report.iterations, report.zeta) == reference.step(full_order(simulation))
+        assert_same_bits(simulation, reference)

@@ -1,0 +1,57 @@
+"""Time schemes: what a step makes of velocities before any contact acts (kernels/MODEL.md, "Half steps")."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+SCHEMES = ("text", "leapfrog")
+
+
+def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool) -> FloatArray:
+    """Return v* [m/s], shape (n, 2), of velocities with which a step begins (eqs. 2, 16, 17).
+
+    `staggered`: they are those of the middle of the last step, see `State`.
+    """
+    dt, gravity, drag = scene.dt, np.array(scene.gravity), scene.drag
+    mass = scene.mass[:, np.newaxis]
+    if scene.scheme == "text":
+        return velocity + dt * (gravity - drag / mass * velocity)
+    a = drag * dt / (2.0 * mass)
+    kicked = (1.0 - a) * velocity + dt * gravity if staggered else velocity + 0.5 * dt * gravity
+    return kicked / (1.0 + a)
+
+
+class Kick(NamedTuple):
+    """What made free velocities: m (v* - before) = time m g - drag path."""
+
+    before: FloatArray
+    """Velocities with which the step began [m/s], shape (n, 2)."""
+    time: float
+    """How long gravity acted [s]."""
+    path: FloatArray
+    """Velocity on which drag acted, times how long [m], shape (n, 2)."""
+
+
+def kick_of(scene: Scene, free: FloatArray, staggered: bool) -> Kick:
+    """Return what made these free velocities [m/s], shape (n, 2), the inverse of `free_velocity`.
+
+    There is none in a leapfrog where drag dt = 2 m, which leaves nothing of a velocity: it is not finite.
+    """
+    dt, gravity = scene.dt, np.array(scene.gravity)
+    rate = (scene.drag / scene.mass)[:, np.newaxis]
+    if scene.scheme == "text":
+        before = (free - dt * gravity) / (1.0 - dt * rate)
+        return Kick(before, dt, dt * before)
+    a = 0.5 * dt * rate
+    if not staggered:
+        return Kick((1.0 + a) * free - 0.5 * dt * gravity, 0.5 * dt, 0.5 * dt * free)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        before = ((1.0 + a) * free - dt * gravity) / (1.0 - a)
+    return Kick(before, dt, 0.5 * dt * (before + free))
