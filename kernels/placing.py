@@ -16,6 +16,14 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 @wp.struct
+class Box:
+    """What discs are to be in, beside the walls [m]."""
+
+    low: wp.vec2d
+    high: wp.vec2d
+
+
+@wp.struct
 class DiscsRecord:
     """Discs in the order in which they are placed, and the cells in which their centres are."""
 
@@ -28,6 +36,7 @@ class DiscsRecord:
     width: wp.array(dtype=wp.int32)  # cells a side
     first: wp.array(dtype=wp.int32)  # cell of a level
     walls: Walls
+    box: Box
 
 
 Discs = wp.ref[DiscsRecord]
@@ -69,7 +78,10 @@ def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
 
 @wp.func
 def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
-    """Whether disc i at x is between the walls, off the origin, and clear of all discs before."""
+    """Whether disc i at x is between the walls and in the box, off the origin, and clear of all before."""
+    r, box = discs.radius[i], discs.box
+    if wp.min(x - box.low) < r or wp.min(box.high - x) < r:
+        return False
     if wall_overlap(x, discs.radius[i], discs.walls) > f64(0.0) or (x[0] == f64(0.0) and x[1] == f64(0.0)):
         return False
     clear = bool(True)

@@ -11,6 +11,7 @@ import numpy as np
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import missing_extra
+from warpgrains.scene.geometry import area_in_disc
 from warpgrains.scene.walls import Annulus
 
 BEYOND = 10.0  # radii of the outer wall: three places there close the cells at the border
@@ -44,7 +45,7 @@ def radical_cell_areas(position: FloatArray, radius: FloatArray, walls: Annulus)
     onward = np.arange(1, len(grain) + 1)
     onward[first + count - 1] = first
     inner = walls.radius_in / walls.radius_out
-    area = _area_in_disc(corner, corner[onward], 1.0) - _area_in_disc(corner, corner[onward], inner)
+    area = area_in_disc(corner, corner[onward], 1.0) - area_in_disc(corner, corner[onward], inner)
     return np.asarray(walls.radius_out**2 * np.bincount(grain, area, len(position)), np.float64)
 
 
@@ -68,26 +69,3 @@ def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, Floa
     grain = hull.simplices[below].ravel().astype(np.int64)
     order = np.argsort(grain, kind="stable")[: np.count_nonzero(grain < n)]
     return grain[order], corner[order]
-
-
-def _area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArray:
-    """Return the signed areas that triangles (origin, start, end) have in a disc about the origin, (c,).
-
-    Along a side, it is that of a sector where the side is outside the disc, and of a triangle inside.
-    """
-    along = end - start
-    a, b = (along**2).sum(axis=1), (start * along).sum(axis=1)
-    inside = np.maximum(b**2 - a * ((start**2).sum(axis=1) - radius**2), 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        enter, leave = (np.nan_to_num((-b + sign * np.sqrt(inside)) / a) for sign in (-1.0, 1.0))
-    p, q = (start + np.clip(t, 0.0, 1.0)[:, np.newaxis] * along for t in (enter, leave))
-    triangle = 0.5 * _cross(p, q)
-    return triangle + 0.5 * radius**2 * (_angle(start, p) + _angle(q, end))
-
-
-def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
-    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-
-
-def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
-    return np.arctan2(_cross(u, v), (u * v).sum(axis=1))

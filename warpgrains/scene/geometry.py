@@ -40,6 +40,29 @@ def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
     return radius**2 * (0.5 * np.pi + angle) + h * np.sqrt(radius**2 - h**2)
 
 
+def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArray:
+    """Return the signed areas that triangles (origin, start, end) have in a disc about the origin, (c,).
+
+    Along a side, it is that of a sector where the side is outside the disc, and of a triangle inside.
+    """
+    along = end - start
+    a, b = (along**2).sum(axis=1), (start * along).sum(axis=1)
+    inside = np.maximum(b**2 - a * ((start**2).sum(axis=1) - radius**2), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        enter, leave = (np.nan_to_num((-b + sign * np.sqrt(inside)) / a) for sign in (-1.0, 1.0))
+    p, q = (start + np.clip(t, 0.0, 1.0)[:, np.newaxis] * along for t in (enter, leave))
+    triangle = 0.5 * _cross(p, q)
+    return triangle + 0.5 * radius**2 * (_angle(start, p) + _angle(q, end))
+
+
+def _cross(u: FloatArray, v: FloatArray) -> FloatArray:
+    return u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+
+
+def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
+    return np.arctan2(_cross(u, v), (u * v).sum(axis=1))
+
+
 def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IndexArray, IndexArray]]:
     """Find the pairs of discs that overlap, each once, in memory proportional to n.
 

@@ -26,6 +26,30 @@ def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
     SceneError
         The file cannot be read or does not hold grains.
     """
+    grains = _read(folder, name)
+    if "position" not in grains:
+        raise SceneError(f"grains.file {name!r} has no positions")
+    return grains
+
+
+def read_radii(folder: Path, table: dict[str, Any]) -> list[float]:
+    """Read the radii of the file that ``{file = NAME}`` names; what else it holds does not count.
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read or does not hold radii.
+    """
+    if len(table) > 1:
+        raise SceneError(f"grains.radius is {table!r}: with file it has no other keys")
+    grains = _read(folder, table["file"])
+    if "radius" not in grains:
+        raise SceneError(f"grains.radius: file {table['file']!r} has no radii")
+    return checks.positive_per_grain("radius", grains["radius"], np.size(grains["radius"])).tolist()
+
+
+def _read(folder: Path, name: Any) -> dict[str, FloatArray]:
+    """Read what a file of grains has."""
     if not isinstance(name, str):
         raise SceneError(f"grains.file is {name!r}: it must be the name of a file")
     path = folder / name
@@ -38,8 +62,6 @@ def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
         raise SceneError(f"grains.file {name!r}: {error}") from None
     except Exception as error:  # the readers of foreign files raise of all kinds
         raise SceneError(f"grains.file {name!r} cannot be read: {error}") from None
-    if "position" not in grains:
-        raise SceneError(f"grains.file {name!r} has no positions")
     return grains
 
 

@@ -13,11 +13,15 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.growing import grow
 from warpgrains.scene.placing import place_at_random
+from warpgrains.scene.radii import drawn_radii, radii_given
+from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus
 
 MOST_GRAINS = 10_000_000
 LEAST_SPACING = 0.1  # in radii: such grains all but coincide
+MOST_ADDED = 0.54  # share of a region that random sequential addition fills: its limit is 0.547
 
 COMMON = {
     "count": "Number of grains.",
@@ -92,29 +96,91 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     return position[:count], np.full(count, radius)
 
 
-def random(walls: Annulus, *, count: int, radius: Any, seed: int = 0) -> Placement:
-    """Grains at random places between the walls, none overlapping: the same ones for the same seed.
+def random(
+    walls: Annulus,
+    *,
+    radius: Any,
+    count: int | None = None,
+    packing_fraction: float | None = None,
+    region: Any = None,
+    seed: int = 0,
+) -> Placement:
+    """Grains at random places, none overlapping: the same ones for the same seed.
+
+    Up to half of the space is filled by random sequential addition; for more, grains start small, grow and
+    push each other apart, up to about 0.82 of it.
 
     Parameters
     ----------
     radius
-        Radius of every grain [m], or the smallest and the largest one: radii are drawn evenly between them.
+        Radius of every grain [m]; or the smallest and the largest, drawn evenly between; or three or more,
+        one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the keys
+        of its kind: uniform, normal, lognormal, power or values, see scene/radii.py.
+    packing_fraction
+        Share of the region that grains are to fill, instead of their count.
+    region
+        Where they are to be [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, the last
+        one from the origin; by default anywhere between the walls.
     seed
         Seed of the random numbers.
     """
-    count = _count(count)
-    smallest, largest = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
-    if smallest > largest:
-        raise SceneError(f"grains.radius is ({smallest}, {largest}) m: the smallest radius comes first")
-    for extreme in (smallest, largest):
-        _radius(walls, extreme)
+    space = region_of(walls, region)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
-    radii = smallest + (largest - smallest) * generator.random(count)
-    position = place_at_random(walls, radii, generator)
-    placed = count - int(np.isnan(position[:, 0]).sum())
-    if placed < count:
-        raise SceneError(f"grains.count is {count}: only {placed} grains found a free place at random")
+    radii = _random_radii(radius, count, packing_fraction, space, generator)
+    for extreme in (radii.min(), radii.max()):
+        _radius(space.ring, extreme)
+    filled = float(np.pi * (radii**2).sum()) / space.area
+    if filled >= 1.0:
+        raise SceneError(
+            f"{_asked(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
+        )
+    if filled <= MOST_ADDED:
+        position = place_at_random(space, radii, generator)
+        if not np.isnan(position).any():
+            return position, radii
+    position, share = grow(space, radii, generator)
+    if share < 1.0:
+        filled *= share * share
+        raise SceneError(
+            f"{_asked(count, packing_fraction)}: grown and pushed apart, grains fill {filled:.3f} of their"
+            f" region, so about {int(share * share * len(radii))} of these radii fit"
+        )
     return position, radii
+
+
+def _random_radii(
+    radius: Any, count: Any, fraction: Any, region: Region, generator: np.random.Generator
+) -> FloatArray:
+    """Return the radii of so many grains, or of as many as fill a share of a region."""
+    given = radii_given(radius)
+    if given is not None:
+        if fraction is not None or count not in (None, len(given)):
+            raise SceneError(f"grains.radius is a list of {len(given)}: that is how many grains there are")
+        return given
+    if (count is None) == (fraction is None):
+        raise SceneError("layout 'random' needs one of grains.count and grains.packing_fraction")
+    draw, largest = drawn_radii(radius, generator)
+    if fraction is None:
+        return draw(_count(count))
+    wanted = checks.positive("grains.packing_fraction", fraction) * region.area
+    radii = np.empty(0)
+    while (area := np.pi * np.cumsum(radii**2)).size == 0 or area[-1] < wanted:
+        missing = 1.0 if area.size == 0 else (wanted - area[-1]) / area[-1]
+        more = int(missing * max(len(radii), wanted / (np.pi * largest**2))) + 1
+        radii = np.append(radii, draw(_count(min(more, MOST_GRAINS))))
+        _count(len(radii))
+    kept = int(np.searchsorted(area, wanted, side="right"))
+    if kept == 0:
+        raise SceneError(
+            f"grains.packing_fraction is {fraction}: one grain of radius {radii[0]} m fills more"
+        )
+    return radii[:kept]
+
+
+def _asked(count: Any, fraction: Any) -> str:
+    if fraction is None:
+        return "grains.radius" if count is None else f"grains.count is {count}"
+    return f"grains.packing_fraction is {fraction}"
 
 
 def column(walls: Annulus, *, count: int, radius: float, spacing: float = 2.02) -> Placement:

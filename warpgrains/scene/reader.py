@@ -28,7 +28,7 @@ import numpy as np
 
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.grain_file import read_grains
+from warpgrains.scene.grain_file import read_grains, read_radii
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.toml_text import require_toml_numbers
 from warpgrains.scene.walls import Annulus
@@ -177,6 +177,8 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
     source = checks.only_one("[grains]", table, SOURCES)
     own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
     if source == "layout":
+        if isinstance(own.get("radius"), dict) and "file" in own["radius"]:
+            own["radius"] = read_radii(folder, own["radius"])
         position, radius = _lay_out(table["layout"], own, walls)
         grains: Table = {"position": position, "radius": radius}
     else:

@@ -25,6 +25,7 @@ from typing import Any, Self
 
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.grain_file import read_radii
 from warpgrains.scene.reader import (
     Table,
     parse_toml,
@@ -148,7 +149,10 @@ def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[A
     for path in _base_paths(document, folder):
         sections = _with_values(read_document(path), fixed)
         toml_value(path.stem)  # which the tables hold: it must be text
-        name = _table("grains", sections.get("grains", {})).get("file")
+        grains = _table("grains", sections.get("grains", {}))
+        if isinstance(grains.get("radius"), dict) and "file" in grains["radius"]:
+            grains["radius"] = read_radii(path.parent, grains["radius"])
+        name = grains.get("file")
         names = lists.get("grains.file", [] if name is None else [name])
         yield Base(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})
 

@@ -1,0 +1,62 @@
+"""Discs that overlap are pushed apart, pair after pair: how a dense packing is grown."""
+
+import warp as wp
+
+from .placing import Box
+from .walls import Walls
+
+f64 = wp.float64
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.func
+def put_inside(x: wp.vec2d, r: f64, walls: Walls, box: Box) -> wp.vec2d:
+    """Move a disc of radius r between the walls, and into the box."""
+    x = wp.vec2d(wp.max(x[0], box.low[0] + r), wp.max(x[1], box.low[1] + r))
+    x = wp.vec2d(wp.min(x[0], box.high[0] - r), wp.min(x[1], box.high[1] - r))
+    rho = wp.length(x)
+    if rho > walls.radius_out - r:
+        x = x * ((walls.radius_out - r) / rho)
+    if walls.radius_in > f64(0.0) and rho > f64(0.0) and rho < walls.radius_in + r:
+        x = x * ((walls.radius_in + r) / rho)
+    return x
+
+
+@wp.kernel
+def push(
+    position: wp.array(dtype=wp.vec2d),
+    radius: wp.array(dtype=f64),
+    pair: wp.array(dtype=wp.vec2i),
+    walls: Walls,
+    box: Box,
+    sweeps: int,
+    enough: f64,
+    worst: wp.array(dtype=f64),
+):
+    """Push all pairs apart, the smaller disc further, until the worst overlap is small enough.
+
+    worst : [largest overlap of the last sweep, in the smaller radius of the pair; sweeps done]
+    """
+    done, largest = int(0), f64(wp.inf)
+    while done < sweeps and largest > enough:
+        largest = f64(0.0)
+        for k in range(pair.shape[0]):
+            i, j = pair[k][0], pair[k][1]
+            d = position[j] - position[i]
+            r_i, r_j = radius[i], radius[j]
+            apart = wp.length(d)
+            overlap = r_i + r_j - apart
+            if overlap > f64(0.0) and apart > f64(0.0):
+                largest = wp.max(largest, overlap / wp.min(r_i, r_j))
+                n = d / apart
+                share = r_j * r_j / (r_i * r_i + r_j * r_j)
+                position[i] = position[i] - n * (overlap * share)
+                position[j] = position[j] + n * (overlap * (f64(1.0) - share))
+        for i in range(position.shape[0]):
+            x = put_inside(position[i], radius[i], walls, box)
+            largest = wp.max(largest, wp.length(x - position[i]) / radius[i])
+            position[i] = x
+        done = done + 1
+    worst[0] = largest
+    worst[1] = f64(done)

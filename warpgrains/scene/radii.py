@@ -1,0 +1,120 @@
+"""Radii drawn at random: what `grains.radius` may be for the layout "random"."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+
+Draw = Callable[[int], FloatArray]
+"""Returns so many radii [m]."""
+
+KEYS = {
+    "uniform": ("smallest", "largest"),
+    "normal": ("mean", "deviation", "smallest", "largest"),
+    "lognormal": ("mean", "deviation", "smallest", "largest"),
+    "power": ("exponent", "smallest", "largest"),
+    "values": ("values", "fractions"),
+}
+"""Distributions, and the keys of each.
+
+`exponent` is that of the number density, r^-exponent; `mean` and `deviation` are those of r itself. A normal
+or lognormal radius is drawn again unless it is between `smallest` and `largest`, by default a tenth and ten
+times the mean; `fractions` are by number, and equal by default.
+"""
+OF_MEAN = {"smallest": 0.1, "largest": 10.0}
+LEAST_KEPT = 1e-3  # of draws that are between the bounds
+
+
+def radii_given(radius: Any) -> FloatArray | None:
+    """Return the radii [m] if each is given: a list of one, or of more than two."""
+    if not isinstance(radius, list | tuple | np.ndarray) or np.ndim(radius) == 0 or len(radius) == 2:
+        return None
+    return checks.positive_per_grain("grains.radius", radius, len(radius))
+
+
+def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, float]:
+    """Return what draws radii as `grains.radius` says, and the largest that there can be [m].
+
+    Raises
+    ------
+    SceneError
+        It is no number, pair of numbers, or table of a distribution.
+    """
+    if not isinstance(radius, dict):
+        low, high = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
+        return _uniform(checks.positive("grains.radius", low), high, generator), high
+    name = checks.one_of("grains.radius.distribution", radius.get("distribution"), KEYS)
+    for key in radius:
+        checks.one_of(f"key of grains.radius, {name},", key, ("distribution", *KEYS[name]))
+    given = {key: value for key, value in radius.items() if key != "distribution"}
+    if name == "values":
+        return _values(given, generator)
+    numbers = {key: checks.positive(f"grains.radius.{key}", value) for key, value in given.items()}
+    if "mean" in numbers:
+        numbers = {key: share * numbers["mean"] for key, share in OF_MEAN.items()} | numbers
+    for key in KEYS[name]:
+        if key not in numbers:
+            raise SceneError(f"grains.radius.{key} is missing: a {name} distribution needs it")
+    low, high = numbers.pop("smallest"), numbers.pop("largest")
+    if name == "uniform":
+        return _uniform(low, high, generator), high
+    if low >= high:
+        raise SceneError(f"grains.radius is from {low} to {high} m: the smallest radius comes first")
+    if name == "power":
+        return lambda count: _power(generator.random(count), numbers["exponent"], low, high), high
+    draw: Callable[..., FloatArray] = getattr(generator, name)
+    return _bounded(draw, _parameters(name, **numbers), low, high), high
+
+
+def _uniform(low: float, high: float, generator: np.random.Generator) -> Draw:
+    if low > high:
+        raise SceneError(f"grains.radius is ({low}, {high}) m: the smallest radius comes first")
+    return lambda count: low + (high - low) * generator.random(count)
+
+
+def _power(share: FloatArray, exponent: float, low: float, high: float) -> FloatArray:
+    """Return the radii below which given shares are, of a density r^-exponent."""
+    k = 1.0 - exponent
+    if abs(k) < 1e-9:
+        return np.asarray(low * (high / low) ** share)
+    return np.asarray(low * (1.0 + share * ((high / low) ** k - 1.0)) ** (1.0 / k))
+
+
+def _parameters(name: str, mean: float, deviation: float) -> tuple[float, float]:
+    """Return the parameters of NumPy's generator for a mean and a deviation of the radius itself."""
+    if name == "normal":
+        return mean, deviation
+    variance = np.log1p((deviation / mean) ** 2)
+    return float(np.log(mean) - 0.5 * variance), float(np.sqrt(variance))
+
+
+def _bounded(
+    draw: Callable[..., FloatArray], parameters: tuple[float, float], low: float, high: float
+) -> Draw:
+    """Draw what is out of bounds again."""
+
+    def drawn(count: int) -> FloatArray:
+        radius, bad = draw(*parameters, count), np.arange(count)
+        rounds = 0
+        while (bad := bad[(radius[bad] < low) | (radius[bad] > high)]).size:
+            radius[bad] = draw(*parameters, len(bad))
+            rounds += 1
+            if rounds > 1.0 / LEAST_KEPT:
+                raise SceneError(f"grains.radius: hardly a radius drawn is between {low} and {high} m")
+        return radius
+
+    return drawn
+
+
+def _values(given: dict[str, Any], generator: np.random.Generator) -> tuple[Draw, float]:
+    values = given.get("values")
+    if not isinstance(values, list | tuple) or len(values) == 0:
+        raise SceneError(f"grains.radius.values is {values!r}: it must be a list of radii")
+    radii = checks.positive_per_grain("grains.radius.values", values, len(values))
+    fractions = given.get("fractions", [1.0] * len(radii))
+    share = checks.positive_per_grain("grains.radius.fractions", fractions, len(radii))
+    return lambda count: generator.choice(radii, count, p=share / share.sum()), float(radii.max())

@@ -1,0 +1,74 @@
+"""Where random grains are to be: the space between the walls, or a part of it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import area_in_disc
+from warpgrains.scene.walls import Annulus
+
+KEYS = ("x", "y", "distance")
+
+
+class Region(NamedTuple):
+    """A ring about the origin, cut by a box: discs are to be wholly inside."""
+
+    ring: Annulus
+    low: tuple[float, float] = (-np.inf, -np.inf)
+    """Left and lower edge [m]."""
+    high: tuple[float, float] = (np.inf, np.inf)
+    """Right and upper edge [m]."""
+
+    @property
+    def box(self) -> FloatArray:
+        """The smallest box that holds it: lower left and upper right corner [m], shape (2, 2)."""
+        reach = self.ring.radius_out
+        return np.array([np.maximum(self.low, -reach), np.minimum(self.high, reach)])
+
+    @property
+    def area(self) -> float:
+        """Its area [m2]."""
+        (left, bottom), (right, top) = self.box
+        corner = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+        onward = np.roll(corner, -1, axis=0)
+        radii = (self.ring.radius_out, self.ring.radius_in)
+        outer, inner = (area_in_disc(corner, onward, radius).sum() for radius in radii)
+        return float(outer - inner)
+
+
+def region_of(walls: Annulus, given: Any) -> Region:
+    """Return what `grains.region` asks for: a table of ranges [m], none of which must be there.
+
+    Raises
+    ------
+    SceneError
+        It is none, or there is no space in it.
+    """
+    if given is None:
+        return Region(walls)
+    if not isinstance(given, dict):
+        raise SceneError(f"grains.region is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
+    for key in given:
+        checks.one_of("key of grains.region", key, KEYS)
+    ranges = {key: _range(f"grains.region.{key}", value) for key, value in given.items()}
+    between = (walls.radius_in, walls.radius_out)
+    near, far = ranges.get("distance", between)
+    if near < walls.radius_in or far > walls.radius_out:
+        raise SceneError(
+            f"grains.region.distance is ({near}, {far}) m: it must be between the walls, {between} m"
+        )
+    x, y = (ranges.get(key, (-np.inf, np.inf)) for key in ("x", "y"))
+    region = Region(Annulus(near, far), (x[0], y[0]), (x[1], y[1]))
+    if not (region.box[0] < region.box[1]).all() or region.area <= 0.0:
+        raise SceneError(f"grains.region is {given!r}: there is no space between the walls in it")
+    return region
+
+
+def _range(field: str, value: Any) -> tuple[float, float]:
+    low, high = checks.vector(field, value)
+    if low >= high:
+        raise SceneError(f"{field} is ({low}, {high}) m: the smaller one comes first")
+    return low, high
