@@ -7,33 +7,31 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from recordings import RADIUS, make_contacts, make_frames, make_scene, record
+from walls_seen import View
 
 from warpgrains import SceneError
 from warpgrains.analysis.plots import measure, plot
 from warpgrains.cli.main import main
+from warpgrains.usd.chains import CHAIN_COLOR
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder
 
 WHITE = np.ones(3)
 WALL = np.full(3, 0.35)
-CHAIN = np.array([200, 25, 30]) / 255
-DOWN = np.array([1.0, -1.0])
+CHAIN = np.array(CHAIN_COLOR)
 
 
 class Picture:
-    """A picture of one frame whose outer wall has radius 2 m and thickness 0.04 m."""
+    """A picture of one frame."""
 
     def __init__(self, path):
         self.pixels = imread(path)[:, :, :3]
-        row, column = np.nonzero(np.abs(self.pixels - WALL).max(axis=2) < 0.02)
-        width = np.ptp(column) + 1
-        self.center = np.array([column.min(), row.max() + 1 - width]) + width / 2.0  # above is the title
-        self.scale = width / (2.0 * 2.04)
+        self._view = View(self.pixels)
+        self.scale = self._view.scale
 
     def at(self, place):
         """Return the color of the pixel at a place [m]."""
-        column, row = (self.center + self.scale * DOWN * place).astype(int)
-        return self.pixels[row, column]
+        return self._view.at(self.pixels, np.array([place]))[0]
 
     def shows(self, color, place):
         return bool(np.abs(self.at(place) - color).max() < 0.02)
@@ -208,7 +206,7 @@ class TestCommand:
             (["{empty}"], "holds no grains"),
             (["{run}", "--frames", "0,x"], "'0,x' is not a list of whole numbers"),
             (["{run}", "--frames", "7"], "there is no frame 7"),
-            (["{run}", "-o", "picture.gif"], "must end in .png, .pdf, .svg"),
+            (["{run}", "-o", "picture.bmp"], "must end in .png, .pdf, .svg"),
         ],
     )
     def test_bad_input_is_one_line(self, recording, tmp_path, capsys, arguments, complaint):

@@ -6,31 +6,23 @@ Nothing here opens a window or knows of a display: the figure is drawn by Matplo
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.patches import Annulus
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.files import draft_of, require_place
-from warpgrains.usd.reader import Chains, RecordingReader
-
-SUFFIXES = (".png", ".pdf", ".svg")
+from warpgrains.files import require_place
+from warpgrains.pictures.canvas import FrameArtists, add_color_bar, save_figure
+from warpgrains.pictures.kinds import STILLS
+from warpgrains.pictures.shots import setting_of, shot_of
+from warpgrains.usd.reader import RecordingReader
 
 _FRAMES_IN_A_ROW = 5
 _FRAME_SIZE = 2.4  # inches, and more where there are less than three
 _CURVES_HEIGHT = 1.7  # inches
-_MARGIN = 0.02  # of the outer wall
-_OUTLINE = 0.3  # points, and less for small grains
-_WALL_COLOR = "0.35"
-_CHAIN_COLOR = "#c8191e"
 _LINE_WIDTH = 1.0  # points
 _MARK_COLOR = "0.75"
-_DOTS_PER_INCH = 120
 
 
 def plot(
@@ -60,18 +52,12 @@ def plot(
         The recording cannot be read, has no such frame, or the picture cannot be written there.
     """
     output = Path(output)
-    require_place("picture", output, *SUFFIXES)
+    require_place("picture", output, *STILLS)
     reader = RecordingReader(recording)
     numbers = _numbers(frames, len(reader.time))
     figure = _draw(reader, numbers, curves and len(reader.time) > 1)
     save_figure(figure, output)
     return numbers
-
-
-def save_figure(figure: Figure, output: Path, dpi: float = _DOTS_PER_INCH, **options: Any) -> None:
-    """Put a picture under its name, whole."""
-    with draft_of(output) as draft:
-        figure.savefig(draft, dpi=dpi, **options)
 
 
 def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
@@ -91,48 +77,17 @@ def _draw(reader: RecordingReader, numbers: list[int], curves: bool) -> Figure:
     heights = [rows * size] + [_CURVES_HEIGHT] * curves
     figure = Figure(figsize=(columns * size, sum(heights)), layout="constrained")
     grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
-    places = figure.add_subfigure(grid[0]).subplots(rows, columns, squeeze=False)
+    upper, setting = figure.add_subfigure(grid[0]), setting_of(reader)
+    places = upper.subplots(rows, columns, squeeze=False)
     for axes, number in zip_longest(places.flat, numbers):
         axes.set_axis_off()
         if number is not None:
-            _draw_frame(axes, reader, number)
+            FrameArtists(axes, setting).show(shot_of(reader, number))
+    if setting.scale is not None:
+        add_color_bar(upper, places, setting.scale)
     if curves:
         _draw_curves(figure.add_subfigure(grid[1]), reader, reader.time[numbers])
     return figure
-
-
-def _draw_frame(axes: Axes, reader: RecordingReader, number: int) -> None:
-    """Draw walls, grains and force chains of one frame, one metre as long everywhere."""
-    half_width = (1.0 + _MARGIN) * max(outer for _, outer in reader.walls)
-    axes.set(xlim=(-half_width, half_width), ylim=(-half_width, half_width), aspect="equal")
-    axes.set_title(f"t = {reader.time[number]:.4g} s", fontsize="medium")
-    for inner, outer in reader.walls:
-        axes.add_patch(Annulus((0.0, 0.0), outer, outer - inner, color=_WALL_COLOR, linewidth=0.0))
-    diameter = 2.0 * reader.radius
-    grains = EllipseCollection(
-        diameter,
-        diameter,
-        np.zeros_like(diameter),
-        units="xy",
-        offsets=reader.position(number),
-        offset_transform=axes.transData,
-        facecolors=reader.color(number),
-        edgecolors="black",
-        linewidths=np.minimum(_OUTLINE, 3.0 * diameter / half_width),
-    )
-    axes.add_collection(grains, autolim=False)
-    if reader.chain_scale is not None:
-        bands = PolyCollection(list(_bands(reader.chains(number))), facecolors=_CHAIN_COLOR, linewidths=0.0)
-        axes.add_collection(bands, autolim=False)
-
-
-def _bands(chains: Chains) -> FloatArray:
-    """Return the corners of the rectangle that each segment of a force chain is, shape (m, 4, 2)."""
-    start, end = chains.ends[:, 0], chains.ends[:, 1]
-    along = end - start
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, np.newaxis]
-    side = 0.5 * chains.width[:, np.newaxis] * across
-    return np.stack([start - side, end - side, end + side, start + side], axis=1)
 
 
 def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: FloatArray) -> None:

@@ -77,6 +77,14 @@ def draw(path: str, output: str, frames: list[int] | None, curves: bool) -> list
     return plot(path, output, frames, curves)
 
 
+def film(path: str, output: str) -> list[int]:
+    """Make a film of a recording, and return which frames it has."""
+    from warpgrains.pictures.film import draw_film
+    from warpgrains.usd.reader import RecordingReader
+
+    return list(draw_film(RecordingReader(path), Path(output)))
+
+
 def _end(code: int) -> str:
     return f"crashed ({signal.Signals(-code).name})" if code < 0 else "ran out of memory, or failed"
 
@@ -97,7 +105,7 @@ def _main(function: str, most: str, arguments: str) -> int:
     result = os.dup(1)
     os.dup2(2, 1)
     _limit_memory(int(most))
-    functions: dict[str, Callable[..., Any]] = {"inspect": inspect, "draw": draw}
+    functions: dict[str, Callable[..., Any]] = {"inspect": inspect, "draw": draw, "film": film}
     given, code = json.loads(arguments), 0
     try:
         answer = functions[function](**given)

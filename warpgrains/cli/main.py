@@ -97,7 +97,12 @@ def _add_run(parser: ArgumentParser) -> None:
     add("scene", metavar="SCENE", nargs="?", help="a TOML file, or the name of a shipped scene")
     group = parser.add_argument_group("recording")
     recording = group.add_argument
-    recording("-o", "--output", metavar="OUT", help="record to this .usdc, .usda or .usdz file")
+    recording(
+        "-o",
+        "--output",
+        metavar="OUT",
+        help="record to this .usdc, .usda or .usdz file, film it (.mp4, .gif, .webp) or draw its end (.png)",
+    )
     recording("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
     recording("--color-by", metavar="WHAT", help="speed, pressure, radius or palette (default: speed)")
     recording("--forces", action="store_true", help="draw force chains")
@@ -184,7 +189,12 @@ def _add_recover(parser: ArgumentParser) -> None:
 def _add_plot(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", help="the recording, a USD file")
-    add("-o", "--output", metavar="PNG", help="picture, .png, .pdf or .svg (default: FILE with .png)")
+    add(
+        "-o",
+        "--output",
+        metavar="PNG",
+        help="picture (.png, .pdf, .svg) or film (.mp4, .gif, .webp; default: FILE with .png)",
+    )
     add(
         "--frames",
         type=_whole_numbers,

@@ -57,8 +57,8 @@ def run(arguments: Namespace) -> bool:
     results = _results(start.scene, start.statistics.summary(options.record))
     if options.until is not None:
         results["until"] = options.until
-    if options.record is not None:
-        results |= {"frames": start.statistics.frames, "fps": _rate(start.scene, options.fps)}
+    if options.record is not None and options.shows != "still":
+        results |= {"frames": start.statistics.frames, "fps": _rate(start.scene, options.rate)}
     print(json.dumps(results) if arguments.json else _lines(results))
     return False
 
@@ -225,6 +225,8 @@ def _ended(results: dict[str, Any]) -> str:
 
 
 def _output(results: dict[str, Any]) -> str:
+    if "frames" not in results:
+        return str(results["output"])
     frames = results["frames"]
     return f"{results['output']}, {frames} frame{'s' * (frames > 1)}, {results['fps']:.6g} a second"
 

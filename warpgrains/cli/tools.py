@@ -6,7 +6,8 @@ from pathlib import Path
 
 from warpgrains.cli.apart import done_apart
 from warpgrains.console import start_warp, stdout_kept_clean
-from warpgrains.errors import missing_extra
+from warpgrains.errors import SceneError, missing_extra
+from warpgrains.pictures.kinds import FILMS, require_drawing
 
 
 def check(arguments: Namespace) -> bool:
@@ -28,11 +29,15 @@ def recover(arguments: Namespace) -> bool:
 
 def plot(arguments: Namespace) -> bool:
     """Draw a recording."""
-    try:
-        import_module("matplotlib.axes")
-    except ModuleNotFoundError as error:
-        raise missing_extra("plot", error) from error
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
+    is_film = Path(output).suffix in FILMS
+    require_drawing("plot", is_film)
+    if is_film:
+        if arguments.frames is not None or not arguments.curves:
+            raise SceneError("--frames and --no-curves have no effect on a film")
+        numbers = done_apart("film", arguments.file, output=output)
+        print(f"{output}: {len(numbers)} frames")
+        return False
     given = {"output": output, "frames": arguments.frames, "curves": arguments.curves}
     numbers = done_apart("draw", arguments.file, **given)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from warpgrains.errors import SceneError
+from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 
@@ -37,7 +38,7 @@ class RunOptions:
     steps: int
     """Time steps in all."""
     record: str | None = None
-    """USD file to write the frames to."""
+    """USD file or film to write the frames to, or picture of the end."""
     fps: float = 60.0
     """Wanted frames per second of simulated time [1/s]."""
     color_by: str = "speed"
@@ -78,8 +79,32 @@ class RunOptions:
         for name, needed in NEEDS.items():
             if checked[needed] is None and checked[name] != getattr(type(self), name):
                 raise SceneError(f"{name} has no effect without {needed}")
+        if self.shows is not None:
+            self._require_no_recording(self.shows)
         if self.draw_as == "light" and self.color_by != type(self).color_by:
             raise SceneError("color_by has no effect with draw_as 'light'")
+
+    @property
+    def _suffix(self) -> str | None:
+        return None if self.record is None else Path(self.record).suffix
+
+    @property
+    def shows(self) -> str | None:
+        """What is drawn instead of recorded, by the ending of its file: a "still", a "film" or nothing."""
+        return "still" if self._suffix in STILLS else "film" if self._suffix in FILMS else None
+
+    @property
+    def rate(self) -> float:
+        """Wanted frames per second of simulated time [1/s], as far as the kind of file has them."""
+        return min(self.fps, FASTEST.get(self._suffix, self.fps))
+
+    def _require_no_recording(self, kind: str) -> None:
+        """Raise SceneError for what only recordings have, or pictures have not."""
+        for name in ["draw_as"] + ["fps"] * (kind == "still"):
+            if getattr(self, name) != getattr(type(self), name):
+                raise SceneError(f"{name} has no effect on a {kind}, '{self.record}'")
+        if self.checkpoint is not None:
+            raise SceneError(f"a run with a checkpoint cannot continue a {kind}: record .usdc, and plot that")
 
     def checkpoint_after(self, steps: int) -> Path | None:
         """Return the checkpoint to write after so many steps, if one is due then."""

@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from warnings import warn
 
 from warpgrains.console import progress_bar
+from warpgrains.files import require_place
+from warpgrains.pictures.kinds import STILLS, require_drawing
+from warpgrains.pictures.shots import Painter
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
@@ -18,6 +21,7 @@ from warpgrains.simulation.until import EVERY, Criterion
 from warpgrains.solver.statistics import RunStatistics, Summary, named
 
 if TYPE_CHECKING:
+    from warpgrains.pictures.film import Film
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.usd.recorder import Recorder
 
@@ -38,7 +42,7 @@ class Observer(Protocol):
 class Outputs(NamedTuple):
     """What hears of a run, and what may end it."""
 
-    recorder: Recorder | None = None
+    recorder: Recorder | Film | None = None
     observer: Observer | None = None
     until: Criterion | None = None
 
@@ -69,7 +73,9 @@ def run(
 
 
 @contextmanager
-def open_outputs(options: RunOptions, scene: Scene, statistics: RunStatistics) -> Iterator[Recorder | None]:
+def open_outputs(
+    options: RunOptions, scene: Scene, statistics: RunStatistics
+) -> Iterator[Recorder | Film | None]:
     """Give the recorder of a run, if it needs one, with a lock on the recording; it is whole in the end.
 
     The chunks of a run that is resumed are cut to the frames of its statistics: doing so twice does no harm.
@@ -133,6 +139,8 @@ def carry_out(
             if _is_met(simulation, statistics, outputs.until):
                 options = replace(options, steps=statistics.steps)
             _keep(simulation, options, statistics, outputs)
+    if options.record is not None and options.shows == "still":
+        simulation.plot(options.color_by, options.forces).save(options.record)
     statistics.seconds = perf_counter() - start
     if outputs.until is not None and not statistics.met:
         warn(f"{outputs.until.name} was not met within {simulation.time:g} s", stacklevel=3)
@@ -157,9 +165,18 @@ def _flushed(observer: Observer | None) -> Iterator[None]:
             observer.flush()
 
 
-def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> Recorder | None:
-    """Return the recorder of a run; None if there is nothing to record, or no more."""
+def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> Recorder | Film | None:
+    """Return the recorder of a run; None if there is nothing to record, or no more, or but its end."""
     if options.record is None:
+        return None
+    if options.shows is not None:
+        require_drawing(f"'{options.record}'", options.shows == "film")
+        if options.shows == "film":
+            from warpgrains.pictures.film import Film
+
+            painter = Painter(scene, options.color_by, options.forces)
+            return Film(Path(options.record), scene, options.rate, painter)
+        require_place("picture", Path(options.record), *STILLS)
         return None
     from warpgrains.usd.recorder import Recorder, chunks_of
 
@@ -170,7 +187,7 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
     return Recorder(
         record,
         scene,
-        options.fps,
+        options.rate,
         color_by=options.color_by,
         forces=options.forces,
         draw_as=options.draw_as,

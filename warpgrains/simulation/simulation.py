@@ -1,10 +1,17 @@
 """Simulation: one scene, step by step."""
 
+from __future__ import annotations
+
 from pathlib import Path
+<<<<<<< HEAD
 from typing import Any, NamedTuple, Self
+=======
+from typing import TYPE_CHECKING, Any, Self
+>>>>>>> 91b838b (Films and pictures, of runs and of recordings)
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError, SimulationError
+from warpgrains.pictures.kinds import require_drawing
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state, require_state
@@ -23,6 +30,9 @@ from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.tuning import find_device, threads_for
+
+if TYPE_CHECKING:
+    from warpgrains.pictures.still import Picture
 
 
 class StepStart(NamedTuple):
@@ -155,7 +165,8 @@ class Simulation(Shown):
             What ends the run earlier: "rest", or a callable that is asked every 10 steps whether the
             simulation that it is given is to stop, see `warpgrains.simulation.until.criterion`.
         record : str or Path, optional
-            A USD file to write the frames to, the present state first.
+            A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present
+            state first; or a picture of the end (.png, .pdf, .svg).
         fps : float
             Wanted frames per second of simulated time [1/s], see `recording_stride`.
         color_by, forces, draw_as
@@ -192,6 +203,26 @@ class Simulation(Shown):
             raise SceneError("until is a callable, which no checkpoint can hold")
         outputs = Outputs(observer=observer, until=criterion(until, self.scene))
         return run(self, options, RunStatistics(), progress, outputs)
+
+    def plot(self, color_by: str = "speed", forces: bool = False) -> Picture:
+        """Return a picture of the present state, which a notebook shows.
+
+        Parameters
+        ----------
+        color_by : str
+            "speed", "pressure", "radius" or "palette", see `GrainColors`.
+        forces : bool
+            Whether to draw force chains.
+
+        Raises
+        ------
+        SceneError
+            The coloring is unknown, or Matplotlib is not installed.
+        """
+        require_drawing("plot")
+        from warpgrains.pictures.still import Picture
+
+        return Picture(self, color_by, forces)
 
     @property
     def steps(self) -> int:

@@ -19,6 +19,7 @@ from warpgrains.sweep.results import failure, result
 
 if TYPE_CHECKING:
     from warpgrains.batch.batch import SceneSummary
+    from warpgrains.pictures.film import Film
     from warpgrains.usd.recorder import Recorder
 
 
@@ -48,7 +49,7 @@ class SweepRun:
         self.options = start.options or RunOptions(steps=start.scene.steps)
         self.error: str | None = None
         self._lock, self._outputs = lock, ExitStack()
-        self._recorder: Recorder | None = None
+        self._recorder: Recorder | Film | None = None
 
     def __enter__(self) -> Self:
         return self

@@ -29,6 +29,8 @@ class RecordingReader:
     ----------
     time : ndarray
         Time of each frame since the first one [s], shape (f,).
+    rate : float
+        Frames a second [1/s].
     radius : ndarray
         Radii of the grains [m], shape (n,).
     walls : list of (float, float)
@@ -56,7 +58,8 @@ class RecordingReader:
         self._codes = self._position.GetTimeSamples()
         if not self._codes:
             raise SceneError(f"'{path}' holds no frames")
-        self.time = (np.array(self._codes) - self._codes[0]) / self._stage.GetTimeCodesPerSecond()
+        self.rate = float(self._stage.GetTimeCodesPerSecond())
+        self.time = (np.array(self._codes) - self._codes[0]) / self.rate
         radius = (
             _values(prim.GetAttribute("widths")) / 2.0
             if is_points

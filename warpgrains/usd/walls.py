@@ -5,28 +5,31 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.scene.walls import Annulus
 from warpgrains.usd.looks import bind_look
+from warpgrains.usd.rings import WALL_COLOR, rings
 
 WALLS = Sdf.Path("/World/Walls")
 
-WALL_COLOR = (0.35, 0.35, 0.35)
-"""sRGB."""
 _SEGMENTS = 256
-_THICKNESS = 0.02  # of radius_out
 
 
 def define_walls(stage: Usd.Stage, walls: Annulus) -> None:
     """Author the prims of the walls, outside the space that they leave to the grains."""
     UsdGeom.Xform.Define(stage, WALLS)
+<<<<<<< HEAD
     radius_in, radius_out = walls.radius_in, walls.radius_out
     thickness = _THICKNESS * radius_out
     _define_ring(stage, WALLS.AppendChild("Outer"), radius_out, radius_out + thickness)
     if radius_in > 0:
         _define_ring(stage, WALLS.AppendChild("Inner"), max(radius_in - thickness, radius_in / 2), radius_in)
+=======
+    for name, (inner, outer) in rings(walls).items():
+        _define_ring(stage, WALLS.AppendChild(name), inner, outer)
+>>>>>>> 91b838b (Films and pictures, of runs and of recordings)
 
 
 def reach_of(walls: Annulus) -> float:
     """Return how far from the origin the walls reach, as thick as they are drawn [m]."""
-    return (1.0 + _THICKNESS) * walls.radius_out
+    return max(outer for _, outer in rings(walls).values())
 
 
 def read_walls(stage: Usd.Stage) -> list[tuple[float, float]]:

@@ -1,0 +1,170 @@
+"""Films and stills of runs and recordings, held against the state pixel by pixel."""
+
+import re
+import sys
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from command import exit_code, require_refusal
+from matplotlib.image import imread
+from PIL import Image, ImageSequence
+from recordings import make_scene, record
+from walls_seen import View
+
+from warpgrains import Scene, SceneError, Simulation
+from warpgrains.pictures.film import Film
+from warpgrains.pictures.shots import Painter
+from warpgrains.usd.chains import CHAIN_COLOR
+from warpgrains.usd.colors import Frame, GrainColors
+
+STEPS = 40
+STRIDE = 4
+FILMS = [".mp4", ".gif", ".webp"]
+LOSS = 0.15  # of a color, by 8 bits of YUV at half resolution, 256 colors, or 80 % of quality
+
+
+@pytest.fixture(scope="module")
+def states():
+    """Where the grains of the annulus are, and how fast, every fourth step; all of them move."""
+    simulation = Simulation(Scene.load("annulus"))
+    taken = [(simulation.position, simulation.velocity)]
+    for _ in range(STEPS // STRIDE):
+        simulation.advance(STRIDE)
+        taken.append((simulation.position, simulation.velocity))
+    return taken
+
+
+def film_frames(path):
+    """Return the frames of a film, shape (f, height, width, 3), and how many it shows a second."""
+    if path.suffix == ".mp4":
+        reader = imageio_ffmpeg.read_frames(str(path))
+        meta = next(reader)
+        shape = (meta["size"][1], meta["size"][0], 3)
+        return np.array([np.frombuffer(one, np.uint8).reshape(shape) for one in reader]) / 255.0, meta["fps"]
+    with Image.open(path) as film:
+        frames = np.array([np.array(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)])
+        return frames / 255.0, 1000.0 * film.n_frames / _milliseconds(path)
+
+
+def _milliseconds(path):
+    """Return how long an animation lasts, frame by frame, as its file says."""
+    if path.suffix == ".gif":
+        with Image.open(path) as film:
+            return sum(frame.info["duration"] for frame in ImageSequence.Iterator(film))
+    content = path.read_bytes()
+    starts = [place.start() for place in re.finditer(b"ANMF", content)]
+    return sum(int.from_bytes(content[start + 20 : start + 23], "little") for start in starts)
+
+
+@pytest.mark.parametrize("suffix", FILMS)
+def test_frames_show_the_states(tmp_path, states, suffix):
+    path = tmp_path / f"run{suffix}"
+    summary = Simulation(Scene.load("annulus")).run(steps=STEPS, record=path, fps=25)
+    assert summary.output == str(path)
+    assert list(tmp_path.iterdir()) == [path]
+    frames, rate = film_frames(path)
+    assert (len(frames), rate) == (len(states), pytest.approx(25.0))
+    view, colors = View(frames[0], 0.08), GrainColors(Scene.load("annulus"), "speed")
+    for pixels, (position, velocity) in zip(frames, states, strict=True):
+        assert np.allclose(view.at(pixels, position), colors.of(Frame(position, velocity)), atol=LOSS)
+        assert np.allclose(view.at(pixels, -position), 1.0, atol=0.05)
+
+
+def test_film_of_a_recording(tmp_path, states, capsys):
+    recording = record(tmp_path / "run.usdc", states, Scene.load("annulus"), draw_as="discs")
+    assert exit_code("plot", recording, "-o", tmp_path / "run.gif") == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'run.gif'}: 11 frames\n"
+    frames, rate = film_frames(tmp_path / "run.gif")
+    assert (len(frames), rate) == (11, pytest.approx(50.0))
+    view, (position, velocity) = View(frames[0], 0.08), states[-1]
+    colors = GrainColors(Scene.load("annulus"), "speed").of(Frame(position, velocity))
+    assert np.allclose(view.at(frames[-1], position), colors, atol=LOSS)
+
+
+def test_browsers_play_gifs_of_fifty_frames_a_second_at_most(tmp_path):
+    scene = Scene.load("annulus").replace(dt=0.001)
+    assert Simulation(scene).run(steps=40, record=tmp_path / "run.gif", fps=200).steps == 40
+    frames, rate = film_frames(tmp_path / "run.gif")
+    assert (len(frames), rate) == (3, pytest.approx(50.0))
+
+
+@pytest.mark.parametrize("suffix", FILMS)
+def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
+    path, scene = tmp_path / f"run{suffix}", make_scene()
+    path.write_bytes(b"earlier")
+    painter = Painter(scene, "speed", False)
+
+    def interrupted():
+        with Film(path, scene, 50, painter) as film:
+            film.record(scene.position, scene.velocity)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    with pytest.raises(ValueError, match="nothing was drawn"), Film(path, scene, 50, painter):
+        pass
+    assert path.read_bytes() == b"earlier"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_two_processes_do_not_make_one_film(tmp_path, held_elsewhere, capfd):
+    held_elsewhere(tmp_path / "run.mp4")
+    assert exit_code("run", "annulus", "-o", tmp_path / "run.mp4") == 2
+    require_refusal(capfd, "is being written by")
+
+
+class TestStill:
+    def test_shows_the_state(self, tmp_path):
+        simulation = Simulation(Scene.load("annulus"))
+        simulation.run(steps=600, record=tmp_path / "run.png", forces=True)
+        simulation.plot(forces=True).save(tmp_path / "now.png")
+        assert (tmp_path / "run.png").read_bytes() == (tmp_path / "now.png").read_bytes()
+        pixels = imread(tmp_path / "now.png")[:, :, :3]
+        contacts, view = simulation.contacts(), View(pixels)
+        widest = np.argmax(contacts.force)
+        middle = simulation.position[contacts.pair[widest]].mean(axis=0, keepdims=True)
+        assert np.allclose(view.at(pixels, middle), CHAIN_COLOR, atol=0.02)
+
+    def test_notebooks_show_it(self):
+        simulation = Simulation(Scene.load("annulus"))
+        png = simulation.plot(color_by="palette")._repr_png_()
+        assert png.startswith(b"\x89PNG")
+
+    def test_from_the_command_line(self, tmp_path, capfd):
+        path = tmp_path / "run.png"
+        assert exit_code("run", "annulus", "--steps", 3, "-o", path, "--color-by", "radius") == 0
+        assert capfd.readouterr().out.splitlines()[-1] == f"output            {path}"
+        assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({"record": "run.png", "fps": 30.0}, "fps has no effect on a still"),
+        ({"record": "run.mp4", "draw_as": "spheres"}, "draw_as has no effect on a film"),
+        ({"record": "run.gif", "checkpoint": "run.npz"}, "cannot continue a film"),
+        ({"record": "run.png", "checkpoint": "run.npz"}, "cannot continue a still"),
+        ({"record": "run.mp4", "color_by": "mood"}, "color by 'mood' is unknown"),
+        ({"record": "no/run.mp4"}, "cannot be written"),
+        ({"record": "no/run.png"}, "cannot be written"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch, options, complaint):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError, match=complaint):
+        Simulation(Scene.load("annulus")).run(steps=1, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("module", "extra"), [("imageio_ffmpeg", "film"), ("matplotlib.axes", "film")])
+def test_without_its_libraries_a_film_is_refused_in_one_line(tmp_path, monkeypatch, capfd, module, extra):
+    monkeypatch.setitem(sys.modules, module, None)
+    assert exit_code("run", "annulus", "-o", tmp_path / "run.mp4") == 2
+    require_refusal(capfd, f"needs {module}: pip install 'warpgrains[{extra}]'")
+
+
+def test_frames_of_a_film_cannot_be_chosen(tmp_path, capfd):
+    for option in (["--frames", "1"], ["--no-curves"]):
+        assert exit_code("plot", tmp_path / "run.usdc", "-o", tmp_path / "run.mp4", *option) == 2
+        require_refusal(capfd, "have no effect on a film")

@@ -1,0 +1,169 @@
+"""Films: frames drawn and encoded as they come, by the ffmpeg that imageio-ffmpeg ships."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Generator
+from contextlib import ExitStack
+from math import ceil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import imageio_ffmpeg
+import numpy as np
+from numpy.typing import NDArray
+
+from warpgrains.arrays import FloatArray
+from warpgrains.files import draft_of, require_place
+from warpgrains.locks import Lock
+from warpgrains.pictures.canvas import Canvas
+from warpgrains.pictures.kinds import FASTEST, FILMS
+from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
+from warpgrains.scene.scene import Scene
+from warpgrains.usd.colors import Frame
+from warpgrains.usd.frame_rate import recording_rate, recording_stride
+
+if TYPE_CHECKING:
+    from warpgrains.solver.forces import PairContacts, WallContacts
+    from warpgrains.usd.reader import RecordingReader
+
+_HEIGHTS = {".mp4": 720, ".gif": 400, ".webp": 400}  # pixels
+_CODECS = {
+    ".mp4": ("libx264", ["-crf", "18", "-preset", "fast", "-movflags", "+faststart"]),
+    ".webp": ("libwebp_anim", ["-lossless", "0", "-q:v", "80", "-loop", "0"]),
+    ".mkv": ("libx264rgb", ["-crf", "0", "-preset", "ultrafast"]),
+}
+_PALETTE = "palettegen=stats_mode=full"
+_WITH_PALETTE = "paletteuse=dither=none:diff_mode=rectangle"
+
+
+class FilmWriter:
+    """A film of shots, so many a second [1/s], in the file `path`; it is whole when a ``with`` block ends.
+
+    Raises
+    ------
+    ValueError
+        It has no frame.
+    OSError
+        It could not be encoded.
+    """
+
+    def __init__(self, path: Path, setting: Setting, rate: float) -> None:
+        self._path, self._rate = path, rate
+        self._canvas = Canvas(setting, _HEIGHTS[path.suffix])
+        self._folder = TemporaryDirectory(dir=path.parent, prefix=".film.")
+        is_gif = path.suffix == ".gif"  # its palette is known when all frames are
+        self._encoded = Path(self._folder.name) / "film.mkv" if is_gif else path
+        self._encoder: Generator[None, NDArray[np.uint8], None] | None = None
+        self.frames = 0
+
+    def add(self, shot: Shot) -> None:
+        """Append a frame."""
+        pixels = np.ascontiguousarray(self._canvas.pixels(shot))
+        if self._encoder is None:
+            codec, options = _CODECS[self._encoded.suffix]
+            self._encoder = imageio_ffmpeg.write_frames(
+                str(self._encoded),
+                pixels.shape[1::-1],
+                fps=self._rate,
+                codec=codec,
+                pix_fmt_out="rgb24" if codec == "libx264rgb" else "yuv420p",
+                quality=None,
+                macro_block_size=2,
+                output_params=options,
+            )
+            next(self._encoder)
+        self._encoder.send(pixels)
+        self.frames += 1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        with self._folder:
+            if self._encoder is not None:
+                self._encoder.close()
+            if kind is None:
+                self._finish()
+
+    def _finish(self) -> None:
+        if self._encoder is None:
+            raise ValueError(f"nothing was drawn for '{self._path}'")
+        if self._encoded != self._path:
+            palette = self._encoded.with_name("palette.png")
+            _ffmpeg("-i", self._encoded, "-vf", _PALETTE, palette)
+            _ffmpeg("-i", self._encoded, "-i", palette, "-lavfi", _WITH_PALETTE, self._path)
+        if not self._path.is_file() or not self._path.stat().st_size:
+            raise OSError(f"'{self._path}' could not be encoded")
+
+
+def _ffmpeg(*arguments: str | Path) -> None:
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *map(str, arguments)]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if done.returncode:
+        raise OSError(f"'{arguments[-1]}' could not be encoded: {' '.join(done.stderr.split())}")
+
+
+def draw_film(reader: RecordingReader, output: Path) -> range:
+    """Make a film of a recording, and return which of its frames it has.
+
+    Raises
+    ------
+    SceneError
+        It cannot be written there.
+    """
+    require_place("film", output, *FILMS)
+    frames = range(0, len(reader.time), ceil(reader.rate / FASTEST[output.suffix]))
+    with draft_of(output) as draft, FilmWriter(draft, setting_of(reader), reader.rate / frames.step) as film:
+        for frame in frames:
+            film.add(shot_of(reader, frame))
+    return frames
+
+
+class Film:
+    """A film of a run, with the methods of a `Recorder`: the file appears when the block ends well, whole.
+
+    Raises
+    ------
+    SceneError
+        The film cannot be written there; as an `OutputError`, if another process does so.
+    """
+
+    def __init__(self, path: Path, scene: Scene, frames_per_second: float, painter: Painter) -> None:
+        require_place("output", path, *FILMS)
+        self._path, self._painter = path, painter
+        self.stride = recording_stride(scene.dt, frames_per_second)
+        self._seconds = self.stride * scene.dt
+        self._rate = recording_rate(scene.dt, self.stride)
+        self.needs_contacts = painter.needs_contacts
+        self._held = ExitStack()
+        self._held.enter_context(Lock(path))
+
+    def __enter__(self) -> Self:
+        draft = self._held.enter_context(draft_of(self._path))
+        self._writer = self._held.enter_context(FilmWriter(draft, self._painter.setting, self._rate))
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._held.__exit__(kind, error, traceback)
+
+    def record(
+        self,
+        position: FloatArray,
+        velocity: FloatArray,
+        contacts: PairContacts | None = None,
+        wall_contacts: WallContacts | None = None,
+    ) -> None:
+        """Append one frame, see `Recorder.record`."""
+        frame = Frame(position, velocity, contacts, wall_contacts)
+        self._writer.add(self._painter.shot(self._writer.frames * self._seconds, frame))
+
+    def flush(self) -> None:
+        """Do nothing: a film cannot be continued."""

@@ -1,0 +1,21 @@
+"""Kinds of pictures and films, by the ending of their files."""
+
+from math import inf
+
+from warpgrains.errors import missing_extra
+
+STILLS = (".png", ".pdf", ".svg")
+FILMS = (".mp4", ".gif", ".webp")
+FASTEST: dict[str | None, float] = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
+"""Frames a second [1/s] beyond which browsers do not play them."""
+
+
+def require_drawing(what: str, is_film: bool = False) -> None:
+    """Raise SceneError unless the libraries are installed that draw a picture, or make a film of it."""
+    try:
+        import matplotlib.axes  # noqa: F401
+
+        if is_film:
+            import imageio_ffmpeg  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise missing_extra(what, error, "film" if is_film else "report") from error

@@ -1,0 +1,87 @@
+"""What a picture shows: of a simulation, or of a frame of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.walls import Annulus
+from warpgrains.usd.chains import Chains, ChainScale, chains_of
+from warpgrains.usd.colors import ColorScale, Frame, GrainColors
+from warpgrains.usd.rings import rings
+
+if TYPE_CHECKING:
+    from warpgrains.simulation.simulation import Simulation
+    from warpgrains.usd.reader import RecordingReader
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What stands still."""
+
+    radius: FloatArray
+    """[m], shape (n,)."""
+    walls: list[tuple[float, float]]
+    """Inner and outer radius of each ring [m]."""
+    scale: ColorScale | None
+    chain_scale: ChainScale | None
+
+    @property
+    def reach(self) -> float:
+        """How far from the origin there is something [m]."""
+        return max(outer for _, outer in self.walls)
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One moment."""
+
+    time: float
+    """[s]."""
+    position: FloatArray
+    """[m], shape (n, 2)."""
+    color: FloatArray
+    """sRGB, shape (n, 3)."""
+    chains: Chains | None
+
+
+class Painter:
+    """Makes shots of frames of a scene, colored by a quantity, with force chains or without.
+
+    Raises
+    ------
+    SceneError
+        The coloring is unknown.
+    """
+
+    def __init__(self, scene: Scene, color_by: str, forces: bool) -> None:
+        self._scene = scene
+        self._colors = GrainColors(scene, color_by)
+        self.needs_contacts = forces or color_by == "pressure"
+        chain_scale = ChainScale.of(scene) if forces else None
+        walls = list(rings(Annulus(*scene.walls)).values())
+        self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale)
+
+    def shot(self, time: float, frame: Frame) -> Shot:
+        """Return a shot of a frame at a time [s]."""
+        scale = self.setting.chain_scale
+        chains = None if scale is None else chains_of(self._scene, scale, frame)
+        return Shot(time, frame.position, self._colors.of(frame), chains)
+
+    def shot_of(self, simulation: Simulation) -> Shot:
+        """Return a shot of the present state of a simulation of the scene."""
+        contacts = (simulation.contacts(), simulation.wall_contacts()) if self.needs_contacts else ()
+        return self.shot(simulation.time, Frame(simulation.position, simulation.velocity, *contacts))
+
+
+def setting_of(reader: RecordingReader) -> Setting:
+    """Return what stands still in a recording."""
+    return Setting(reader.radius, reader.walls, reader.scale, reader.chain_scale)
+
+
+def shot_of(reader: RecordingReader, frame: int) -> Shot:
+    """Return a shot of a frame of a recording."""
+    chains = None if reader.chain_scale is None else reader.chains(frame)
+    return Shot(float(reader.time[frame]), reader.position(frame), reader.color(frame), chains)
