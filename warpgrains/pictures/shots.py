@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.walls import Annulus
 from warpgrains.usd.chains import Chains, ChainScale, chains_of
 from warpgrains.usd.colors import ColorScale, Frame, GrainColors
 from warpgrains.usd.rings import rings
@@ -61,7 +60,7 @@ class Painter:
         self._colors = GrainColors(scene, color_by)
         self.needs_contacts = forces or color_by == "pressure"
         chain_scale = ChainScale.of(scene) if forces else None
-        walls = list(rings(Annulus(*scene.walls)).values())
+        walls = list(rings(scene.walls).values())
         self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale)
 
     def shot(self, time: float, frame: Frame) -> Shot:

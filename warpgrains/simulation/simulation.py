@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-<<<<<<< HEAD
-from typing import Any, NamedTuple, Self
-=======
-from typing import TYPE_CHECKING, Any, Self
->>>>>>> 91b838b (Films and pictures, of runs and of recordings)
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError, SimulationError

@@ -15,16 +15,8 @@ _SEGMENTS = 256
 def define_walls(stage: Usd.Stage, walls: Annulus) -> None:
     """Author the prims of the walls, outside the space that they leave to the grains."""
     UsdGeom.Xform.Define(stage, WALLS)
-<<<<<<< HEAD
-    radius_in, radius_out = walls.radius_in, walls.radius_out
-    thickness = _THICKNESS * radius_out
-    _define_ring(stage, WALLS.AppendChild("Outer"), radius_out, radius_out + thickness)
-    if radius_in > 0:
-        _define_ring(stage, WALLS.AppendChild("Inner"), max(radius_in - thickness, radius_in / 2), radius_in)
-=======
     for name, (inner, outer) in rings(walls).items():
         _define_ring(stage, WALLS.AppendChild(name), inner, outer)
->>>>>>> 91b838b (Films and pictures, of runs and of recordings)
 
 
 def reach_of(walls: Annulus) -> float:
