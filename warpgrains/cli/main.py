@@ -34,9 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if parsed.command is None:
             _parser().print_help()
             return DONE
-        failed = parsed.command.do(parsed)
+        code = parsed.command.do(parsed)
         sys.stdout.flush()
-        return FAILED if failed else DONE
+        return code
     except SceneError as error:
         return _complain(str(error), BAD_INPUT)
     except BrokenPipeError:  # nobody reads the output any more; Python must not try again at its end
@@ -52,17 +52,17 @@ class Command(NamedTuple):
     """A command of the command line."""
 
     home: str
-    """Module of this package, and the function that does it and returns whether something is wrong."""
+    """Module of this package, and the function that does it: it returns whether it failed, or a code."""
     add_options: Callable[[ArgumentParser], None]
     help: str
     description: str
 
-    def do(self, arguments: Namespace) -> bool:
-        """Carry it out; what is heavy is imported only now."""
+    def do(self, arguments: Namespace) -> int:
+        """Carry it out, and return the exit code; what is heavy is imported only now."""
         module, _, function = self.home.partition(".")
         with interrupts_end_at_once(INTERRUPTED):
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
-        return bool(do(arguments))
+        return int(do(arguments))
 
 
 class _Parser(ArgumentParser):
@@ -211,6 +211,16 @@ def _add_report(parser: ArgumentParser) -> None:
     add("-o", "--output", metavar="DIR", required=True, help="folder to put the report in")
 
 
+def _add_grade(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("homework", metavar="HOMEWORK", nargs="?", help="a homework.c, or a folder of homeworks")
+    add("-o", "--output", metavar="CSV", help="of a folder: the table of grades to write")
+    add("--json", action="store_true", help="print the verdict as JSON: an object, or a list for a folder")
+    add("--strict", action="store_true", help="let only the bits of the reference pass")
+    empty = "write an empty homework, its header and its task, in English and French (default: here)"
+    add("--template", metavar="DIR", nargs="?", const=".", help=empty)
+
+
 def _whole_numbers(text: str) -> list[int]:
     try:
         return [int(word) for word in text.split(",")]
@@ -261,5 +271,12 @@ COMMANDS = {
         _add_report,
         "measure speed against error",
         "Measure speed against error: tables, CSV and pictures, in some minutes.",
+    ),
+    "grade": Command(
+        "grade.grade",
+        _add_grade,
+        "grade a homework of the course",
+        "Hold a homework against the reference, function by function, and name its mistakes;"
+        " exit code 1: it is wrong, 2: it cannot be graded.",
     ),
 }

@@ -1,11 +1,11 @@
 /* The reference: the loops of kernels/MODEL.md, equations (2) to (8), and (16) to (18), as they stand there.
  *
+ * NOCONTACTITERATE and NOUPDATE leave out one of the two functions that students write, NOCREATE the others.
  * Build with -ffp-contract=off, so that a product and a sum are rounded one after the other. */
 
 #include "grains.h"
 
-#include <math.h>
-#include <stdlib.h>
+#ifndef NOCREATE
 
 /* Rows of touching grains above the inner disc, as in the course's program. */
 femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, double radiusOut) {
@@ -46,6 +46,10 @@ void femGrainsFree(femGrains *myGrains) {
     free(myGrains->dvContacts);
     free(myGrains);
 }
+
+#endif
+
+#ifndef NOCONTACTITERATE
 
 /* The contact of grains i < j; dvc is its accumulated correction. Returns |dv|. */
 static double contactPair(femGrains *g, int i, int j, double *dvc, double dt, int iter) {
@@ -127,6 +131,10 @@ double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, in
     return zeta;
 }
 
+#endif
+
+#ifndef NOUPDATE
+
 /* A component of the velocity of a grain of mass m without contacts. */
 static double freeVelocity(const femGrains *g, double v, double gravity, double m, double dt) {
     double a = g->gamma * dt / (2.0 * m);
@@ -157,3 +165,5 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
     }
     myGrains->staggered = myGrains->leapfrog;
 }
+
+#endif

@@ -1,0 +1,164 @@
+"""Homeworks: right ones pass, each mistake is named, and hostile ones do no harm and are named."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from operator import itemgetter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hostile_homeworks import HOSTILE, contact_that
+from right_homeworks import PLAIN, RIGHT
+from wrong_homeworks import CONTACT, UPDATE, WRONG, wrong
+
+from warpgrains.grade.child import Answer, Limits
+from warpgrains.grade.compare import difference
+from warpgrains.grade.diagnosis import explain
+from warpgrains.grade.grader import Grader
+from warpgrains.grade.mistakes import MISTAKES
+from warpgrains.grade.verdict import BOTH, Part, Verdict
+
+FAST = 8  # wrong homeworks, and hostile ones, that every run of the tests grades; the others are slow
+SLOW = ([], [pytest.mark.slow])
+Grade = Callable[..., Verdict]
+
+
+@pytest.fixture(scope="module")
+def grader(tmp_path_factory: pytest.TempPathFactory) -> Grader:
+    return Grader(tmp_path_factory.mktemp("grader"), limits=Limits(seconds=0.3))
+
+
+@pytest.fixture
+def grade(grader: Grader, tmp_path: Path) -> Grade:
+    """Grade the text of a homework."""
+
+    def graded(text: str) -> Verdict:
+        source = tmp_path / "homework.c"
+        source.write_bytes(text.encode("latin-1"))
+        return grader.grade(source)
+
+    return graded
+
+
+def parts(verdict: Verdict) -> dict[str, Part]:
+    return {part.name: part for part in verdict.parts}
+
+
+def statuses(verdict: Verdict) -> list[str]:
+    return [parts(verdict)[name].status for name in (UPDATE, CONTACT, BOTH)]
+
+
+@pytest.mark.parametrize("style", RIGHT)
+def test_right_ones_in_several_styles(grade: Grade, style: str) -> None:
+    verdict = grade(RIGHT[style])
+    assert verdict.status == "right", verdict.text(False)
+
+
+@pytest.mark.parametrize(
+    ("function", "mistake"),
+    [pytest.param(*key, marks=SLOW[k >= FAST]) for k, key in enumerate(sorted(WRONG, key=itemgetter(1)))],
+)
+def test_each_mistake_is_named(grade: Grade, function: str, mistake: str) -> None:
+    verdict = grade(wrong(WRONG[function, mistake]))
+    part = parts(verdict)
+    assert part[function].mistakes == (mistake,), verdict.text(False)
+    assert part[function].remark == ""
+    assert part[function].first.startswith("scene ")
+    assert statuses(verdict) == ["wrong" if name in (function, BOTH) else "right" for name in part]
+
+
+@pytest.mark.slow
+def test_known_mistakes_are_told_apart(grader: Grader) -> None:
+    for function in (UPDATE, CONTACT):
+        answers = grader.answers_of_mistakes(function)
+        assert list(answers) == [mistake.name for mistake in MISTAKES if mistake.function == function]
+        for name in answers:
+            named = explain(grader.probes[function], grader.expected[function], answers[name], answers)
+            assert named == ([name], 0)
+
+
+@pytest.mark.parametrize("what", [pytest.param(key, marks=SLOW[k >= FAST]) for k, key in enumerate(HOSTILE)])
+def test_hostile_ones_do_no_harm_and_are_named(grade: Grade, what: str, tmp_path: Path) -> None:
+    does, before, said = HOSTILE[what]
+    verdict = grade(contact_that(does, before))
+    part = parts(verdict)[CONTACT]
+    assert statuses(verdict) == ["wrong" if what == "before main" else "right", "wrong", "not run"]
+    assert said in (part.ended or ""), verdict.text(False)
+    assert not list(tmp_path.parent.parent.rglob("hacked"))
+
+
+def test_what_it_prints_is_no_verdict(grade: Grade) -> None:
+    verdict = grade(contact_that('puts("\\033[2Jright"); return 0.0;'))
+    assert verdict.status == "wrong"
+    assert parts(verdict)[CONTACT].printed.startswith("\x1b[2Jright")
+    assert "\x1b" not in verdict.text(False)
+
+
+def test_numbers_written_to_the_channel_are_judged_like_answers(grade: Grade) -> None:
+    forged = "for (i = 3; i < 32; i++) for (j = 0; j < 9; j++) write(i, zeros, sizeof zeros);"
+    verdict = grade(contact_that(forged, "#include <unistd.h>\nstatic char zeros[64];\n"))
+    assert parts(verdict)[CONTACT].status == "wrong"
+
+
+def test_two_mistakes_are_both_named(grade: Grade) -> None:
+    changes = (*WRONG[CONTACT, "no warm start"], *WRONG[CONTACT, "zeta without abs"])
+    verdict = grade(wrong((*changes, *WRONG[UPDATE, "positions moved twice"])))
+    assert set(parts(verdict)[CONTACT].mistakes) == {"no warm start", "zeta without abs"}
+    assert parts(verdict)[UPDATE].mistakes == ("positions moved twice",)
+
+
+def test_a_mistake_that_nobody_knows(grade: Grade) -> None:
+    part = parts(grade(PLAIN.replace("y[i] += vy[i] * dt;", "y[i] += vx[i] * dt;")))[UPDATE]
+    assert (part.mistakes, part.remark) == ((), "no known mistake explains it")
+    assert part.first.startswith("scene one, step 2: y[0] is ")
+
+
+def test_functions_that_spoil_each_other(grade: Grade) -> None:
+    text = PLAIN.replace("\n\n", "\n\nstatic double seen;\n", 1).replace(
+        "double zeta = 0.0;", "double zeta = seen = 0.1;"
+    )
+    verdict = grade(
+        text.replace("zeta = seen = 0.1;", "zeta = 0.0; seen = 0.1;").replace("fx * dt", "(fx + seen) * dt")
+    )
+    assert statuses(verdict) == ["right", "right", "wrong"]
+    assert parts(verdict)[BOTH].remark.startswith("each is right alone")
+
+
+def test_one_function_that_is_missing_or_does_not_compile(grade: Grade) -> None:
+    contact, update = PLAIN.split("#endif\n")[:2]
+    alone = contact.replace("#ifndef NOCONTACTITERATE\n", "")
+    assert statuses(grade(alone)) == ["missing", "right", "missing"]
+    verdict = grade(f"{contact}#endif\n{update.replace('int i,', 'int i')}#endif\n")
+    assert statuses(verdict) == ["does not compile", "right", "does not compile"]
+    assert "homework.c:" in verdict.compiler
+    assert "error" in verdict.compiler
+
+
+def test_undefined_functions_are_named(grade: Grade) -> None:
+    verdict = grade(contact_that("zeta = elsewhere(1.0);", "double elsewhere(double);\n"))
+    assert statuses(verdict) == ["right", "missing", "not run"]
+    assert "undefined symbol: elsewhere" in (parts(verdict)[CONTACT].ended or "")
+
+
+def test_only_rounding_passes(grader: Grader) -> None:
+    for function, probes in grader.probes.items():
+        for probe, expected in list(zip(probes, grader.expected[function], strict=True))[::7]:
+            if probe.capped:
+                continue
+            for name, start in (("x", 0), ("vx", 2), ("dvBoundary", 6)):
+                other = answer_with(expected, start * probe.call.n, 1e-7)
+                assert difference(probe, expected, expected, strict=True) is None
+                found = difference(probe, expected, other)
+                assert found is not None
+                assert found.quantity == f"{name}[0]"
+                nearly = answer_with(expected, start * probe.call.n, np.spacing(1.0))
+                assert difference(probe, expected, nearly) is None
+                assert (difference(probe, expected, nearly, strict=True) is None) == np.array_equal(
+                    nearly.state, expected.state
+                )
+
+
+def answer_with(answer: Answer, place: int, change: float) -> Answer:
+    state = answer.state.copy()
+    state[place] += change
+    return replace(answer, state=state)

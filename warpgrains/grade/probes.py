@@ -1,0 +1,133 @@
+"""What homeworks are asked for: calls that begin where the reference is, so that no error adds up.
+
+Scenes are such that each known mistake shows in one of them: masses and radii that differ, gravity with two
+components, drag, grains that meet one another and both walls, the light and the heavy first. They are asked
+for in this order, the simplest first.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.grade.child import Call, Child
+from warpgrains.scene.scene import Scene
+
+FIRST_ITERATIONS = 3  # of a step are asked for one by one, from 0
+CAP = 4  # iterations of a call that is to stop at its limit
+_MOST = 30
+_NOISE = 1e-9  # [m/s]: below it, zeta is nothing but rounding
+
+
+class Probe(NamedTuple):
+    """A call, and where it stands.
+
+    `capped`: it stops at its limit of iterations; whether the one that is numbered 0 counts, the text leaves
+    open.
+    """
+
+    scene: str
+    step: int
+    call: Call
+    capped: bool = False
+
+
+class Probes(NamedTuple):
+    """What is asked for of femGrainsContactIterate, and of femGrainsUpdate."""
+
+    contact: list[Probe]
+    update: list[Probe]
+
+
+def make_probes(reference: Child) -> Probes:
+    """Let the reference advance some scenes, and keep where it came by."""
+    contact: list[Probe] = []
+    update: list[Probe] = []
+    for scene, steps in _scenes():
+        call = _start(scene)
+        for step in range(1, max(steps) + 1):
+            if step in steps:
+                iterations, zeta = _iterations(reference, call)
+                contact += [Probe(scene.name, step, each) for each in iterations[:FIRST_ITERATIONS]]
+                update += _updates(Probe(scene.name, step, call), zeta)
+            call = call._replace(state=reference.ask(call).state)
+    return Probes(contact, update)
+
+
+def _scenes() -> Iterator[tuple[Scene, range]]:
+    """Give the scenes, and at which of their steps homeworks are asked."""
+    ring = {"gravity": (1.5, -9.81), "drag": 0.05, "dt": 0.02, "max_iterations": 1000}
+    yield _scene("one", [[0.05, 0.9]], [[-0.8, -3.0]], [0.1], [0.3], radius_out=1.3, **ring), range(2, 41, 3)
+    centres, speeds = [[-0.7, 0.7], [0.2, 1.0]], [[3.0, 0.5], [-2.0, 0.0]]
+    yield _scene("two", centres, speeds, [0.08, 0.15], [0.2, 2.0], **ring), range(1, 31, 2)
+    random = np.random.default_rng(13)
+    angle = 2.0 * np.pi * np.arange(14) / 14
+    distance = 0.8 + 0.05 * random.uniform(-1.0, 1.0, 14)
+    position = np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
+    radius, mass = random.uniform(0.1, 0.18, 14), np.exp(random.uniform(np.log(0.1), np.log(4.0), 14))
+    velocity = random.uniform(-4.0, 4.0, (14, 2))
+    yield _scene("mixed", position, velocity, radius, mass, radius_out=1.05, **ring), range(1, 11)
+    yield Scene.load("annulus"), range(1, 302, 50)
+    position = np.concatenate([0.65 * position / distance[:, None], 1.1 * position / distance[:, None]])
+    radius = random.permutation(np.linspace(0.025, 0.125, 28))
+    fall = {"radius_in": 0.3, "gravity": (0.0, -9.81), "drag": 0.02, "max_iterations": 1000}
+    mass = 30.0 * radius**2
+    yield _scene("polydisperse", position, 0.0 * position, radius, mass, **fall), range(11, 122, 20)
+
+
+def _scene(
+    name: str, position: object, velocity: object, radius: object, mass: object, **others: object
+) -> Scene:
+    arrays = {
+        key: np.array(value, np.float64)
+        for key, value in (("position", position), ("velocity", velocity), ("radius", radius), ("mass", mass))
+    }
+    return Scene(name=name, **{"radius_in": 0.5, "radius_out": 1.5, **arrays, **others})  # type: ignore[arg-type]
+
+
+def _start(scene: Scene) -> Call:
+    """Return the first step of a scene."""
+    n = scene.n
+    arrays = (*scene.position.T, *scene.velocity.T, scene.radius, scene.mass, np.zeros(n + n * (n - 1) // 2))
+    limits = (scene.dt, scene.tolerance, scene.max_iterations, scene.radius_in, scene.radius_out)
+    return Call(n, -1, *limits, scene.gravity, scene.drag, np.concatenate(arrays))
+
+
+def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
+    """Return the iterations of a step, with the state that each begins with, and their zeta."""
+    state, n = step.state.copy(), step.n
+    velocity, mass = state[2 * n : 4 * n].reshape(2, n), state[5 * n : 6 * n]
+    velocity += step.dt * (np.array(step.gravity)[:, None] - step.drag / mass * velocity)
+    calls, zeta = [], []
+    for iteration in range(_MOST + 1):
+        calls.append(step._replace(iteration=iteration, state=state))
+        answer = reference.ask(calls[-1])
+        state = answer.state
+        zeta.append(answer.zeta)
+    return calls, np.array(zeta)
+
+
+def _updates(step: Probe, zeta: FloatArray) -> list[Probe]:
+    """Return the step with a tolerance that its zeta passes at once, not by rounding, and with a limit."""
+    last, tolerance = _clearest_drop(zeta)
+    call = step.call._replace(tolerance=tolerance, max_iterations=float(2 * _MOST))
+    if last <= CAP + 1:
+        return [step._replace(call=call)]
+    return [
+        step._replace(call=call),
+        step._replace(call=call._replace(max_iterations=float(CAP)), capped=True),
+    ]
+
+
+def _clearest_drop(zeta: FloatArray) -> tuple[int, float]:
+    """Return the iteration at which zeta falls most below all before, and a number in between."""
+    drops = {
+        k: max(zeta[k], _NOISE) / zeta[1:k].min()
+        for k in range(2, len(zeta))
+        if max(zeta[k], _NOISE) < zeta[1:k].min()
+    }
+    if not drops:
+        return 1, _NOISE
+    last = min(drops, key=lambda k: drops[k])
+    return last, float(np.sqrt(drops[last]) * zeta[1:last].min())
