@@ -14,6 +14,8 @@ from time import monotonic
 from typing import Any, NoReturn, Protocol
 
 BETWEEN_LINES = 30.0  # seconds, where no terminal can show a bar
+INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C has ended."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 STDOUT, STDERR = 1, 2
@@ -86,12 +88,15 @@ def progress_bar(
 
 
 @contextmanager
-def interrupts_end_at_once(code: int) -> Iterator[None]:
-    """Let Ctrl-C end the process: libraries that are being imported turn it into errors of their own."""
+def interrupts_end_at_once() -> Iterator[None]:
+    """Let Ctrl-C end the process while libraries are imported, which turn it into errors of their own.
+
+    Afterwards it does what it did before, even if one of them has set a handler.
+    """
 
     def end(*_: object) -> NoReturn:
         os.write(STDERR, b"warpgrains: error: interrupted\n")
-        os._exit(code)
+        os._exit(INTERRUPTED)
 
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -3,7 +3,9 @@
 import copy
 import json
 import pickle
+from contextlib import suppress
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -278,3 +280,19 @@ def test_checkpoint_of_foreign_hands_makes_no_file_elsewhere(tmp_path, capfd):
         assert exit_code("run", "--resume", here / "run.npz") == 2
         require_refusal(capfd)
         assert {path: path.read_bytes() for path in there.iterdir()} == before
+
+
+@pytest.mark.parametrize("steps", [0, 20])
+def test_checkpoint_of_foreign_hands_makes_no_series_elsewhere(tmp_path, capfd, monkeypatch, steps):
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    simulation = Simulation(Scene.load("annulus"))
+    with monkeypatch.context() as killed, suppress(KeyboardInterrupt):
+        if steps == 0:
+            killed.setattr(Simulation, "advance", Mock(side_effect=KeyboardInterrupt))
+        simulation.run(steps=20, checkpoint=here / "run.npz")
+    rewrite(here / "run.npz", {"plan": {"measure": "pile_height", "series": "../there/new.csv", "steps": 30}})
+    assert exit_code("run", "--resume", here / "run.npz") == 2
+    require_refusal(capfd, "does not hold the rows before")
+    assert not list(there.iterdir())

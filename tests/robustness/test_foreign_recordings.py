@@ -1,13 +1,20 @@
 """`check` and `plot` on USD files that no recorder wrote: one line, or what is wrong, and nothing else."""
 
 import os
+import resource
+import subprocess
+import sys
 from time import monotonic
 
 import pytest
-from command import exit_code
+from command import answer, exit_code
+from forks import ForkServer
 from recordings import make_frames, record
 
+from warpgrains import SceneError
+from warpgrains.analysis.plots import plot
 from warpgrains.cli import apart
+from warpgrains.usd.check import inspect_recording
 
 POINTS = '#usda 1.0\ndef Xform "World" {{\n  def Points "Grains" {{\n{}\n  }}\n}}\n'
 INSTANCER = POINTS.replace("def Points", "def PointInstancer")
@@ -42,36 +49,47 @@ FOREIGN = {
 }
 
 
-def require_answer(capfd, code):
-    """Check that the command said what is wrong, or what it did, and nothing else."""
-    printed = capfd.readouterr()
-    assert "Traceback" not in printed.out + printed.err
-    if code == 2:
-        assert printed.out == ""
-        assert printed.err.startswith("warpgrains: error: ")
-        assert printed.err.count("\n") == 1, printed.err
-    else:
-        assert printed.out
+@pytest.fixture(scope="module")
+def forks():
+    with ForkServer() as forks:
+        yield forks
 
 
 @pytest.mark.parametrize("content", FOREIGN.values(), ids=FOREIGN.keys())
-def test_foreign_file(tmp_path, content, capfd):
+def test_foreign_file(tmp_path, content, capfd, monkeypatch, forks):
+    monkeypatch.setattr(apart.subprocess, "run", forks.run)
     path = tmp_path / "foreign.usda"
     path.write_text(content)
-    code = exit_code("check", path)
-    assert code in (1, 2)
-    require_answer(capfd, code)
-    code = exit_code("plot", path)
-    require_answer(capfd, code)
-    assert code == 2 or (tmp_path / "foreign.png").exists()
+    assert answer(capfd, "check", path)[0] in (1, 2)
+    for picture in (tmp_path / "foreign.png", tmp_path / "foreign.gif"):
+        assert (answer(capfd, "plot", path, "-o", picture)[0] == 0) == picture.exists()
+
+
+@pytest.mark.parametrize("content", FOREIGN.values(), ids=FOREIGN.keys())
+def test_foreign_file_in_python(tmp_path, content):
+    path = tmp_path / "foreign.usda"
+    path.write_text(content)
+    for read in (inspect_recording, lambda path: plot(path, tmp_path / "foreign.png")):
+        try:
+            said = str(read(path)[:1])
+        except SceneError as refusal:
+            said = str(refusal)
+        assert "\n" not in said
+
+
+@pytest.mark.parametrize(("name", "kind"), [("scalar points", "Vec3f"), ("scales as text", "str")])
+def test_what_is_foreign_is_named(tmp_path, name, kind):
+    path = tmp_path / "foreign.usda"
+    path.write_text(FOREIGN[name])
+    with pytest.raises(SceneError, match=f"is a {kind}, not an array of numbers"):
+        inspect_recording(path)
 
 
 def test_file_that_crashes_its_reader(tmp_path, capfd):
     path = tmp_path / "deep.usda"
     path.write_text("#usda 1.0\n" + 'def "A" {' * 100_000 + "}" * 100_000)
     for command in ("check", "plot"):
-        assert exit_code(command, path) == 2
-        require_answer(capfd, 2)
+        assert answer(capfd, command, path)[0] == 2
 
 
 def test_file_that_hangs_its_reader(tmp_path, capfd, monkeypatch):
@@ -90,3 +108,17 @@ def test_file_that_takes_too_much_memory(tmp_path, capfd, monkeypatch):
     path = record(tmp_path / "run.usdc", make_frames(2))
     assert exit_code("check", path) == 2
     assert "takes more memory than its size allows" in capfd.readouterr().err
+
+
+def test_picture_that_cannot_be_written(tmp_path):
+    """As on a full disk."""
+    path = record(tmp_path / "run.usdc", make_frames(2))
+    done = subprocess.run(
+        [sys.executable, "-m", "warpgrains", "plot", path],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert done.stderr == "warpgrains: error: [Errno 27] File too large\n"
+    assert list(tmp_path.iterdir()) == [path]

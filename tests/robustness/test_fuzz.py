@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from recordings import make_frames, record
+from mutations import mutations, odd_texts
 from same_bits import contents
-from test_foreign_recordings import FOREIGN
 from trimmed import trimmed
 
 from warpgrains import Scene, SceneError, Simulation
-from warpgrains.cli import apart
 from warpgrains.files import read_table, table_text
 from warpgrains.scene.reader import scene_fields
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -34,22 +32,6 @@ radius = [0.1, 0.05]
 mass = 0.1
 """
 CSV = "x,y,vx,vy,radius,mass\n0.7,0.0,0.1,0.0,0.1,0.1\n0.0,0.7,0.0,-0.2,0.05,0.2\n"
-ODD = (
-    "nan",
-    "-inf",
-    "1e308",
-    "-0.0",
-    "-1",
-    "9" * 40,
-    "'x'",
-    "true",
-    "[]",
-    "{}",
-    "[[]]",
-    "1979-05-27",
-    "\\",
-    "\0",
-)
 ODD_JSON = (
     None,
     True,
@@ -67,35 +49,6 @@ ODD_JSON = (
     {},
     {"a": 1},
 )
-
-
-@st.composite
-def mutations(draw, original):
-    """Return bytes with up to four places changed, or cut off."""
-    content = bytearray(original)
-    for _ in range(draw(st.integers(1, 4))):
-        place = draw(st.integers(0, len(content)))
-        how = draw(st.sampled_from(["flip", "insert", "delete", "cut", "swap"]))
-        if how == "insert":
-            content[place:place] = draw(st.binary(max_size=3))
-        elif how == "delete":
-            del content[place : place + draw(st.integers(1, 20))]
-        elif how == "cut":
-            del content[place:]
-        elif how == "swap":
-            content[place : place + 8] = draw(st.binary(min_size=8, max_size=8))
-        elif place < len(content):
-            content[place] ^= 1 << draw(st.integers(0, 7))
-    return bytes(content)
-
-
-@st.composite
-def odd_texts(draw, text):
-    """Return a text in which some words are odd ones."""
-    words = text.split(" ")
-    for _ in range(draw(st.integers(1, 3))):
-        words[draw(st.integers(0, len(words) - 1))] = draw(st.sampled_from(ODD))
-    return " ".join(words).encode()
 
 
 def require_one_line(refusal):
@@ -225,29 +178,3 @@ def check_result(content):
 
 
 test_results = fuzzed(check_result, mutations(ROW))
-
-
-@cache
-def recording(suffix):
-    with TemporaryDirectory() as folder:
-        return record(Path(folder, f"run{suffix}"), make_frames(2)).read_bytes()
-
-
-@pytest.mark.parametrize("count", [3, pytest.param(trimmed(500), marks=pytest.mark.slow)])
-@pytest.mark.parametrize("suffix", [".usdc", ".usda"])
-def test_recordings(count, suffix):
-    foreign = st.sampled_from(sorted(FOREIGN.values())).flatmap(lambda text: mutations(text.encode()))
-
-    def check(content):
-        with TemporaryDirectory() as folder:
-            path = Path(folder, f"run{suffix}")
-            path.write_bytes(content)
-            try:
-                assert isinstance(apart.done_apart("inspect", str(path)), list)
-            except SceneError as refusal:
-                require_one_line(refusal)
-            assert list(Path(folder).iterdir()) == [path]
-
-    examples = mutations(recording(suffix)) if suffix == ".usdc" else mutations(recording(suffix)) | foreign
-    quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
-    settings(max_examples=count, derandomize=count < 10, **quiet)(given(examples)(check))()

@@ -2,8 +2,11 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
-from collections.abc import Iterator
+import time
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -11,16 +14,9 @@ import pytest
 from same_bits import contents
 
 from warpgrains import Batch, Scene, Simulation
+from warpgrains.simulation.checkpoint import read_checkpoint
 
 ENDLESS = {"tolerance": 0.0, "max_iterations": 2_000_000_000}
-
-
-@pytest.fixture(autouse=True)
-def interrupts_are_pythons_own() -> Iterator[None]:
-    """Libraries that other tests import have handlers of their own."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def interrupt_soon() -> None:
@@ -67,3 +63,27 @@ def test_a_forked_child_goes_on() -> None:
         simulation.run(steps=10)
         os._exit(0 if simulation.steps == 11 else 1)
     assert os.waitpid(child, 0)[1] == 0
+
+
+def test_a_command_amid_an_endless_step(tmp_path: Path) -> None:
+    kept = tmp_path / "run.npz"
+    endless = [f"solver.{name}={value}" for name, value in ENDLESS.items()]
+    options = ["--set", endless[0], "--set", endless[1], "--checkpoint", str(kept), "--every", "1"]
+    command = subprocess.Popen(
+        [sys.executable, "-m", "warpgrains", "run", "polydisperse", *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    while not kept.exists() or time.time() - kept.stat().st_mtime < 1.0:  # no step has ended for a second
+        time.sleep(0.1)
+    command.send_signal(signal.SIGINT)
+    out, complaint = command.communicate(timeout=60)
+    assert out == b""
+    assert complaint.startswith(b"warpgrains: error: interrupted; ")
+    assert complaint.count(b"\n") == 1
+    assert command.returncode == 130
+    steps = read_checkpoint(kept).state.steps
+    undisturbed = Simulation(Scene.load("polydisperse", endless))
+    undisturbed.run(steps=steps)
+    assert steps > 0
+    assert contents(read_checkpoint(kept).state) == contents(undisturbed.state())

@@ -1,5 +1,8 @@
 """`warpgrains batch`: every run as if done alone, and the line for bad input."""
 
+import signal
+import sys
+
 import lightusd
 import numpy as np
 import pytest
@@ -144,6 +147,15 @@ class TestBadInput:
         assert printed.err.count("\n") == 1
         assert complaint in printed.err
         assert not list((tmp_path / "out").rglob("*.*"))
+
+    def test_slurm_leaves_interrupts_as_they_are(self, tmp_path, monkeypatch):
+        """dask_jobqueue sets a handler where it is imported: Ctrl-C would then end in exit code 0."""
+        for name in [name for name in sys.modules if name.startswith("dask_jobqueue")]:
+            monkeypatch.delitem(sys.modules, name)
+        before = signal.getsignal(signal.SIGINT)
+        assert batch(write(tmp_path), "-o", tmp_path / "out", "--slurm", "1") == 2
+        assert "dask_jobqueue.runner" in sys.modules
+        assert signal.getsignal(signal.SIGINT) is before
 
     def test_output_is_a_file(self, tmp_path, capfd):
         sweep = write(tmp_path)

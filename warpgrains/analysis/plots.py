@@ -16,7 +16,7 @@ from warpgrains.files import require_place
 from warpgrains.pictures.canvas import FrameArtists, add_color_bar, save_figure
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
-from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
 
 _FRAMES_IN_A_ROW = 5
 _FRAME_SIZE = 2.4  # inches, and more where there are less than three
@@ -49,14 +49,15 @@ def plot(
     Raises
     ------
     SceneError
-        The recording cannot be read, has no such frame, or the picture cannot be written there.
+        The recording cannot be read, is none or has no such frame, or the picture cannot be written there. A
+        file that crashes USD or has no end is refused by the command ``warpgrains plot`` only.
     """
     output = Path(output)
     require_place("picture", output, *STILLS)
-    reader = RecordingReader(recording)
-    numbers = _numbers(frames, len(reader.time))
-    figure = _draw(reader, numbers, curves and len(reader.time) > 1)
-    save_figure(figure, output)
+    with refusing_foreign_content(recording):
+        reader = RecordingReader(recording)
+        numbers = _numbers(frames, len(reader.time))
+        save_figure(_draw(reader, numbers, curves and len(reader.time) > 1), output)
     return numbers
 
 

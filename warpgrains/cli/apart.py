@@ -25,7 +25,7 @@ BYTES_A_BYTE = 32
 """Limits of a reader, and what they grow by with each byte of the file."""
 
 _REMARKS = 65536  # bytes of them that are passed on
-_BAD_INPUT = 2
+_BAD_INPUT, _NOT_WRITTEN = 2, 3
 
 
 def done_apart(function: str, path: str, **arguments: Any) -> Any:
@@ -35,6 +35,8 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
     ------
     SceneError
         The function raised it; or its process crashed, or met a limit.
+    OSError
+        What the function writes cannot be written.
     """
     size = Path(path).stat().st_size if Path(path).is_file() else 0
     given = json.dumps({"path": path, **arguments})
@@ -56,6 +58,8 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
             raise SceneError(f"recording '{path}' is not read within {seconds:.0f} s") from None
         if done.returncode == _BAD_INPUT:
             raise SceneError(json.loads(done.stdout))
+        if done.returncode == _NOT_WRITTEN:
+            raise OSError(json.loads(done.stdout))
         if done.returncode != 0:
             raise SceneError(f"recording '{path}' cannot be read: its reader {_end(done.returncode)}")
         remarks.seek(0)
@@ -80,9 +84,10 @@ def draw(path: str, output: str, frames: list[int] | None, curves: bool) -> list
 def film(path: str, output: str) -> list[int]:
     """Make a film of a recording, and return which frames it has."""
     from warpgrains.pictures.film import draw_film
-    from warpgrains.usd.reader import RecordingReader
+    from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
 
-    return list(draw_film(RecordingReader(path), Path(output)))
+    with refusing_foreign_content(path):
+        return list(draw_film(RecordingReader(path), Path(output)))
 
 
 def _end(code: int) -> str:
@@ -113,9 +118,8 @@ def _main(function: str, most: str, arguments: str) -> int:
         answer, code = str(error), _BAD_INPUT
     except MemoryError:
         answer, code = f"recording '{given['path']}' takes more memory than its size allows", _BAD_INPUT
-    except Exception as error:  # USD and NumPy raise of all kinds on what they do not expect
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        answer, code = f"recording '{given['path']}' holds what no recording does: {reason}", _BAD_INPUT
+    except OSError as error:
+        answer, code = str(error), _NOT_WRITTEN
     os.write(result, json.dumps(answer).encode())
     return code
 

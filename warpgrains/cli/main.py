@@ -9,10 +9,10 @@ from importlib import import_module
 from typing import NamedTuple, NoReturn
 
 from warpgrains import __version__
-from warpgrains.console import STDOUT, interrupts_end_at_once, open_standard_streams
+from warpgrains.console import INTERRUPTED, STDOUT, interrupts_end_at_once, open_standard_streams
 from warpgrains.errors import SceneError, SimulationError
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT = 0, 1, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -60,7 +60,7 @@ class Command(NamedTuple):
     def do(self, arguments: Namespace) -> int:
         """Carry it out, and return the exit code; what is heavy is imported only now."""
         module, _, function = self.home.partition(".")
-        with interrupts_end_at_once(INTERRUPTED):
+        with interrupts_end_at_once():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
         return int(do(arguments))
 

@@ -70,7 +70,7 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
     """
     with stdout_kept_clean(), ExitStack() as held:
         until = criterion(options.until, start.scene)
-        series = _series(start, options)
+        series = _series(start, options, arguments)
         recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))
         observer = None if series is None else held.enter_context(series)
         _simulate(start, options, runs.Outputs(recorder, observer, until), arguments)
@@ -142,14 +142,12 @@ def _spacing(arguments: Namespace, checkpoint: str | None, series: str | None) -
     return {name: arguments.every for name, file in spaced.items() if file is not None}
 
 
-def _series(start: Checkpoint, options: RunOptions) -> Series | None:
+def _series(start: Checkpoint, options: RunOptions, arguments: Namespace) -> Series | None:
     """Return the series of a run, if there is one; a resumed run goes on with its rows."""
     if options.measure is None:
         return None
-    resumed = start.statistics.steps > 0
-    return Series(
-        options.measure, options.measure_every, options.series, start.state.steps if resumed else None
-    )
+    resume_at = None if arguments.resume is None else start.state.steps
+    return Series(options.measure, options.measure_every, options.series, resume_at)
 
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from warpgrains.console import start_warp
+from warpgrains.console import interrupts_end_at_once, start_warp
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import RunFolder
@@ -117,7 +117,8 @@ def _client(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
         from distributed import Client
 
         if slurm_jobs is not None:
-            from dask_jobqueue import SLURMCluster
+            with interrupts_end_at_once():  # dask_jobqueue sets a handler that exits as if all were done
+                from dask_jobqueue import SLURMCluster
     except ModuleNotFoundError as error:
         raise missing_extra("a cluster", error, "cluster") from error
     if slurm_jobs is None:

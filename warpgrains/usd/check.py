@@ -2,17 +2,13 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.usd.forces import FORCES
 from warpgrains.usd.grains import GRAINS
-from warpgrains.usd.reader import open_recording
-
-Values = NDArray[Any]
+from warpgrains.usd.reader import Values, open_recording, refusing_foreign_content, values_of
 
 
 def inspect_recording(path: str | Path) -> list[str]:
@@ -21,9 +17,14 @@ def inspect_recording(path: str | Path) -> list[str]:
     Raises
     ------
     SceneError
-        If the file is missing or is not USD.
+        If the file is missing, is not USD, or holds what no recording does. A file that crashes USD or has no
+        end is refused by the command ``warpgrains check`` only.
     """
-    stage = open_recording(Path(path))
+    with refusing_foreign_content(path):
+        return _problems(open_recording(Path(path)))
+
+
+def _problems(stage: Usd.Stage) -> list[str]:
     problems = list(_stage_problems(stage))
     prim = stage.GetPrimAtPath(GRAINS)
     if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
@@ -109,7 +110,7 @@ class GrainsInspector:
 
     def static_problems(self) -> Iterator[str]:
         """Yield what is wrong with what no frame may change."""
-        ids, size = _values(self._ids), _values(self._size)
+        ids, size = values_of(self._ids), values_of(self._size)
         if ids is not None and len(np.unique(ids)) != len(ids):
             yield f"ids are not unique: {len(ids) - len(np.unique(ids))} of {len(ids)} repeat another"
         if size is not None and not (np.isfinite(size) & (size > 0)).all():
@@ -120,7 +121,7 @@ class GrainsInspector:
 
     def frame_problems(self, code: float) -> Iterator[str]:
         """Yield what is wrong with the frame at time code `code`."""
-        position = _values(self.position, code)
+        position = values_of(self.position, code)
         if position is None or len(position) == 0:
             yield f"{self.position.GetName()} are empty"
             return
@@ -128,7 +129,7 @@ class GrainsInspector:
             yield from _finite_problems(attribute, code)
         yield from self._length_problems(len(position), code)
         yield from self._color_problems(code)
-        size = _values(self._size, code)
+        size = values_of(self._size, code)
         if size is not None and len(size) in (1, len(position)):
             half_width = size / 2.0 if self._are_points else size[:, 0]
             yield from _extent_problems(self._extent, position, half_width, code)
@@ -141,7 +142,7 @@ class GrainsInspector:
             yield from _length_problem(attribute, length, f"{grains} grains", code)
 
     def _color_problems(self, code: float) -> Iterator[str]:
-        which = _values(self._color, code)
+        which = values_of(self._color, code)
         if self._colors and which is not None and not ((which >= 0) & (which < self._colors)).all():
             yield f"protoIndices are not all those of {self._colors} prototypes"
 
@@ -156,7 +157,7 @@ class ForcesInspector:
     def frame_problems(self, code: float) -> Iterator[str]:
         """Yield what is wrong with the frame at time code `code`."""
         points, _, indices, force, extent = self.animated
-        corners, vertices, numbers, _, _ = (_values(attribute, code) for attribute in self.animated)
+        corners, vertices, numbers, _, _ = (values_of(attribute, code) for attribute in self.animated)
         if corners is None or vertices is None or numbers is None:
             yield "force chains lack a value"
             return
@@ -170,13 +171,13 @@ class ForcesInspector:
 
 
 def _finite_problems(attribute: Usd.Attribute, code: float) -> Iterator[str]:
-    values = _values(attribute, code)
+    values = values_of(attribute, code)
     if values is not None and not np.isfinite(values).all():
         yield f"{attribute.GetName()} are not all finite"
 
 
 def _length_problem(attribute: Usd.Attribute, length: int, reason: str, code: float) -> Iterator[str]:
-    values = _values(attribute, code)
+    values = values_of(attribute, code)
     found = 0 if values is None else len(values)
     if found != length:
         yield f"{attribute.GetName()} hold {found} values, not {length} for {reason}"
@@ -185,16 +186,10 @@ def _length_problem(attribute: Usd.Attribute, length: int, reason: str, code: fl
 def _extent_problems(
     attribute: Usd.Attribute, places: Values, half_width: Values, code: float
 ) -> Iterator[str]:
-    extent = _values(attribute, code)
+    extent = values_of(attribute, code)
     if extent is None or extent.shape != (2, 3):
         yield "extent is not two corners"
         return
     centre, reach = places.astype(np.float64), half_width.astype(np.float64)[:, np.newaxis]
     if ((centre - reach < extent[0]) | (centre + reach > extent[1])).any():
         yield "extent does not cover what it bounds"
-
-
-def _values(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
-    """Return the value at a time code as an array, None where there is none."""
-    value = attribute.Get(code)
-    return None if value is None else np.array(value)

@@ -1,9 +1,12 @@
 """A recording read back, for pictures and curves."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
@@ -15,6 +18,8 @@ from warpgrains.usd.forces import FORCES
 from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import read_walls
+
+Values = NDArray[Any]
 
 
 class RecordingReader:
@@ -117,5 +122,31 @@ def open_recording(path: Path) -> Usd.Stage:
         raise SceneError(f"recording '{path}' is not a USD file that can be read") from error
 
 
-def _values(attribute: Usd.Attribute, code: float = 0.0) -> Any:
-    return np.array(attribute.Get(code), dtype=np.float64)
+@contextmanager
+def refusing_foreign_content(path: str | Path) -> Iterator[None]:
+    """Turn what USD and NumPy raise, of all kinds, on what no recording holds into a SceneError."""
+    try:
+        yield
+    except (SceneError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise SceneError(f"recording '{path}' holds what no recording does: {reason}") from error
+
+
+def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
+    """Return the value at a time code, None where there is none; TypeError if it is no array of numbers."""
+    value = attribute.Get(code)
+    if value is None:
+        return None
+    kind, array = type(value).__name__, np.array(value)
+    if not kind.endswith("Array") or array.dtype.kind not in "fiu":
+        raise TypeError(f"{attribute.GetPath()} is a {kind}, not an array of numbers")
+    return array
+
+
+def _values(attribute: Usd.Attribute, code: float = 0.0) -> FloatArray:
+    array = values_of(attribute, code)
+    if array is None:
+        raise TypeError(f"{attribute.GetPath()} has no value")
+    return array.astype(np.float64)
