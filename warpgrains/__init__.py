@@ -18,6 +18,7 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 
 if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
+    from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import SceneError, SimulationError
     from warpgrains.scene.scene import Scene
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Batch",
+    "Recording",
     "Scene",
     "SceneError",
     "SceneSummary",
@@ -41,6 +43,7 @@ __all__ = [
 
 _HOME = {
     "Batch": "batch.batch",
+    "Recording": "analysis.recording",
     "Scene": "scene.scene",
     "SceneError": "errors",
     "SceneSummary": "batch.batch",

@@ -136,7 +136,7 @@ def test_light_recording_has_places_alone(tmp_path):
     stage = Usd.Stage.Open(str(path))
     grains = stage.GetPrimAtPath(GRAINS)
     authored = {attribute.GetName() for attribute in grains.GetAttributes() if attribute.IsAuthored()}
-    assert authored == {"points", "widths", "ids", "extent"}
+    assert authored == {"points", "widths", "ids", "extent", "primvars:mass"}
 
 
 def test_the_file_says_what_its_colors_and_chains_mean(tmp_path):

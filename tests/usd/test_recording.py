@@ -9,6 +9,7 @@ from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, recor
 
 import warpgrains
 from warpgrains.errors import SceneError
+from warpgrains.scene.keys import read_parameters
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.colors import speed_scale
 from warpgrains.usd.recorder import Recorder, recording_rate, recording_stride
@@ -81,6 +82,7 @@ class TestIndependentReader:
             "low": 0.0,
             "high": speed_scale(scene),
         }
+        assert read_parameters(kept.pop("parameters"))["dt"] == scene.dt
         assert kept == {"version": warpgrains.__version__, "name": "example", "scene": scene.text}
         assert scene.text in stage.doc
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
-from warpgrains.analysis.quantities import names_of, quantities
+from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
 from warpgrains.analysis.snapshot import HasState
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.files import Row, read_table, require_place, table_text, write_whole
 from warpgrains.locks import Lock
 from warpgrains.scene import checks
+from warpgrains.tables import library
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 FIRST = ("step", "time")
 
@@ -103,6 +108,31 @@ class Series:
         if self._path is not None and len(self.rows) > self._written:
             write_whole(self._path, table_text(self.rows).encode())
             self._written = len(self.rows)
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the rows as a frame, by step.
+
+        Raises
+        ------
+        SceneError
+            pandas is not installed; it comes with the extra ``[data]``.
+        """
+        columns = [*FIRST, *self.names]
+        return library("pandas", "to_pandas").DataFrame(self.rows, columns=columns).set_index("step")
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the rows as a dataset over time, with units.
+
+        Raises
+        ------
+        SceneError
+            xarray is not installed; it comes with the extra ``[data]``.
+        """
+        columns = {name: [row[name] for row in self.rows] for name in (*FIRST, *self.names)}
+        return library("xarray", "to_xarray").Dataset(
+            {name: ("time", columns[name], {"units": QUANTITIES[name].unit}) for name in self.names},
+            coords={"time": ("time", columns["time"], {"units": "s"}), "step": ("time", columns["step"])},
+        )
 
     def close(self) -> None:
         """Let others write the file."""

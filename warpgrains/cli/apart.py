@@ -90,6 +90,13 @@ def film(path: str, output: str) -> list[int]:
         return list(draw_film(RecordingReader(path), Path(output)))
 
 
+def export(path: str, output: str) -> int:
+    """Write a recording for ParaView, and return how many frames it has."""
+    from warpgrains.analysis.vtk import export
+
+    return export(path, output)
+
+
 def _end(code: int) -> str:
     return f"crashed ({signal.Signals(-code).name})" if code < 0 else "ran out of memory, or failed"
 
@@ -110,7 +117,12 @@ def _main(function: str, most: str, arguments: str) -> int:
     result = os.dup(1)
     os.dup2(2, 1)
     _limit_memory(int(most))
-    functions: dict[str, Callable[..., Any]] = {"inspect": inspect, "draw": draw, "film": film}
+    functions: dict[str, Callable[..., Any]] = {
+        "inspect": inspect,
+        "draw": draw,
+        "film": film,
+        "export": export,
+    }
     given, code = json.loads(arguments), 0
     try:
         answer = functions[function](**given)

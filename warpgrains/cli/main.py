@@ -204,6 +204,12 @@ def _add_plot(parser: ArgumentParser) -> None:
     add("--no-curves", dest="curves", action="store_false", help="draw nothing but the frames")
 
 
+def _add_export(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("file", metavar="FILE", help="the recording, a USD file")
+    add("-o", "--output", metavar="OUT", help="output, .vtkhdf (default: FILE with .vtkhdf)")
+
+
 def _add_report(parser: ArgumentParser) -> None:
     add = parser.add_argument
     kinds = "TOML files, or names of shipped scenes (default: all shipped)"
@@ -265,6 +271,12 @@ COMMANDS = {
         _add_plot,
         "draw frames and curves of a recording",
         "Draw frames of a recording side by side, and energy, height and contacts over time.",
+    ),
+    "export": Command(
+        "tools.export",
+        _add_export,
+        "write a recording for ParaView",
+        "Write the grains of a recording, and its contacts and forces, as VTK HDF, which ParaView opens.",
     ),
     "report": Command(
         "tools.report",

@@ -44,6 +44,13 @@ def plot(arguments: Namespace) -> bool:
     return False
 
 
+def export(arguments: Namespace) -> bool:
+    """Write a recording for ParaView."""
+    output = arguments.output or str(Path(arguments.file).with_suffix(".vtkhdf"))
+    print(f"{output}: {done_apart('export', arguments.file, output=output)} frames")
+    return False
+
+
 def report(arguments: Namespace) -> bool:
     """Measure speed against error of scenes, and print the names of the files that tell of it."""
     from warpgrains.scene.reader import shipped_scenes

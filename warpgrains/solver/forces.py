@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.geometry import pair_gaps, pair_normals
+from warpgrains.tables import Tabular
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class PairContacts:
+class PairContacts(Tabular):
     """Contacts between grains during the last step: the pairs that carry a correction."""
 
     pair: IntArray
@@ -30,7 +31,7 @@ class PairContacts:
 
 
 @dataclass(frozen=True, eq=False)
-class WallContacts:
+class WallContacts(Tabular):
     """Contacts with the walls during the last step, one entry a grain."""
 
     correction: FloatArray

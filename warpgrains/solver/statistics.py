@@ -6,6 +6,7 @@ from operator import add, or_
 from typing import Any, Self
 
 from warpgrains.shown import Shown
+from warpgrains.tables import Tabular
 
 NAMED = 10
 
@@ -17,7 +18,7 @@ def named(grains: tuple[int, ...]) -> str:
 
 
 @dataclass(frozen=True)
-class StepReport:
+class StepReport(Tabular):
     """What one step did.
 
     Attributes
@@ -64,7 +65,7 @@ class StepReport:
 
 
 @dataclass(frozen=True, repr=False)
-class Summary(Shown):
+class Summary(Shown, Tabular):
     """What a run did.
 
     Attributes

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.walls import outward
 from warpgrains.usd.colors import Frame, pressure_scale
@@ -27,6 +27,8 @@ class Chains:
     """Width of each segment [m], shape (m,): proportional to the force up to half the smallest grain's."""
     force: FloatArray
     """Force of each contact [N], shape (m,)."""
+    pair: IntArray
+    """The grains i < j of each, shape (m, 2); j is -1 for the outer wall, and -2 for the inner one."""
 
     def corners(self) -> FloatArray:
         """Return the corners of each band [m], counter-clockwise, shape (m, 4, 2)."""
@@ -74,4 +76,6 @@ def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
     foot = centre + reach[:, np.newaxis] * outward(centre)
     force = np.concatenate([contacts.force[pushes], np.abs(wall_force)])
     ends = np.concatenate([between, np.stack([centre, foot], axis=1)])
-    return Chains(ends, np.minimum(force / scale.force, 1.0) * scale.width, force)
+    at_wall = np.stack([leaning, np.where(wall_force > 0.0, -1, -2)], axis=1)
+    pair = np.concatenate([contacts.pair[pushes], at_wall]).astype(np.int32)
+    return Chains(ends, np.minimum(force / scale.force, 1.0) * scale.width, force, pair)

@@ -11,11 +11,14 @@ from warpgrains.usd.values import covering_extent, floats, triples
 
 FORCES = Sdf.Path("/World/Forces")
 
+GRAINS_OF = ("grain", "neighbour")
+"""Primvars of a band: the grains of its contact, see `Chains.pair`."""
+
 _GAP = 0.05  # to the grains behind, in their height
 
 
 class ForceChains:
-    """A mesh of bands just in front of the grains, `height` [m] high; the force [N] is a primvar a band."""
+    """A mesh of bands just in front of the grains, `height` [m] high; primvars tell force [N] and grains."""
 
     def __init__(self, scene: Scene, height: float) -> None:
         self._scene = scene
@@ -35,6 +38,8 @@ class ForceChains:
         bands.CreateDoubleSidedAttr(True)
         primvars = UsdGeom.PrimvarsAPI(bands)
         primvars.CreatePrimvar("force", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.uniform)
+        for name in GRAINS_OF:
+            primvars.CreatePrimvar(name, Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.uniform)
         bind_look(bands.GetPrim(), np.array(CHAIN_COLOR))
 
     def samples(self, frame: Frame) -> dict[Sdf.Path, object]:
@@ -47,6 +52,10 @@ class ForceChains:
             "faceVertexCounts": Vt.IntArray(len(chains.force), 4),
             "faceVertexIndices": Vt.IntArray.FromNumpy(np.arange(len(shown), dtype=np.int32)),
             "primvars:force": floats(chains.force),
+            **{
+                f"primvars:{name}": Vt.IntArray.FromNumpy(np.ascontiguousarray(grains))
+                for name, grains in zip(GRAINS_OF, chains.pair.T, strict=True)
+            },
             "extent": covering_extent(shown, np.zeros(len(shown))) if len(shown) else Vt.Vec3fArray(2),
         }
         return {FORCES.AppendProperty(name): value for name, value in sampled.items()}

@@ -19,8 +19,8 @@ _PROTOTYPES = "Color{:02d}"
 class GrainPoints:
     """Grains as `UsdGeom.Points`; their `widths` are diameters.
 
-    Beside places and velocities they have colors, and raw values as float primvars: the speed [m/s], where
-    contacts are at hand the pressure [N/m], and the radius [m] where it gives the color.
+    Beside places, masses and velocities they have colors, and raw values as float primvars: the speed [m/s],
+    where contacts are at hand the pressure [N/m], and the radius [m] where it gives the color.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class GrainPoints:
     _position = GRAINS.AppendProperty("points")
 
     def __init__(self, scene: Scene, colors: GrainColors | None, has_contacts: bool) -> None:
-        self._radius = scene.radius
+        self._radius, self._mass = scene.radius, scene.mass
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
         self._colors = colors
@@ -49,11 +49,14 @@ class GrainPoints:
         prim = stage.GetPrimAtPath(GRAINS)
         UsdGeom.Boundable(prim).CreateExtentAttr()
         ids = Vt.Int64Array.FromNumpy(np.arange(len(self._diameter), dtype=np.int64))
+        primvars = UsdGeom.PrimvarsAPI(prim)
+        mass = primvars.CreatePrimvar("mass", Sdf.ValueTypeNames.DoubleArray, UsdGeom.Tokens.vertex)
+        mass.Set(Vt.DoubleArray.FromNumpy(self._mass))
         prim.CreateAttribute("ids", Sdf.ValueTypeNames.Int64Array, False).Set(ids)
         if self._colors is None:
             return
         prim.CreateAttribute("velocities", Sdf.ValueTypeNames.Vector3fArray, False)
-        self._define_values(UsdGeom.PrimvarsAPI(prim), self._colors)
+        self._define_values(primvars, self._colors)
         if self._colors.still is not None:
             name, value = self._color(self._colors.still, self._colors)
             prim.GetAttribute(name).Set(value)

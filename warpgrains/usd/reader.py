@@ -11,10 +11,11 @@ from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
+from warpgrains.scene.keys import read_parameters
 from warpgrains.usd.chains import Chains, ChainScale
 from warpgrains.usd.colormaps import PALETTE, encoded
 from warpgrains.usd.colors import ColorScale
-from warpgrains.usd.forces import FORCES
+from warpgrains.usd.forces import FORCES, GRAINS_OF
 from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import read_walls
@@ -99,6 +100,16 @@ class RecordingReader:
         color = self._prim.GetAttribute("primvars:displayColor")
         return encoded(_values(color, code)) if color else np.tile(PALETTE[0], (len(self.radius), 1))
 
+    def scene_fields(self) -> dict[str, Any]:
+        """Return the fields of the scene that was simulated, all but what frames and radii tell."""
+        told = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
+        mass = self._prim.GetAttribute("primvars:mass")
+        if "parameters" not in told or not mass:
+            raise SceneError("the recording does not tell its whole scene: an earlier release has made it")
+        fields = read_parameters(str(told["parameters"]))
+        texts = {"name": str(told["name"]), "text": str(told["scene"])}
+        return {**fields, **texts, "mass": _values(mass)}
+
     def _colors_of_prototypes(self) -> FloatArray:
         prims = [self._stage.GetPrimAtPath(path) for path in self._prototypes]
         return np.array([encoded(_values(prim.GetAttribute("primvars:displayColor"))[0]) for prim in prims])
@@ -109,7 +120,10 @@ class RecordingReader:
         corner = _values(forces.GetAttribute("points"), code).reshape(-1, 4, 3)[:, :, :2]
         ends = np.stack([corner[:, [0, 3]].mean(axis=1), corner[:, [1, 2]].mean(axis=1)], axis=1)
         width = np.hypot(*(corner[:, 0] - corner[:, 3]).T)
-        return Chains(ends, width, _values(forces.GetAttribute("primvars:force"), code))
+        force = _values(forces.GetAttribute("primvars:force"), code)
+        grains = [forces.GetAttribute(f"primvars:{name}").Get(code) for name in GRAINS_OF]
+        pair = np.full((len(force), 2), -1) if None in grains else np.stack(grains, axis=1)
+        return Chains(ends, width, force, pair.astype(np.int32))
 
 
 def open_recording(path: Path) -> Usd.Stage:

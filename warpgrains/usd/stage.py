@@ -6,6 +6,7 @@ from typing import Protocol
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 import warpgrains
+from warpgrains.scene.keys import parameters_text
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.colors import Frame
 from warpgrains.usd.looks import CAMERA, define_looks
@@ -41,7 +42,13 @@ def static_layer(
     version = warpgrains.__version__
     layer.documentation = f"Recorded by warpgrains {version} from the scene:\n\n{scene.text}"
     layer.customLayerData = {
-        RECORDED_BY: {"version": version, "name": scene.name, "scene": scene.text, **scales},
+        RECORDED_BY: {
+            "version": version,
+            "name": scene.name,
+            "scene": scene.text,
+            "parameters": parameters_text(scene),
+            **scales,
+        },
         "cameraSettings": {"boundCamera": str(CAMERA)},  # Omniverse looks through it
     }
     define_looks(stage, reach_of(scene.walls))

@@ -1,0 +1,163 @@
+"""Results for other programs: frames, datasets, recordings as arrays, VTK HDF read back by VTK."""
+
+import sys
+from dataclasses import asdict, fields
+
+import numpy as np
+import pytest
+from command import exit_code, require_refusal
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOHDF import vtkHDFReader
+
+import warpgrains as wg
+from warpgrains import Scene, SceneError, Simulation, analysis
+
+FLOAT32 = float(np.finfo(np.float32).eps)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recorded") / "run.usdc"
+    simulation = Simulation(Scene.load("polydisperse"), drag=0.03)
+    simulation.run(steps=60, record=path, fps=10, forces=True)
+    return path, simulation
+
+
+def test_recording_as_arrays(recorded):
+    path, simulation = recorded
+    found = wg.Recording(path)
+    assert len(found) == 7
+    assert found.time == pytest.approx(0.1 * np.arange(7), rel=4 * np.finfo(float).eps)
+    assert found.position.shape == found.velocity.shape == (7, 80, 2)
+    assert np.array_equal(found.position[-1], simulation.position.astype(np.float32))
+    assert np.array_equal(found.velocity[-1], simulation.velocity.astype(np.float32))
+    assert np.array_equal(found.position[0], simulation.scene.position.astype(np.float32))
+    assert repr(found) == "Recording(run.usdc of 80 grains, frames 7, time 0.6 s, forces recorded)"
+
+
+def test_recorded_scene_is_that_of_the_run(recorded):
+    path, simulation = recorded
+    found = wg.Recording(path).scene
+    for field in fields(Scene):
+        ours, its = getattr(found, field.name), getattr(simulation.scene, field.name)
+        if field.name in ("position", "velocity", "radius"):
+            assert np.array_equal(ours, its.astype(np.float32)), field.name
+        else:
+            assert np.array_equal(ours, its), field.name
+
+
+def test_a_frame_is_analysed_as_the_simulation_was(recorded):
+    path, simulation = recorded
+    frame, moment = wg.Recording(path).frame(-1), analysis.snapshot(simulation)
+    assert np.array_equal(frame.pair, moment.pair)
+    assert analysis.coordination_number(frame) == analysis.coordination_number(moment)
+    assert frame.force == pytest.approx(moment.force, rel=FLOAT32)
+    assert analysis.wall_forces(frame) == pytest.approx(analysis.wall_forces(moment), rel=FLOAT32)
+    # normals are those after the step: off by its moves, some 0.03 m/s * dt over 0.04 m
+    off = 2.0 * simulation.scene.dt * analysis.largest_speed(moment) / simulation.scene.radius.min()
+    expected = analysis.mean_stress(moment)
+    assert analysis.mean_stress(frame) == pytest.approx(expected, abs=off * np.abs(expected).max())
+    assert wg.Recording(path).frame(0).steps == 0
+    assert wg.Recording(path).frame(6).steps == 60
+
+
+def test_what_is_not_recorded_is_not_made_up(tmp_path):
+    path = tmp_path / "bare.usdc"
+    Simulation(Scene.load("annulus")).run(steps=10, record=path)
+    found = wg.Recording(path)
+    with pytest.raises(SceneError, match="holds no contacts"):
+        found.frame(0)
+    assert analysis.kinetic_energy(found.frame(0, contacts=False)) == 0.0
+    with pytest.raises(SceneError, match="there is no frame 99"):
+        found.frame(99)
+    light = tmp_path / "light.usdc"
+    assert exit_code("run", "annulus", "--steps", 10, "-o", light, "--light") == 0
+    with pytest.raises(SceneError, match="holds no velocities"):
+        wg.Recording(light).velocity  # noqa: B018
+    assert wg.Recording(light).scene.n == 15
+
+
+def test_recording_as_dataset(recorded):
+    found = wg.Recording(recorded[0])
+    dataset = found.to_xarray()
+    assert dict(dataset.sizes) == {"time": 7, "grain": 80, "component": 2}
+    assert np.array_equal(dataset.position.values, found.position)
+    assert dataset.velocity.attrs["units"] == "m/s"
+    assert dataset.sel(time=0.3, method="nearest").position.shape == (80, 2)
+
+
+def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
+    path, output = recorded[0], tmp_path / "run.vtkhdf"
+    assert exit_code("export", path, "-o", output) == 0
+    assert capfd.readouterr().out == f"{output}: 7 frames\n"
+    source, reader = wg.Recording(path), vtkHDFReader()
+    reader.SetFileName(str(output))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == 7
+    for k in range(7):
+        reader.SetStep(k)
+        reader.Update()
+        data, frame = reader.GetOutput(), source.frame(k)
+        assert reader.GetTimeValue() == pytest.approx(source.time[k], rel=FLOAT32)
+        assert data.GetNumberOfVerts() == 80
+        assert np.array_equal(vtk_to_numpy(data.GetPoints().GetData())[:80, :2], frame.position)
+        assert np.array_equal(vtk_to_numpy(data.GetPointData().GetArray("radius"))[:80], source.radius)
+        wall = np.flatnonzero(frame.wall_force)
+        assert data.GetNumberOfLines() == len(frame.pair) + len(wall)
+        force = vtk_to_numpy(data.GetCellData().GetArray("force"))
+        assert np.array_equal(force[80:], np.concatenate([frame.force, np.abs(frame.wall_force[wall])]))
+        lines = vtk_to_numpy(data.GetLines().GetConnectivityArray()).reshape(-1, 2)
+        assert np.array_equal(lines[: len(frame.pair)], frame.pair)
+        feet = vtk_to_numpy(data.GetPoints().GetData())[80:, :2]
+        scene, to_inner = source.scene, frame.wall_force[wall] < 0.0
+        # touched to what overlaps a converged step leaves, and rounding to float32
+        assert np.hypot(*feet.T) == pytest.approx(
+            np.where(to_inner, scene.radius_in, scene.radius_out), abs=1e-3
+        )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["no.usdc"], "does not exist"),
+        (["run.usdc", "-o", "run.vtk"], "must end in .vtkhdf"),
+    ],
+)
+def test_bad_export_is_one_line(recorded, tmp_path, monkeypatch, capfd, arguments, complaint):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run.usdc").write_bytes(recorded[0].read_bytes())
+    assert exit_code("export", *arguments) == 2
+    require_refusal(capfd, complaint)
+    assert [path.name for path in tmp_path.iterdir()] == ["run.usdc"]
+
+
+def test_contacts_and_reports_as_frames():
+    simulation = Simulation(Scene.load("annulus"))
+    simulation.run(steps=100)
+    contacts, frame = simulation.contacts(), simulation.contacts().to_pandas()
+    assert list(frame) == ["i", "j", "normal_x", "normal_y", "gap", "correction", "force"]
+    assert np.array_equal(frame[["i", "j"]].to_numpy(), contacts.pair)
+    assert np.array_equal(frame.force, contacts.force)
+    assert len(simulation.wall_contacts().to_pandas()) == 15
+    report = simulation.step()
+    assert report.to_pandas().loc[0].to_dict() == asdict(report)
+    assert simulation.run(steps=3).to_pandas().steps.tolist() == [3]
+
+
+def test_series_as_frame_and_dataset():
+    series = analysis.Series("speed,pressure", every=5)
+    Simulation(Scene.load("annulus")).run(steps=20, observer=series)
+    frame, dataset = series.to_pandas(), series.to_xarray()
+    assert list(frame.index) == [0, 5, 10, 15, 20]
+    assert list(frame) == ["time", "mean_speed", "largest_speed", "granular_temperature", "pressure"]
+    assert frame.mean_speed.tolist() == [row["mean_speed"] for row in series.rows]
+    assert dataset.pressure.attrs["units"] == "N/m"
+    assert dataset.time.values.tolist() == frame.time.tolist()
+    assert len(analysis.Series("speed").to_pandas()) == 0
+
+
+@pytest.mark.parametrize("name", ["pandas", "xarray"])
+def test_without_the_extra_a_line_names_it(name, monkeypatch):
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(SceneError, match=rf"to_{name} needs {name}: pip install 'warpgrains\[data\]'"):
+        getattr(analysis.Series("speed"), f"to_{name}")()

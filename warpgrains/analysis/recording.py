@@ -1,0 +1,159 @@
+"""A recording read back as arrays."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpgrains.analysis.snapshot import Snapshot
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
+from warpgrains.scene.scene import Scene
+from warpgrains.shown import Shown
+from warpgrains.tables import library
+from warpgrains.usd.reader import RecordingReader
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class Recording(Shown):
+    """The frames of a recording as arrays; a recording holds them as float32.
+
+    Parameters
+    ----------
+    path : str or Path
+        A USD file that a run has recorded.
+
+    Attributes
+    ----------
+    path : Path
+    time : ndarray
+        Time of each frame since the first one [s], shape (f,).
+    radius : ndarray
+        Radii of the grains [m], shape (n,).
+
+    Raises
+    ------
+    SceneError
+        The file is missing, is not USD or holds no frames of grains.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._reader = RecordingReader(self.path)
+        self.time, self.radius = self._reader.time, self._reader.radius
+
+    def facts(self) -> dict[str, str]:
+        """Return what there is to tell of it in a line."""
+        return {
+            self.path.name: f"of {len(self.radius)} grains",
+            "frames": f"{len(self)}",
+            "time": f"{self.time[-1]:g} s",
+            "forces": "recorded" if self.has_forces else "not recorded",
+        }
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.time)
+
+    @property
+    def has_forces(self) -> bool:
+        """Whether contacts and their forces were recorded (``--forces``)."""
+        return self._reader.chain_scale is not None
+
+    @cached_property
+    def position(self) -> FloatArray:
+        """Centres of the grains [m], shape (f, n, 2)."""
+        return np.array([self._reader.position(k) for k in range(len(self))])
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """Velocities of the grains [m/s], shape (f, n, 2).
+
+        Raises
+        ------
+        SceneError
+            They were not recorded.
+        """
+        self._require_velocities()
+        return np.array([self._reader.velocity(k) for k in range(len(self))])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """What was simulated, with the grains where the first frame has them.
+
+        Raises
+        ------
+        SceneError
+            An earlier release has recorded it, and not all that a scene has.
+        """
+        fields = self._reader.scene_fields()
+        velocity = self._reader.velocity(0) if self._reader.has_velocities else None
+        return Scene(position=self._reader.position(0), velocity=velocity, radius=self.radius, **fields)
+
+    def frame(self, k: int, contacts: bool = True) -> Snapshot:
+        """Return a frame, for `warpgrains.analysis`.
+
+        Parameters
+        ----------
+        k : int
+            Its number, negative from the end.
+        contacts : bool
+            Whether it is to have contacts; without, there are none in it.
+
+        Raises
+        ------
+        SceneError
+            There is no such frame, or velocities or contacts were not recorded.
+        """
+        if not -len(self) <= k < len(self):
+            raise SceneError(f"there is no frame {k}: '{self.path}' has {len(self)}")
+        self._require_velocities()
+        if contacts and not self.has_forces:
+            raise SceneError(f"'{self.path}' holds no contacts: record them with --forces")
+        k %= len(self)
+        position = self._reader.position(k)
+        wall_force = np.zeros(len(self.radius))
+        pair, force = np.zeros((0, 2), np.int32), np.zeros(0)
+        if contacts:
+            chains = self._reader.chains(k)
+            between = chains.pair[:, 1] >= 0
+            pair, force = chains.pair[between], chains.force[between]
+            grain, wall = chains.pair[~between].T
+            wall_force[grain] = np.where(wall == -1, 1.0, -1.0) * chains.force[~between]
+        return Snapshot(
+            scene=self.scene,
+            steps=round(self.time[k] / self.scene.dt),
+            position=position,
+            velocity=self._reader.velocity(k),
+            start=position,
+            pair=pair,
+            force=force,
+            wall_force=wall_force,
+        )
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return positions, velocities and radii as a dataset over time and grain, with units.
+
+        Raises
+        ------
+        SceneError
+            xarray is not installed; it comes with the extra ``[data]``.
+        """
+        dims = ("time", "grain", "component")
+        arrays = {"position": (dims, self.position, {"units": "m"})}
+        if self._reader.has_velocities:
+            arrays["velocity"] = (dims, self.velocity, {"units": "m/s"})
+        return library("xarray", "to_xarray").Dataset(
+            {**arrays, "radius": ("grain", self.radius, {"units": "m"})},
+            coords={"time": ("time", self.time, {"units": "s"}), "component": ["x", "y"]},
+            attrs={"recording": self.path.name},
+        )
+
+    def _require_velocities(self) -> None:
+        if not self._reader.has_velocities:
+            raise SceneError(f"'{self.path}' holds no velocities: it was recorded with --light")

@@ -1,0 +1,123 @@
+"""A recording for ParaView: grains, contacts and forces as VTK HDF, written by VTK itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpgrains.analysis.recording import Recording
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import missing_extra
+from warpgrains.files import draft_of, require_place
+from warpgrains.scene.walls import outward
+
+SUFFIX = ".vtkhdf"
+
+
+def export(recording: str | Path, output: str | Path) -> int:
+    """Write the frames of a recording as VTK HDF with time, and return their number.
+
+    A frame is one polydata. Grains are its first points, each with a vertex cell, with radius [m] and
+    velocity [m/s]. Contacts, where they are recorded, are lines between grains, and from grains to the points
+    where they touch a wall, which have the radius 0; the force [N] is on the cells, 0 on vertices.
+
+    Raises
+    ------
+    SceneError
+        The recording cannot be read, the output not be written, or VTK is not installed, which comes with the
+        extra ``[data]``.
+    """
+    output = Path(output)
+    require_place("output", output, SUFFIX)
+    try:
+        from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+        from vtkmodules.vtkCommonDataModel import vtkDataObject
+        from vtkmodules.vtkIOHDF import vtkHDFWriter
+    except ModuleNotFoundError as error:
+        raise missing_extra("export", error, "data") from error
+    source = Recording(recording)
+
+    class Frames(VTKPythonAlgorithmBase):
+        """Hands the writer the frame of each time that it asks for."""
+
+        def __init__(self) -> None:
+            super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
+
+        def RequestInformation(self, _: Any, __: Any, out: Any) -> int:  # noqa: N802
+            executive, information = self.GetExecutive(), out.GetInformationObject(0)
+            information.Remove(executive.TIME_STEPS())
+            for time in source.time:
+                information.Append(executive.TIME_STEPS(), time)
+            information.Set(executive.TIME_RANGE(), (source.time[0], source.time[-1]), 2)
+            return 1
+
+        def RequestData(self, _: Any, __: Any, out: Any) -> int:  # noqa: N802
+            information, time = out.GetInformationObject(0), self.GetExecutive().UPDATE_TIME_STEP()
+            asked = information.Get(time) if information.Has(time) else source.time[0]
+            k = int(np.abs(source.time - asked).argmin())
+            vtkDataObject.GetData(information).ShallowCopy(_polydata(source, k))
+            return 1
+
+    frames, writer = Frames(), vtkHDFWriter()
+    with draft_of(output) as draft:
+        writer.SetInputConnection(frames.GetOutputPort())
+        writer.SetFileName(str(draft))
+        writer.SetWriteAllTimeSteps(True)
+        if not writer.Write():
+            raise OSError(f"'{output}' cannot be written")
+    return len(source)
+
+
+def _polydata(source: Recording, k: int) -> Any:
+    """Return a frame as VTK's polydata."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    frame = source.frame(k, contacts=source.has_forces)
+    wall = np.flatnonzero(frame.wall_force)
+    reach = np.sign(frame.wall_force[wall]) * source.radius[wall]
+    touched = frame.position[wall] + reach[:, np.newaxis] * outward(frame.position[wall])
+    n, feet = frame.n, np.arange(len(wall)) + frame.n
+    lines = np.concatenate([frame.pair, np.stack([wall, feet], axis=1)])
+    points, data = vtkPoints(), vtkPolyData()
+    points.SetData(numpy_to_vtk(_in_space(np.concatenate([frame.position, touched])), deep=True))
+    data.SetPoints(points)
+    data.SetVerts(_cells(np.arange(n)[:, np.newaxis]))
+    data.SetLines(_cells(lines))
+    force = np.concatenate([np.zeros(n), frame.force, np.abs(frame.wall_force[wall])])
+    still = np.zeros((len(wall), 2))
+    arrays = {
+        "radius": np.append(source.radius, np.zeros(len(wall))),
+        "velocity": _in_space(np.concatenate([frame.velocity, still])),
+        "grain": np.append(np.arange(n), wall),
+    }
+    for name, values in arrays.items():
+        _add(data.GetPointData(), name, values)
+    _add(data.GetCellData(), "force", force)
+    return data
+
+
+def _cells(corners: Any) -> Any:
+    """Return cells of so many corners each, shape (c, k)."""
+    from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonDataModel import vtkCellArray
+
+    cells, flat = vtkCellArray(), np.ascontiguousarray(corners, np.int64)
+    first = np.arange(len(flat) + 1, dtype=np.int64) * flat.shape[1]
+    cells.SetData(numpy_to_vtkIdTypeArray(first, deep=True), numpy_to_vtkIdTypeArray(flat.ravel(), deep=True))
+    return cells
+
+
+def _add(to: Any, name: str, values: Any) -> None:
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+
+    array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+    array.SetName(name)
+    to.AddArray(array)
+
+
+def _in_space(vectors: FloatArray) -> FloatArray:
+    return np.column_stack([vectors, np.zeros(len(vectors))])

@@ -1,0 +1,47 @@
+"""Records as tables of other libraries, which come with the extra ``[data]``."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpgrains.errors import missing_extra
+
+if TYPE_CHECKING:
+    import pandas
+
+COMPONENTS = {"pair": ("i", "j")}
+"""Columns of fields that have two numbers; those of others end in _x and _y."""
+
+
+def library(name: str, what: str) -> Any:
+    """Return a library of the extra ``[data]``; SceneError where it is not installed."""
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise missing_extra(what, error, "data") from error
+
+
+class Tabular:
+    """A dataclass of arrays with an entry a row, or of single values."""
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return it as a frame: a column a number, in the units of its fields.
+
+        Raises
+        ------
+        SceneError
+            pandas is not installed; it comes with the extra ``[data]``.
+        """
+        columns: dict[str, Any] = {}
+        for field in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray) and value.ndim == 2:
+                names = COMPONENTS.get(field.name, (f"{field.name}_x", f"{field.name}_y"))
+                columns |= dict(zip(names, value.T, strict=True))
+            else:
+                columns[field.name] = value if isinstance(value, np.ndarray) else [value]
+        return library("pandas", "to_pandas").DataFrame(columns)
