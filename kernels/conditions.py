@@ -54,6 +54,18 @@ def attempting(s: Scene) -> bool:
 
 
 @wp.func
+def fresh(s: Scene) -> bool:
+    """The step is solved from its warm start."""
+    return s.control.fresh != 0
+
+
+@wp.func
+def corrected(s: Scene) -> bool:
+    """The step is solved on from what the host has made of its corrections."""
+    return s.control.corrected != 0
+
+
+@wp.func
 def iterating(s: Scene) -> bool:
     """The contact iteration goes on."""
     return s.control.iterating != 0

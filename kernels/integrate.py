@@ -13,6 +13,7 @@ def begin_step(s: Scene):
     """Count lists and attempts anew."""
     s.step.rebuilds = 0
     s.step.redos = 0
+    s.step.factorizations = 0
 
 
 @wp.func

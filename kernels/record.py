@@ -21,10 +21,11 @@ from .walls import Walls
 
 f64 = wp.float64
 
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED, BEYOND_WALL = (
-    wp.constant(k) for k in range(8)
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED, BEYOND_WALL, SLOW = (
+    wp.constant(k) for k in range(9)
 )
-"""Outcomes of a step: an UNPROVED one is taken, and worth a search for a proof that none solves it."""
+"""Outcomes of a step: an UNPROVED one is taken, and worth a search for a proof that none solves it; a SLOW
+one waits for the host to solve it (exact.py)."""
 
 
 @wp.struct
@@ -38,6 +39,7 @@ class StepState:
     active: wp.int32  # contacts that carry a correction
     rebuilds: wp.int32  # lists built
     redos: wp.int32  # attempts that a missing contact made void
+    factorizations: wp.int32  # by the host
     converged: wp.int32  # whether it has met the tolerance
     outcome: wp.int32
 
@@ -54,6 +56,8 @@ class Control:
     unordered: wp.int32
     tiled: wp.int32
     attempting: wp.int32
+    fresh: wp.int32
+    corrected: wp.int32  # whether the host has solved the step
     iterating: wp.int32
     sampling: wp.int32
     rejected: wp.int32
@@ -82,6 +86,7 @@ class StoppingCriterion:
     on_residual: wp.int32  # whether the tolerance is on the residual, or on zeta
     tolerance: f64  # [m/s]
     max_iterations: wp.int32
+    patience: wp.int32  # sweeps that the host's factorizations are worth; 0: it does none
     raise_on_unconverged: wp.int32  # whether a step that has not converged is not taken
 
 

@@ -1,13 +1,17 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
-Whatever runs it asks the host for nothing but room for a list that has grown, and tells it the outcome.
+Whatever runs it asks the host for nothing but room for a list that has grown, and the corrections of a step
+that its sweeps do not converge, and tells it the outcome.
 A scene without a list begins as one whose list has expired: no skin suffices, so nothing is iterated.
 """
+
+import warp as wp
 
 from . import (
     accelerated,
     coloring,
     contact_list,
+    exact,
     gauss_seidel,
     integrate,
     neighbors,
@@ -23,6 +27,8 @@ from . import (
 from .conditions import (
     accepted,
     attempting,
+    corrected,
+    fresh,
     iterating,
     measuring,
     rebuilding,
@@ -88,13 +94,14 @@ WARM_START = [
     Serial(stopping.begin_iterating),
 ]
 
-MEASURE = [
+REBUILD = [
     Each(grain_count, residual.begin_rebuild),
     Sets(residual.rebuild_from_pairs),
     Shared(residual.rebuild_from_walls),
     Shared(residual.measure_residual),
-    Serial(stopping.stop_on_residual),
 ]
+
+MEASURE = [*REBUILD, Serial(stopping.stop_on_residual)]
 
 GAUSS_SEIDEL = [
     While(
@@ -109,31 +116,50 @@ GAUSS_SEIDEL = [
     ),
 ]
 
-ACCELERATED = [
-    Shared(accelerated.begin_momentum),
-    While(
-        iterating,
-        [
-            Sets(accelerated.sweep_pairs_ahead),
-            Shared(accelerated.sweep_walls_ahead),
-            Serial(restart.decide_ahead),
-            If(sampling, [Each(grain_count, verlet.sample)]),
-            If(
-                rejected,
-                [
-                    Each(pair_count, restart.roll_back_pair),
-                    Each(wall_count, restart.roll_back_wall),
-                    Each(grain_count, restart.roll_back_velocity),
-                ],
-            ),
-            If(measuring, MEASURE),
-            If(rebuilding, [Each(grain_count, restart.take_rebuilt_velocity)]),
-            If(iterating, [Shared(restart.extrapolate)]),
-        ],
-    ),
+
+def sweeps_ahead(decide: wp.Function, measure: list[Stage]) -> list[Stage]:
+    """Sweep with momentum, as far as two functions find it worth while."""
+    return [
+        Shared(accelerated.begin_momentum),
+        While(
+            iterating,
+            [
+                Sets(accelerated.sweep_pairs_ahead),
+                Shared(accelerated.sweep_walls_ahead),
+                Serial(decide),
+                If(sampling, [Each(grain_count, verlet.sample)]),
+                If(
+                    rejected,
+                    [
+                        Each(pair_count, restart.roll_back_pair),
+                        Each(wall_count, restart.roll_back_wall),
+                        Each(grain_count, restart.roll_back_velocity),
+                    ],
+                ),
+                If(measuring, measure),
+                If(rebuilding, [Each(grain_count, restart.take_rebuilt_velocity)]),
+                If(iterating, [Shared(restart.extrapolate)]),
+            ],
+        ),
+    ]
+
+
+ACCELERATED = sweeps_ahead(restart.decide_ahead, MEASURE)
+
+CORRECTED = [
+    *REBUILD,
+    Each(grain_count, exact.take_corrected_velocity),
+    Serial(verlet.clear_check),
+    Each(grain_count, verlet.begin_peak),
+    Serial(exact.go_on),
 ]
 
-METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED}
+EXACT = [
+    If(corrected, CORRECTED),
+    *sweeps_ahead(exact.decide_exactly, [*MEASURE, Serial(exact.stop_when_slow)]),
+]
+
+METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED, "exact": EXACT}
 
 FINISH = [
     Each(grain_count, integrate.move),
@@ -169,7 +195,7 @@ def step(method: str, dealt: bool = False) -> list[Stage]:
                 If(
                     attempting,
                     [
-                        *WARM_START,
+                        If(fresh, WARM_START),
                         *METHODS[method],
                         Each(grain_count, verlet.verify),
                         Serial(stopping.judge),

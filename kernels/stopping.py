@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .record import BEYOND_WALL, EXPIRED, HALTED, NOT_CONVERGED, SOLVED, Scene, wall_count
+from .record import BEYOND_WALL, EXPIRED, HALTED, NOT_CONVERGED, SLOW, SOLVED, Scene, wall_count
 from .types import Floats
 from .verlet import check_all, outcome_of_check, reserve
 from .walls import room_of, slide
@@ -30,10 +30,10 @@ def gathered(partial: Floats) -> f64:
 
 @wp.func
 def begin(s: Scene):
-    """Begin a step, or go on with one that waited for room."""
+    """Begin a step, or go on with one that waited for the host."""
     s.control.unsolved = 1
     s.control.accepted = 0
-    s.control.starting = 1 - s.control.unlisted
+    s.control.starting = 1 - wp.max(s.control.unlisted, s.control.corrected)
 
 
 @wp.func
@@ -41,6 +41,7 @@ def see_whether_listed(s: Scene):
     """Solve the step if there is a list to do so with; it is in order now."""
     s.control.unordered = 0
     s.control.attempting = 1 - s.control.unlisted
+    s.control.fresh = 1 - s.control.corrected
 
 
 @wp.func
@@ -113,8 +114,11 @@ def judge(s: Scene):
         error = s.step.residual
     converged = error <= s.stopping.tolerance
     outcome = outcome_of_check(s)
-    if outcome == SOLVED and s.stopping.raise_on_unconverged != 0 and not converged:
-        outcome = NOT_CONVERGED
+    if outcome == SOLVED and not converged:
+        if s.control.corrected == 0 and s.stopping.patience > 0:
+            outcome = SLOW
+        elif s.stopping.raise_on_unconverged != 0:
+            outcome = NOT_CONVERGED
     if outcome == SOLVED and converged and s.walls.round != 0:
         s.verlet.flags.bad_grain = grain_beyond_wall(s)
         if s.verlet.flags.bad_grain >= 0:
@@ -123,6 +127,7 @@ def judge(s: Scene):
         outcome = HALTED
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
+    s.control.corrected = 0
     s.control.accepted = 1 if outcome == SOLVED else 0
     s.control.unlisted = 1 if outcome == EXPIRED else 0
     s.control.unsolved = s.control.unlisted

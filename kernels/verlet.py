@@ -68,7 +68,6 @@ def sample(s: Scene, i: int):
 @wp.func
 def clear_check(s: Scene):
     """Forget what was seen; the first iteration is monitored."""
-    s.verlet.numbers.frame_velocity = wp.vec2d(f64(0.0), f64(0.0))
     s.verlet.numbers.unmonitored_change = f64(0.0)
     s.verlet.flags.monitored = 1
     s.verlet.flags.list_expired = 0
@@ -105,11 +104,17 @@ def reserve(s: Scene) -> f64:
 
 
 @wp.func
-def begin_check(s: Scene, i: int):
-    """The peak deviation before the first iteration, what the skin still allows, and whether it will do."""
+def begin_peak(s: Scene, i: int):
+    """The peak deviation before the first iteration, and what the skin still allows."""
     s.verlet.peak_deviation[i] = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
     allowed = (s.verlet.skin[i] - displacement(s, s.grains.position[i], i)) / s.dt
     s.verlet.peak_limit[i] = wp.max(f64(0.0), allowed) * allowed
+
+
+@wp.func
+def begin_check(s: Scene, i: int):
+    """The peak deviation before the first iteration, and whether the skin will do."""
+    begin_peak(s, i)
     check_skin(s, i, reserve(s), f64(1.0))
 
 

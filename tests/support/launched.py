@@ -4,7 +4,7 @@ import warp as wp
 
 from warpgrains import Scene, State
 from warpgrains.kernels.gpu import Launcher
-from warpgrains.kernels.record import SOLVED, UNPROVED, WITHOUT_ROOM
+from warpgrains.kernels.record import SLOW, SOLVED, UNPROVED, WITHOUT_ROOM
 from warpgrains.kernels.step import step
 from warpgrains.scene.state import first_state
 from warpgrains.solver.engine import Engine
@@ -23,9 +23,11 @@ def launched_state(scene: Scene, steps: int) -> State:
     while steps > 0:
         wp.capture_launch(capture.graph)
         outcome = records.host["step"]["outcome"][0]
-        assert outcome in (SOLVED, UNPROVED, WITHOUT_ROOM)
+        assert outcome in (SOLVED, UNPROVED, WITHOUT_ROOM, SLOW)
         if outcome == WITHOUT_ROOM:
             records.make_room(0, int(records.array(0, "neighbors.total")[0]))
+        elif outcome == SLOW:
+            engine._solve_exactly(0)
         else:
             steps -= 1
     return engine.state(0)

@@ -10,7 +10,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import Counts, Sizes, bytes_needed
-from warpgrains.solver.engine import Engine
+from warpgrains.solver.engine import Engine, exact_solver
 from warpgrains.solver.memory import free_memory, require_memory
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import paying_threads
@@ -70,6 +70,8 @@ class ResidentSets:
     """Scenes of which as many are in memory as find room; SimulationError where one alone does not."""
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
+        for method in {scene.method for scene in scenes}:
+            exact_solver(method)
         self._scenes, self._device, self._threads = scenes, device, threads
         self._teams = [self._team(scene) for scene in scenes]
         self._sets = self._divide()

@@ -122,7 +122,7 @@ def _add_run(parser: ArgumentParser) -> None:
     until = "end earlier, at rest: rest[,speed=V][,energy=E][,time=T], see simulation/until.py"
     add("--until", metavar="rest", help=until)
     add("--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)")
-    add("--method", metavar="METHOD", help="gauss-seidel or accelerated (default: the scene's)")
+    add("--method", metavar="METHOD", help="gauss-seidel, accelerated or exact (default: the scene's)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)")
     add(

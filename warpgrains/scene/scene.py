@@ -20,7 +20,7 @@ from warpgrains.scene.walls import Annulus
 from warpgrains.shown import Shown
 
 ORDERS = ("sequential", "color")
-METHODS = ("gauss-seidel", "accelerated")
+METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
 MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
@@ -72,10 +72,11 @@ class Scene(Shown):
     order
         Order in which an iteration visits the contacts: "sequential" or "color".
     method
-        How the contact iteration proceeds: "gauss-seidel", the text's, or "accelerated", with momentum.
+        How the contact iteration proceeds: "gauss-seidel", the text's; "accelerated", with momentum; or
+        "exact", the same, and where that is slow an interior point method, with the extra ``[exact]``.
     stop
         What the tolerance is on: "zeta", the text's, or "residual", the error (see `StepReport`). By default
-        it is zeta for "gauss-seidel" and the residual for "accelerated".
+        it is zeta for "gauss-seidel" and the residual for the others; for "exact" it is always the residual.
     on_unconverged
         What a step does that has not met its tolerance after `max_iterations`: "report" it and go on, or
         "raise" `SimulationError` and leave the state as it was before the step.
@@ -144,6 +145,8 @@ class Scene(Shown):
         checks.require_distinct("position", self.position)
         self._check_digits()
         self._check_drag_step()
+        if self.method == "exact" and self.stop == "zeta":
+            raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), **vars(self)), ()  # so that copies are checked and cannot be written to
@@ -199,7 +202,7 @@ class Scene(Shown):
     @property
     def stops_on_residual(self) -> bool:
         """Whether the tolerance is on the residual."""
-        return self.stop == "residual" or (self.stop == "default" and self.method == "accelerated")
+        return self.stop == "residual" or (self.stop == "default" and self.method != "gauss-seidel")
 
     @property
     def steps(self) -> int:

@@ -36,7 +36,7 @@ class Sizes:
     weighted : ndarray
         1 where masses differ, 0 elsewhere.
     accelerated : int
-        1 where the method accelerates, 0 elsewhere.
+        1 where the sweeps are accelerated, 0 elsewhere.
     team : int
         CPU threads that share a scene.
     partials : int
@@ -56,7 +56,7 @@ class Sizes:
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([bool(np.any(scene.mass != scene.mass[0])) for scene in scenes], np.int64)
-        return cls(n, first_pairs(n), weighted, int(scenes[0].method == "accelerated"), team, partials)
+        return cls(n, first_pairs(n), weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
 
     @property
     def has_strips(self) -> bool:

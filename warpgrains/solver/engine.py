@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from warpgrains.arrays import IndexArray
-from warpgrains.errors import SimulationError
+from warpgrains.errors import SimulationError, missing_extra
 from warpgrains.kernels import advance as kernels
 from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import (
@@ -16,6 +17,7 @@ from warpgrains.kernels.record import (
     HALTED,
     NOT_CONVERGED,
     NOT_FINITE,
+    SLOW,
     SOLVED,
     UNPROVED,
     WITHOUT_ROOM,
@@ -38,6 +40,23 @@ CPU_BLOCK = 1  # threads in which Warp compiles a kernel for a CPU
 BRIEF = 2e7  # iterations of grains: some tenths of a second
 REFUSED = -1  # outcome of a step whose list finds no memory
 FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, REFUSED)
+
+
+def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
+    """Return what makes a solver of steps for a scene; None where the method needs none.
+
+    Raises
+    ------
+    SceneError
+        It is "exact", and qdldl is not installed; it comes with the extra ``[exact]``.
+    """
+    if method != "exact":
+        return None
+    try:
+        from warpgrains.solver.exact import ExactSolver
+    except ModuleNotFoundError as error:
+        raise missing_extra("method 'exact'", error, "exact") from error
+    return ExactSolver
 
 
 class Engine:
@@ -67,6 +86,8 @@ class Engine:
         self.scenes, self._device, self._team = scenes, device, team
         self._records = SceneRecords(scenes, team, device)
         self._memory = [SceneMemory(self._records, k, scene) for k, scene in enumerate(scenes)]
+        solver = exact_solver(scenes[0].method)
+        self._exact = [] if solver is None else list(map(solver, scenes, self._memory))
         count = len(scenes)
         self._queue = kernels.Queue()
         self._queue.cursor = wp.zeros(1, dtype=wp.int64, device="cpu")
@@ -193,9 +214,18 @@ class Engine:
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:
             self._look_for_proof(k)
-        waiting = self._grow() + unproved
+        slow = np.flatnonzero(self.outcome == SLOW).tolist()
+        for k in slow:
+            self._solve_exactly(k)
+        waiting = self._grow() + unproved + slow
         self.outcome[waiting] = SOLVED
         return bool((self.left[waiting] > 0).any())
+
+    def _solve_exactly(self, k: int) -> None:
+        """Solve the step of scene k where its sweeps are too slow."""
+        start = perf_counter()
+        self._exact[k].solve()
+        self._seconds[k] += perf_counter() - start
 
     def _grow(self) -> list[int]:
         """Make room where a list needs it; return for which scenes there is room now."""
@@ -239,7 +269,7 @@ class Engine:
                 self._errors[k] = (
                     f"step {number + 1}, from t = {number * self.scenes[k].dt} s: {self._reason(k)}"
                 )
-            self._give_up(np.flatnonzero(np.isin(self.outcome, (*FAILURES, HALTED))))
+            self._give_up(np.flatnonzero(np.isin(self.outcome, (*FAILURES, HALTED, SLOW))))
         self._steps += self._submitted - self.left
         self._submitted[:] = self.left
 

@@ -73,6 +73,7 @@ class SceneRecords:
         for name in ("smallest_radius", "room", "acceleration", "rounding", "tile", "monitor_threshold"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE
+        host["stopping"]["patience"] = [tuning.patience(scene) for scene in scenes]
         host["stopping"]["on_residual"] = [scene.stops_on_residual for scene in scenes]
         host["stopping"]["raise_on_unconverged"] = [scene.on_unconverged == "raise" for scene in scenes]
         for name in ("tolerance", "max_iterations"):

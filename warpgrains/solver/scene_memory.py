@@ -133,6 +133,7 @@ class SceneMemory:
 
     def give_up_step(self) -> None:
         """Take back what an unfinished step did; the next one makes a list anew if this one was about to."""
+        self.record["control"]["corrected"] = 0
         self.array("contacts.pair_dv")[: self.pairs] = self.array("contacts.pair_dv_start")[: self.pairs]
         walls = self.array("contacts.walls")[: self.walls]
         walls["dv"] = self.array("contacts.wall_dv_start")[: self.walls]
@@ -155,6 +156,7 @@ class SceneMemory:
             overlap=step["overlap"],
             rebuilds=step["rebuilds"],
             redos=step["redos"],
+            factorizations=step["factorizations"],
         )
 
     def statistics(self) -> RunStatistics:

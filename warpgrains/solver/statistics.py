@@ -49,6 +49,8 @@ class StepReport(Tabular):
         How often the candidates were searched anew.
     redos : int
         How often the step was solved again because a candidate might have been missing.
+    factorizations : int
+        How often the method "exact" factored a matrix.
     """
 
     iterations: int
@@ -62,6 +64,7 @@ class StepReport(Tabular):
     overlap: float
     rebuilds: int
     redos: int
+    factorizations: int
 
 
 @dataclass(frozen=True, repr=False)

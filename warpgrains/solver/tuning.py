@@ -19,6 +19,11 @@ RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteratio
 MONITOR_THRESHOLD = 0.3  # of a base skin: what a grain may stray in a step without being monitored
 TILE = {"sequential": 32768, "color": 1024}  # pairs interleaved: many hide latency, few fit in cache
 STRIP_GRAINS = 20_000  # from which threads with strips of their own gain far more than they wait
+FACTORIZATIONS = 12  # of a step
+FACTORIZATION_FEW, FACTORIZATION_MANY = (
+    40.0,
+    1.5,
+)  # sweeps that one takes as long as, of n grains: a + b sqrt(n)
 SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gain more than they wait
 
 
@@ -73,10 +78,17 @@ def paying_threads(scene: Scene) -> int:
 
     A pile has about 3 contacts a grain; they fall in about 12 colors, or in 7 sqrt(n) levels.
     """
-    if scene.method == "accelerated":
+    if scene.method != "gauss-seidel":
         sets = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
         return cores() if 3.0 * scene.n / sets > SHARED_SET else 1
     return cores() if scene.n >= STRIP_GRAINS else 1
+
+
+def patience(scene: Scene) -> int:
+    """Return how many sweeps take as long as the factorizations of a step; 0 where the host does none."""
+    if scene.method != "exact":
+        return 0
+    return int(FACTORIZATIONS * (FACTORIZATION_FEW + FACTORIZATION_MANY * np.sqrt(scene.n)))
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:

@@ -1,0 +1,57 @@
+"""Steps that sweeps do not converge: when the host is asked to solve one, and how its answer is taken up.
+
+Accelerated sweeps come first. Where their residual falls too slowly for what a few factorizations cost, the
+step is left as SLOW, and the host makes its corrections anew (warpgrains/solver/exact.py). Velocities are
+then rebuilt from these, and sweeps go on as long as they are of use, mostly not at all.
+
+On which way corrections were found is no matter: a contact that is not listed and that the final velocities
+do not violate is satisfied without a correction (MODEL.md, eq. 10). So the check of the list (verlet.py)
+starts anew with these velocities.
+"""
+
+import warp as wp
+
+from .access import set_vector, vector_at
+from .record import Scene
+from .restart import REBUILD_EVERY, decide_ahead
+from .stopping import gathered
+
+f64 = wp.float64
+
+
+@wp.func
+def decide_exactly(s: Scene):
+    """What follows on an accelerated sweep; the residual is also asked for after the first."""
+    decide_ahead(s)
+    if s.step.iterations == 1:
+        s.control.measuring = 1
+
+
+@wp.func
+def stop_when_slow(s: Scene):
+    """Stop if the sweeps that are left, should the residual fall on as it did, take longer than the host."""
+    if s.control.rebuilding != 0:
+        fallen = wp.log(s.momentum.state.residual / s.step.residual)
+        left = wp.log(s.step.residual / s.stopping.tolerance)
+        if left * f64(REBUILD_EVERY) > fallen * f64(s.stopping.patience):
+            s.control.iterating = 0
+    if s.control.rebuilding != 0 or s.step.iterations == 1:
+        s.momentum.state.residual = s.step.residual
+
+
+@wp.func
+def take_corrected_velocity(s: Scene, i: int):
+    """Go on from the velocity that the host's corrections make."""
+    set_vector(s.grains.next_velocity, i, vector_at(s.grains.rebuilt_velocity, i))
+
+
+@wp.func
+def go_on(s: Scene):
+    """Sweep on where the host has not come to the tolerance."""
+    s.step.residual = gathered(s.partial.residual)
+    s.momentum.state.residual = s.step.residual
+    left = s.step.residual > s.stopping.tolerance and s.step.iterations < s.stopping.max_iterations
+    s.control.iterating = 1 if left and s.control.halted == 0 else 0
+    s.control.measuring = 0
+    s.control.sampling = 0
+    s.control.rejected = 0

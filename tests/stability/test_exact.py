@@ -1,0 +1,213 @@
+"""The exact method: against another library over all pairs, its bits, and what it refuses."""
+
+import sys
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+from hard_scenes import heap, past_the_origin, random_masses, stack
+from launched import launched_state
+from same_bits import contents, dense_pair_correction
+from sample_scenes import SUDDEN, chain
+from scipy import sparse
+
+from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError
+from warpgrains.accuracy import certify
+from warpgrains.solver import exact
+from warpgrains.solver.interior_point import NormalMatrix, Projection, solve
+
+TOLERANCE = 1e-10  # m/s
+EPS = np.finfo(float).eps
+SOON = {
+    "method": "exact",
+    "tolerance": TOLERANCE,
+    "max_iterations": 3,
+}  # so that the host is asked after 3 sweeps
+
+
+def few(n: int, **changes) -> Scene:
+    """One, two or three grains that fall on the wall and on one another."""
+    position = np.array([[0.0, -0.85], [0.02, -0.6], [-0.2, 0.5]])[:n]
+    velocity = np.array([[0.0, -9.0], [0.0, -20.0], [3.0, 0.0]])[:n]
+    return Scene(position=position, velocity=velocity, radius=0.1, mass=0.3, radius_out=1.0, **changes)
+
+
+SCENES: dict[str, Callable[[], Scene]] = {
+    "one grain": partial(few, 1),
+    "two grains": partial(few, 2),
+    "two grains, inner wall": partial(few, 2, radius_in=0.4),
+    "three grains, no gravity": partial(few, 3, gravity=(0.0, 0.0)),
+    "a grain at the origin": partial(past_the_origin, 0.98),
+    "a column struck": partial(stack, 50),
+    "a heap": partial(heap, 60, spacing=2.0),
+    "masses 1:10,000": partial(random_masses, 60, 1e4),
+    "long steps": partial(heap, 60, spacing=2.0, dt=0.1),
+    **{scene.__name__: scene for scene in SUDDEN},
+}
+
+
+def assert_optimal(simulation: Simulation) -> None:
+    """The last step satisfies eq. 10 over all pairs and both walls, to the tolerance, in NumPy.
+
+    A velocity is changed by some contacts, a hundred times each at most; every change rounds it by eps times
+    the largest number at hand.
+    """
+    scene, (x, v) = simulation.scene, simulation.last_start()
+    i, j = np.triu_indices(scene.n, 1)
+    d, rho = x[j] - x[i], np.hypot(*x.T)
+    distance = np.hypot(*d.T)
+    n, radial = d / distance[:, None], x / rho[:, None]
+    dv, wall = dense_pair_correction(simulation), simulation.wall_contacts().correction
+    impulse = (dv * scene.mass[i] * scene.mass[j] / (scene.mass[i] + scene.mass[j]))[:, None] * n
+    free = v + scene.dt * (np.array(scene.gravity) - (scene.drag / scene.mass)[:, None] * v)
+    rebuilt = free - wall[:, None] * radial
+    np.subtract.at(rebuilt, i, impulse / scene.mass[i, None])
+    np.add.at(rebuilt, j, impulse / scene.mass[j, None])
+    largest = max(np.abs(part).max(initial=0.0) for part in (free, dv, wall)) + scene.radius_out / scene.dt
+    rounding = 100.0 * EPS * largest
+    assert np.abs(rebuilt - simulation.velocity).max() <= rounding
+    vn, outward = ((rebuilt[i] - rebuilt[j]) * n).sum(axis=1), (rebuilt * radial).sum(axis=1)
+    gap_rate = (distance - (scene.radius[i] + scene.radius[j])) / scene.dt
+    residual = [np.maximum(0.0, dv + vn - gap_rate) - dv]
+    sides = [(1.0, scene.radius_out - rho), (-1.0, rho - scene.radius_in)][: 1 + (scene.radius_in > 0.0)]
+    for sign, room in sides:
+        carried = np.maximum(sign * wall, 0.0)
+        residual.append(
+            np.maximum(0.0, carried + sign * outward - (room - scene.radius) / scene.dt) - carried
+        )
+    assert np.abs(np.concatenate(residual)).max() <= simulation.scene.tolerance + rounding
+
+
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+def test_every_step_is_optimal_over_all_pairs(scene: Callable[[], Scene]) -> None:
+    simulation, asked = Simulation(scene(), **SOON), 0
+    for _ in range(12):
+        report = simulation.step()
+        asked += report.factorizations
+        assert report.converged
+        assert_optimal(simulation)
+    assert asked > 0 or simulation.scene.n < 3
+
+
+@pytest.mark.parametrize("name", ["two grains, inner wall", "a heap", "long steps"])
+def test_velocities_are_those_of_another_library(name: str) -> None:
+    """To what it proves of its own."""
+    simulation = Simulation(SCENES[name](), **SOON)
+    for _ in range(5):
+        simulation.step()
+        assert certify(simulation).error is None
+
+
+def test_a_pile_at_rest_takes_few_factorizations() -> None:
+    simulation = Simulation(heap(200, spacing=2.0), method="exact", tolerance=1e-6, order="color")
+    simulation.advance(150)
+    settled = simulation.state()
+    simulation = Simulation(simulation.scene.replace(tolerance=TOLERANCE, max_iterations=10))
+    simulation.restore(settled)
+    reports = [simulation.step() for _ in range(10)]
+    assert all(report.converged for report in reports)
+    assert 0 < max(report.factorizations for report in reports) <= 30
+
+
+def run_of(scene: Scene, steps: int, **options) -> Simulation:
+    simulation = Simulation(scene, **options)
+    simulation.advance(steps)
+    return simulation
+
+
+@pytest.mark.parametrize("order", ["sequential", "color"])
+def test_the_same_bits_however_it_is_run(order: str) -> None:
+    """Alone, with threads, in a batch among others, from a state in another simulation."""
+    scenes = [
+        heap(60, spacing=2.0, order=order, **SOON),
+        random_masses(40, 100.0).replace(order=order, **SOON),
+    ]
+    expected = [contents(run_of(scene, 25).state()) for scene in scenes]
+    assert contents(run_of(scenes[0], 25, threads=2).state()) == expected[0]
+    batch = Batch([scenes[1], scenes[0], Scene.load("annulus")], threads=2)
+    batch.run(steps=25)
+    assert [contents(batch.state(k)) for k in (1, 0)] == expected
+    resumed = Simulation(scenes[0])
+    resumed.restore(run_of(scenes[0], 11).state())
+    resumed.advance(14)
+    assert contents(resumed.state()) == expected[0]
+
+
+def test_stages_launched_as_on_a_gpu_give_the_same_bits() -> None:
+    scene = heap(60, spacing=2.0, **SOON)
+    assert contents(launched_state(scene, 8)) == contents(run_of(scene, 8).state()) | {"steps": 0}
+
+
+def test_an_interrupted_solve_leaves_the_step_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulation = run_of(heap(60, spacing=2.0, **SOON), 10)
+    before = contents(simulation.state().corrections)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(exact, "solve", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            simulation.step()
+    after = simulation.state()
+    assert contents(after.corrections) == before
+    assert after.steps == 10
+    simulation.advance(5)
+    assert contents(simulation.state()) == contents(run_of(simulation.scene, 15).state())
+
+
+def test_what_cannot_fit_is_named_and_keeps_the_sweeps_answer() -> None:
+    scene = chain(5, 1e-3, method="exact", tolerance=TOLERANCE)
+    report = Simulation(scene).step()
+    assert report.infeasible == (0, 1, 2, 3, 4)
+    assert not report.converged
+    assert 0 < report.factorizations < 20
+    with pytest.raises(SimulationError, match="grains 0, 1, 2, 3, 4 cannot fit"):
+        Simulation(scene.replace(on_unconverged="raise")).step()
+
+
+def test_factors_solve_what_they_are_of() -> None:
+    """(I + A^T D A) x = r, against NumPy's dense solver, for another A of the same pattern."""
+    rng = np.random.default_rng(0)
+    columns = [[0, 1, 4, 5], [2, 3, 4, 5], [0, 1, 6, 7], [2, 3], [4, 5], [4, 5]]
+    start = np.concatenate([[0], np.cumsum([len(row) for row in columns])])
+    rows = sparse.csr_array((rng.normal(size=18), np.concatenate(columns), start), shape=(6, 10))
+    matrix = NormalMatrix(rows)
+    other = rows.copy()
+    other.data = rng.normal(size=18)
+    matrix.take(other)
+    diagonal, right = rng.uniform(size=6), rng.normal(size=10)
+    matrix.factor(diagonal)
+    dense = other.toarray()
+    expected = np.linalg.solve(np.eye(10) + dense.T @ np.diag(diagonal) @ dense, right)
+    assert np.abs(matrix.solve(right) - expected).max() <= 100.0 * EPS * np.abs(right).max()
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_one_bound_in_closed_form(scale: float) -> None:
+    """min |u - u0|^2 / 2 under n . u <= b is u0 - max(0, n . u0 - b) n, in any unit of mass and speed."""
+    n, free, bound = np.array([0.6, 0.8]), scale * np.array([3.0, 1.0]), scale * 0.5
+    rows = sparse.csr_array((n, [0, 1], [0, 2]), shape=(1, 2))
+    problem = Projection(rows, np.array([bound]), free, np.array([1.0]))
+    found = solve(problem, NormalMatrix(rows), np.zeros(1), 1e-12 * scale)
+    assert abs(found.q[0] - (n @ free - bound)) <= 1e-12 * scale
+    assert found.residual <= 1e-12 * scale
+
+
+def test_stop_on_zeta_is_refused() -> None:
+    with pytest.raises(SceneError, match="stop is 'zeta': method 'exact' stops on the residual"):
+        heap(10, method="exact", stop="zeta")
+
+
+@pytest.mark.parametrize("make", [Simulation, lambda scene: Batch([scene])])
+def test_without_the_library_the_extra_is_named(
+    make: Callable[[Scene], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("exact", "interior_point"):
+        monkeypatch.delitem(sys.modules, f"warpgrains.solver.{module}")
+    monkeypatch.delattr("warpgrains.solver.exact")
+    monkeypatch.setitem(sys.modules, "qdldl", None)
+    with pytest.raises(SceneError, match=r"method 'exact' needs qdldl: pip install 'warpgrains\[exact\]'"):
+        make(heap(10, method="exact"))
+    Simulation(heap(10, method="accelerated")).step()
