@@ -17,13 +17,14 @@ from .restart import REBUILD_EVERY, decide_ahead
 from .stopping import gathered
 
 f64 = wp.float64
+HALF_WAY = wp.constant(REBUILD_EVERY // 2)
 
 
 @wp.func
 def decide_exactly(s: Scene):
-    """What follows on an accelerated sweep; the residual is also asked for after the first."""
+    """What follows on an accelerated sweep; the residual is also asked for half-way to the first rebuild."""
     decide_ahead(s)
-    if s.step.iterations == 1:
+    if s.step.iterations == HALF_WAY:
         s.control.measuring = 1
 
 
@@ -33,9 +34,10 @@ def stop_when_slow(s: Scene):
     if s.control.rebuilding != 0:
         fallen = wp.log(s.momentum.state.residual / s.step.residual)
         left = wp.log(s.step.residual / s.stopping.tolerance)
-        if left * f64(REBUILD_EVERY) > fallen * f64(s.stopping.patience):
+        sweeps = wp.min(s.step.iterations - HALF_WAY, REBUILD_EVERY)
+        if left * f64(sweeps) > fallen * f64(s.stopping.patience):
             s.control.iterating = 0
-    if s.control.rebuilding != 0 or s.step.iterations == 1:
+    if s.control.rebuilding != 0 or s.step.iterations == HALF_WAY:
         s.momentum.state.residual = s.step.residual
 
 
