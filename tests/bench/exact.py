@@ -87,7 +87,7 @@ def steps_of(radii: str, n: int, mark: str, options: argparse.Namespace) -> Iter
         before = simulation.state()
         witness.restore(before)
         witness.step()
-        problem = StepProblem(scene, before.position, before.velocity)
+        problem = StepProblem(scene, before.position, before.velocity, before.staggered)
         nothing = float(np.abs(problem.free_velocity - witness.velocity).max())
         if n <= WITNESSED:
             other = solve_exactly(problem, witness.velocity)

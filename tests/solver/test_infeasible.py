@@ -117,7 +117,7 @@ HARD = {
 }
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])  # the exact method solves them
 @pytest.mark.parametrize("scene", HARD.values(), ids=HARD.keys())
 def test_what_is_only_hard_is_not_named(scene: Scene, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "iterations_worth_a_search", lambda grains: 0)

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from warpgrains.report.rows import COSTS, Configuration, FrontierRow, PathRow, StepRow, fitted_order
+from warpgrains.report.rows import COSTS, SWEEPING, Configuration, FrontierRow, PathRow, StepRow, fitted_order
 
 # Okabe and Ito, Color Universal Design: told apart by everyone, and by their lightness in print.
-_BLUE, _ORANGE, _GREY = "#0072b2", "#d55e00", "0.6"
-_COLOR = {"gauss-seidel": _BLUE, "accelerated": _ORANGE}
+_BLUE, _ORANGE, _GREEN, _GREY = "#0072b2", "#d55e00", "#009e73", "0.6"
+_COLOR = {"gauss-seidel": _BLUE, "accelerated": _ORANGE, "exact": _GREEN}
 _DASHES = {"sequential": "-", "color": "--"}
 _LEAST_OVERLAP = 1e-13  # m: what is less is rounding
 _BELOW: dict[str, Any] = {"loc": "outside lower center", "ncols": 3, "fontsize": "small", "frameon": False}
@@ -31,7 +31,8 @@ def draw_steps(rows: Sequence[StepRow]) -> Figure:
         for configuration in dict.fromkeys(row.configuration for row in here):
             curve = [row for row in here if row.configuration == configuration]
             errors = [row.error for row in curve]
-            if configuration.code == "warpgrains" and configuration.threads == 1:
+            _, method, _, threads = configuration
+            if configuration.code == "warpgrains" and threads == 1 and method in SWEEPING:
                 over_iterations.plot([row.iterations for row in curve], errors, **_style(configuration))
             over_time.plot([1e3 * row.wall_time for row in curve], errors, **_style(configuration))
         over_iterations.set_xlabel("iterations")
@@ -96,11 +97,11 @@ def _draw_error(axes: Axes, rows: Sequence[PathRow]) -> None:
 
 
 def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
-    for method, color in _COLOR.items():
+    for method in SWEEPING:
         for cost in COSTS:
             here = [row for row in rows if (row.method, row.cost) == (method, cost)]
             look: dict[str, Any] = {
-                "color": color,
+                "color": _COLOR[method],
                 "linewidth": 1.2,
                 "marker": _MARKER[cost],
                 "markersize": 4,

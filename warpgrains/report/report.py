@@ -15,10 +15,10 @@ from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder, table_text, write_whole
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
-from warpgrains.report.rows import Budget, Findings, FrontierRow, PathRow, StepRow, fitted_order
+from warpgrains.report.rows import SWEEPING, Budget, Findings, FrontierRow, PathRow, StepRow, fitted_order
 from warpgrains.report.steps import follow_history, measure_steps
 from warpgrains.report.trajectories import measure_frontier, measure_paths
-from warpgrains.scene.scene import METHODS, Scene
+from warpgrains.scene.scene import Scene
 
 DOTS_PER_INCH = 80
 RELATIVE = {"1e-3": 1e-3, "1e-6": 1e-6}  # errors that the table asks for, of that of the free velocities
@@ -29,9 +29,10 @@ warpgrains {version}, {machine}, {cores} cores. Wall times are medians of {repea
 than {longest} s is timed once, and no more iterations are tried. C reference: {reference}.
 
 The error of a step is the largest difference of a velocity component from the exact solution of the step's
-convex problem, found by clarabel. A step is solved with 1, 3, 10, 30, ... iterations; the tables give the
-first of these whose error is below a thousandth and a millionth of that of the free velocities (of a step
-without contacts), and the wall time of the step. The rows are in steps.csv, trajectories.csv and
+convex problem, found by clarabel. A step is solved with 1, 3, 10, 30, ... iterations, and by the exact method
+to ever smaller residuals, where iterations are sweeps and factorizations; the tables give the first of these
+whose error is below a thousandth and a millionth of that of the free velocities (of a step without contacts),
+and the wall time of the step. The rows are in steps.csv, trajectories.csv and
 frontier.csv, all in m, s and m/s.
 """
 
@@ -164,10 +165,10 @@ def _path_text(paths: Sequence[PathRow]) -> str:
 def _frontier_table(rows: Sequence[FrontierRow]) -> str:
     """Return a table with a line a cost, and for each method the steps that leave least overlap."""
     head = "iterations in one of the scene's own steps"
-    lines = [[head, *(f"least overlap, {method}" for method in METHODS)]]
+    lines = [[head, *(f"least overlap, {method}" for method in SWEEPING)]]
     for cost in dict.fromkeys(row.cost for row in rows):
         cells = [str(cost)]
-        for method in METHODS:
+        for method in SWEEPING:
             runs = [row for row in rows if (row.cost, row.method) == (cost, method)]
             left = [row for row in runs if np.isfinite(row.overlap)]
             best = min(left, key=lambda row: row.overlap, default=None)

@@ -7,6 +7,8 @@ import numpy as np
 
 ACCURATE: dict[str, Any] = {"method": "accelerated", "order": "color", "stop": "residual"}
 """Fields of a scene that is solved as well as can be."""
+SWEEPING = ("gauss-seidel", "accelerated")
+"""Methods of which so many iterations can be asked."""
 COSTS = (16, 160, 1600)  # iterations spent in one of the scene's own steps, where equal work is compared
 
 
@@ -65,7 +67,7 @@ class StepRow:
     error: float
     """Largest difference of a velocity component from the exact solution [m/s]."""
     error_of_exact: float
-    """Difference of the exact solution from that of the accelerated method, converged as far as it goes:
+    """Difference of the exact solution from that of the exact method, converged as far as it goes:
     errors below it are not to be trusted [m/s]."""
     error_of_nothing: float
     """Error of the free velocities, of a step without any contact [m/s]."""

@@ -5,10 +5,10 @@ What is measured is their wall time and their true error.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from itertools import product
 from statistics import median
 from time import perf_counter
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -16,15 +16,16 @@ from warpgrains.analysis.exact import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference
-from warpgrains.report.rows import ACCURATE, Budget, Configuration, StepRow
-from warpgrains.scene.scene import METHODS, ORDERS, Scene
+from warpgrains.report.rows import ACCURATE, SWEEPING, Budget, Configuration, StepRow
+from warpgrains.scene.scene import ORDERS, Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import StepReport
 
 THREADS = (1, 2)
 CONVERGED = 1e-12  # m/s: a residual that more iterations do not improve
-CHECK_ITERATIONS = 30_000  # of the solution that the exact one is compared with
+EXACT: dict[str, Any] = {"method": "exact", "order": "color", "max_iterations": 30_000}
+TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)  # m/s, of the exact method
 
 Result = TypeVar("Result")
 
@@ -52,7 +53,7 @@ class History:
 
 
 class Measurement(NamedTuple):
-    """A step with some limit on its iterations."""
+    """A step with some limit on its iterations, or on its residual."""
 
     iterations: int
     wall_time: float
@@ -92,15 +93,14 @@ def follow_history(scene: Scene, longest: int) -> History:
 def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[StepRow]:
     """Solve the step after a snapshot in every configuration, with ever more iterations."""
     problem = StepProblem(scene, snapshot.state.position, snapshot.state.velocity, snapshot.state.staggered)
-    accurate = Simulation(scene, **ACCURATE, tolerance=CONVERGED, max_iterations=CHECK_ITERATIONS)
+    accurate = Simulation(scene.replace(**EXACT, stop="default", tolerance=CONVERGED))
     accurate.restore(snapshot.state)
     accurate.step()
     converged = accurate.velocity
     exact = solve_exactly(problem, converged).velocity
     error_of_exact = _difference(converged, exact)
-    for configuration, solve in _configurations(scene, snapshot, budget):
-        for limit in budget.iterations:
-            measured = solve(limit)
+    for configuration, measurements in _configurations(scene, snapshot, budget):
+        for measured in measurements:
             yield StepRow(
                 scene=scene.name,
                 moment=snapshot.name,
@@ -114,7 +114,7 @@ def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[
                 error_of_exact=error_of_exact,
                 error_of_nothing=_difference(problem.free_velocity, exact),
             )
-            if measured.done or measured.iterations < limit or measured.wall_time > budget.longest:
+            if measured.done or measured.wall_time > budget.longest:
                 break
 
 
@@ -124,26 +124,26 @@ def _difference(velocity: FloatArray, other: FloatArray) -> float:
 
 def _configurations(
     scene: Scene, snapshot: Snapshot, budget: Budget
-) -> Iterator[tuple[Configuration, Callable[[int], Measurement]]]:
-    """Yield every configuration, and what solves a step in it with a limit on the iterations."""
-    for method in METHODS:
-        for order in ORDERS:
-            for threads in THREADS:
-                configuration = Configuration("warpgrains", method, order, threads)
-                yield configuration, partial(_solve, scene, snapshot, budget, configuration)
+) -> Iterator[tuple[Configuration, Iterator[Measurement]]]:
+    """Yield every configuration, and a step solved in it with ever more iterations, or to less residuals."""
+    unlimited = scene.replace(stop="default", tolerance=0.0)
+    for method, order, threads in product(SWEEPING, ORDERS, THREADS):
+        solving = [
+            unlimited.replace(method=method, order=order, max_iterations=limit) for limit in budget.iterations
+        ]
+        configuration = Configuration("warpgrains", method, order, threads)
+        yield configuration, (_solve(one, threads, snapshot, budget) for one in solving)
+    solving = [unlimited.replace(**EXACT).replace(tolerance=tolerance) for tolerance in TOLERANCES]
+    configuration = Configuration("warpgrains", "exact", "color", 1)
+    yield configuration, (_solve(one, 1, snapshot, budget) for one in solving)
     if find_c_reference().start is not None and scene.n <= MOST_GRAINS:
         configuration = Configuration("C reference", "gauss-seidel", "sequential", 1)
-        yield configuration, partial(_solve_in_c, scene, snapshot, budget)
+        yield configuration, (_solve_in_c(scene, snapshot, budget, limit) for limit in budget.iterations)
 
 
-def _solve(
-    scene: Scene, snapshot: Snapshot, budget: Budget, configuration: Configuration, limit: int
-) -> Measurement:
-    """Take the step with a simulation that does not stop before its limit."""
-    _, method, order, threads = configuration
-    simulation = Simulation(
-        scene, threads=threads, method=method, order=order, tolerance=0.0, max_iterations=limit
-    )
+def _solve(scene: Scene, threads: int, snapshot: Snapshot, budget: Budget) -> Measurement:
+    """Take the step with a simulation of a scene that says when to stop."""
+    simulation = Simulation(scene, threads=threads)
 
     def step() -> tuple[float, StepReport]:
         simulation.restore(snapshot.state)
@@ -153,7 +153,10 @@ def _solve(
 
     step()  # once, so that the list is built and the kernels are compiled
     wall_time, report = _median(step, budget)
-    return Measurement(report.iterations, wall_time, simulation.velocity, report.residual <= CONVERGED)
+    iterations = report.iterations + report.factorizations
+    useless = scene.tolerance == 0.0 and iterations < scene.max_iterations
+    done = useless or report.residual <= CONVERGED
+    return Measurement(iterations, wall_time, simulation.velocity, done)
 
 
 def _solve_in_c(scene: Scene, snapshot: Snapshot, budget: Budget, limit: int) -> Measurement:

@@ -7,8 +7,8 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SimulationError
-from warpgrains.report.rows import ACCURATE, COSTS, FrontierRow, PathRow
-from warpgrains.scene.scene import METHODS, Scene
+from warpgrains.report.rows import ACCURATE, COSTS, SWEEPING, FrontierRow, PathRow
+from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.simulation import Simulation
 
@@ -58,7 +58,7 @@ def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[Front
     fastest = follow(begin_solved(scene, start), 1.0, horizon).fastest
     for cost in COSTS:
         for fraction in possible_fractions(scene):
-            for method in METHODS:
+            for method in SWEEPING:
                 dt, iterations = scene.dt * fraction, round(cost * fraction)
                 spending = begin(scene, start).replace(
                     method=method, order="color", tolerance=0.0, max_iterations=iterations

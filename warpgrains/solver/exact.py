@@ -34,67 +34,89 @@ class ExactSolver:
         self._matrix: NormalMatrix | None = None
 
     def solve(self) -> None:
-        """Replace the corrections of the step, unless no better ones are found, and let the kernels go on."""
-        contacts = FrozenContacts(self._scene, self._memory)
-        problem, q, record = contacts.problem, contacts.corrections(), self._memory.record
-        if self._matrix is None or not self._matrix.fits(problem.rows):
-            self._matrix = NormalMatrix(problem.rows)
-        found = solve(problem, self._matrix, q, ASKED * self._scene.tolerance)
-        if found.residual <= BETTER * problem.residual(q):
-            contacts.write(found.q)
+        """Replace the corrections of the step, unless no better ones are found, and let the kernels go on.
+
+        The gaps of a round wall depend on velocities (MODEL.md, eq. 18): they are those of the last answer,
+        until it satisfies its own.
+        """
+        contacts, record = FrozenContacts(self._scene, self._memory), self._memory.record
+        if self._matrix is None or not self._matrix.fits(contacts.rows):
+            self._matrix = NormalMatrix(contacts.rows)
+        tolerance, q = ASKED * self._scene.tolerance, contacts.corrections()
+        problem = contacts.problem(q)
+        before = left = problem.residual(q)
+        while left > tolerance:
+            found = solve(problem, self._matrix, q, tolerance)
+            record["step"]["factorizations"] += found.factorizations
+            problem = contacts.problem(found.q)
+            residual = problem.residual(found.q)
+            if residual > 0.5 * left:
+                break
+            q, left = found.q, residual
+        if left <= BETTER * before:
+            contacts.write(q)
         else:
             record["to_search"] = 0  # a proof that no velocities solve the step
-        record["step"]["factorizations"] += found.factorizations
         record["control"]["corrected"] = 1
 
 
 class FrozenContacts:
-    """The listed contacts of a step: pairs in lexicographic order, grains at the outer wall, at the inner.
+    """The listed contacts of a step: pairs in lexicographic order, and grains wall after wall.
 
     Attributes
     ----------
-    problem : Projection
+    rows : csr_array
+        Of (v_i - v_j) . n or v_i . n, in the units of a `Projection`.
     """
 
     def __init__(self, scene: Scene, memory: SceneMemory):
-        self._place = memory.array("workspace.sweep_index")[: memory.pairs]
+        self._scene, self._place = scene, memory.array("workspace.sweep_index")[: memory.pairs]
         self._pair_dv = memory.array("contacts.pair_dv")
-        self._walls = memory.array("contacts.walls")[: memory.walls]
-        self._signs = (1.0, -1.0) if scene.radius_in > 0.0 else (1.0,)
-        pairs, grain = memory.array("contacts.pairs")[self._place], self._walls["i"]
+        self._wall_dv = memory.array("contacts.walls")["dv"][: memory.walls]
+        self._grain = memory.array("contacts.walls")["i"][: memory.walls]
+        self._position = memory.array("grains.position")[self._grain]
+        pairs = memory.array("contacts.pairs")[self._place]
+        self._gap_rate = pairs["gap_rate"]
         mass_i, mass_j = scene.mass[pairs["i"]], scene.mass[pairs["j"]]
         share_i, share_j = (np.sqrt(mass / (mass_i + mass_j))[:, np.newaxis] for mass in (mass_j, mass_i))
-        values = [np.hstack([share_i * pairs["n"], -share_j * pairs["n"]])]
-        columns = [np.hstack([_columns(pairs["i"]), _columns(pairs["j"])])]
-        units, gap_rates = [np.sqrt(mass_i / (mass_i + mass_j) * mass_j)], [pairs["gap_rate"]]
-        for sign, side in zip(self._signs, ("out", "in"), strict=False):
-            values.append(sign * self._walls["n"])
-            columns.append(_columns(grain))
-            units.append(np.sqrt(scene.mass[grain]))
-            gap_rates.append(self._walls[f"gap_rate_{side}"])
-        lengths = np.repeat([4, *[2] * len(self._signs)], [len(rows) for rows in values])
-        start = np.concatenate([[0], np.cumsum(lengths)])
-        unit, root = np.concatenate(units), np.sqrt(np.repeat(scene.mass, 2))
+        walls = scene.walls.seen_from(self._position, scene.radius[self._grain])
+        values = [np.hstack([share_i * pairs["n"], -share_j * pairs["n"]]), *(wall.normal for wall in walls)]
+        columns = [
+            np.hstack([_columns(pairs["i"]), _columns(pairs["j"])]),
+            *[_columns(self._grain)] * len(walls),
+        ]
+        units = [
+            np.sqrt(mass_i / (mass_i + mass_j) * mass_j),
+            *[np.sqrt(scene.mass[self._grain])] * len(walls),
+        ]
+        lengths = np.repeat([4, *[2] * len(walls)], [len(rows) for rows in values])
         entries = [np.concatenate([part.ravel() for part in parts]) for parts in (values, columns)]
-        self.problem = Projection(
-            rows=sparse.csr_array((*entries, start), shape=(len(unit), 2 * scene.n)),
-            bound=unit * np.concatenate(gap_rates),
-            free=root * memory.array("grains.free_velocity").ravel(),
-            unit=unit,
-        )
+        self._unit, self._root = np.concatenate(units), np.sqrt(scene.mass)[:, np.newaxis]
+        self._free = (self._root * memory.array("grains.free_velocity")).ravel()
+        start = np.concatenate([[0], np.cumsum(lengths)])
+        self._signs = [wall.sign for wall in walls]
+        self.rows = sparse.csr_array((*entries, start), shape=(len(lengths), 2 * scene.n))
+
+    def problem(self, q: FloatArray) -> Projection:
+        """Return the step's problem, with the gaps that the walls have for the velocities of corrections."""
+        scene = self._scene
+        velocity = (self._free - self.rows.T @ q).reshape(-1, 2) / self._root
+        move = scene.dt * velocity[self._grain]
+        walls = scene.walls.seen_from(self._position, scene.radius[self._grain], move)
+        gap_rate = np.concatenate([self._gap_rate, *(wall.gap / scene.dt for wall in walls)])
+        return Projection(self.rows, self._unit * gap_rate, self._free, self._unit)
 
     def corrections(self) -> FloatArray:
         """Return the corrections, in the units of the problem."""
-        walls = [np.maximum(sign * self._walls["dv"], 0.0) for sign in self._signs]
-        return self.problem.unit * np.concatenate([self._pair_dv[self._place], *walls])
+        walls = [np.maximum(sign * self._wall_dv, 0.0) for sign in self._signs]
+        return self._unit * np.concatenate([self._pair_dv[self._place], *walls])
 
     def write(self, q: FloatArray) -> None:
         """Give the contacts other corrections."""
-        pairs, *walls = np.split(
-            q / self.problem.unit, len(self._place) + len(self._walls) * np.arange(len(self._signs))
-        )
+        first = len(self._place)
+        pairs, *walls = np.split(q / self._unit, first + len(self._grain) * np.arange(len(self._signs)))
         self._pair_dv[self._place] = pairs
-        self._walls["dv"] = sum(sign * dv for sign, dv in zip(self._signs, walls, strict=True))
+        self._wall_dv[:] = sum(sign * dv for sign, dv in zip(self._signs, walls, strict=True))
 
 
 def _columns(grain: np.ndarray[Any, Any]) -> IndexArray:

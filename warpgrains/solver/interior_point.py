@@ -1,6 +1,6 @@
 """A step's convex problem, by a proximal interior point method that starts from given corrections.
 
-In units of its own, u = sqrt(M) v and q = sqrt(mu_c) dv, a step is (kernels/MODEL.md, eq. 16)
+In units of its own, u = sqrt(M) v and q = sqrt(mu_c) dv, a step is (kernels/MODEL.md, eq. 20)
 
     min 1/2 |u - u0|^2  subject to  A u <= b;     u = u0 - A^T q,   s = b - A u,   q, s >= 0,   q_c s_c = 0
 
