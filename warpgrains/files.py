@@ -4,7 +4,7 @@ import csv
 import io
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -87,20 +87,25 @@ def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> No
 
 
 def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a table as CSV: names in the first line, then a line a row.
+    """Return a table as CSV: names in the first line, then a line a row, see `csv_line`."""
+    lines = [csv_line(rows[0]), *(csv_line(row.values()) for row in rows)]
+    return b"".join(lines).decode()
+
+
+def csv_line(cells: Iterable[Any]) -> bytes:
+    """Return a line of a table as CSV.
 
     A spreadsheet takes what begins with =, +, - or @ for a formula: such a cell, if it is no number, has an
     apostrophe before it, which `read_table` takes away.
     """
     text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: _guarded(str(cell)) for name, cell in row.items()} for row in rows)
-    return text.getvalue()
+    csv.writer(text, lineterminator="\n").writerow([_guarded(str(cell)) for cell in cells])
+    return text.getvalue().encode()
 
 
 def _guarded(cell: str) -> str:
-    return f"'{cell}" if _is_formula(cell) and not _is_number(cell) else cell
+    is_harmless = cell[:1].isalnum() or cell == ""  # as most are
+    return f"'{cell}" if not is_harmless and _is_formula(cell) and not _is_number(cell) else cell
 
 
 def _unguarded(cell: Any) -> Any:
@@ -129,11 +134,45 @@ def read_table(path: Path) -> list[Row]:
     SceneError
         It is not there, or no table.
     """
+    with _opened(path) as lines:
+        rows = csv.DictReader(lines, strict=True)
+        return [{name: _unguarded(cell) for name, cell in row.items()} for row in rows]
+
+
+def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
+    """Read some columns of a table that may have millions of rows.
+
+    Parameters
+    ----------
+    path
+        The table.
+    wanted
+        Tells which of all columns.
+
+    Raises
+    ------
+    SceneError
+        It is not there, or no table.
+    """
+    with _opened(path) as lines:
+        rows = csv.reader(lines, strict=True)
+        head = next(rows, [])
+        columns: dict[str, list[str]] = {name: [] for name in wanted(head)}
+        places = [(column, head.index(name)) for name, column in columns.items()]
+        for row in rows:
+            if len(row) != len(head):
+                raise SceneError(f"'{path}' cannot be read: line {rows.line_num} has {len(row)} cells")
+            for column, place in places:
+                column.append(_unguarded(row[place]))
+    return columns
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Iterable[str]]:
     if not path.is_file():
         raise SceneError(f"'{path}' cannot be read: it is no file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
-            rows = csv.DictReader(lines, strict=True)
-            return [{name: _unguarded(cell) for name, cell in row.items()} for row in rows]
+            yield lines
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"'{path}' cannot be read: {error}") from None

@@ -16,6 +16,7 @@ from __future__ import annotations
 import errno
 import os
 import socket
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -26,7 +27,7 @@ from weakref import WeakSet
 from warpgrains.errors import OutputError
 
 try:
-    from fcntl import LOCK_EX, LOCK_NB, flock
+    from fcntl import LOCK_EX, LOCK_NB, LOCK_UN, flock, lockf
 except ImportError:  # Windows
     flock = None  # type: ignore[assignment]
 
@@ -79,6 +80,46 @@ class Lock:
 
     def __del__(self) -> None:
         self.release()
+
+
+class Claims:
+    """Rights to carry out runs, by number: each is a byte of one file, locked like the others of a group.
+
+    Locks of bytes are those of fcntl(2), of a process: its threads do not keep one another out. The file is
+    empty, and stays.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+
+    def take(self, numbers: Iterable[int]) -> list[int]:
+        """Return those of some numbers that no other process has; now this one has them."""
+        return [number for number in numbers if self._take(number)]
+
+    def give_back(self, numbers: Iterable[int]) -> None:
+        """Let others have them."""
+        if flock is not None:
+            for number in numbers:
+                lockf(self._descriptor, LOCK_UN, 1, number)
+
+    def close(self) -> None:
+        """Give back all."""
+        os.close(self._descriptor)
+
+    def _take(self, number: int) -> bool:
+        if flock is None:
+            _warn(self._path)
+            return True
+        try:
+            lockf(self._descriptor, LOCK_EX | LOCK_NB, 1, number)
+        except (BlockingIOError, PermissionError):
+            return False
+        except OSError as error:
+            if error.errno not in _WITHOUT_LOCKS:
+                raise
+            _warn(self._path)
+        return True
 
 
 _held: WeakSet[Lock] = WeakSet()

@@ -161,8 +161,12 @@ class TestNames:
         text = SCENE.replace('"FILE"', toml_value(f"{name}.npz"))
         (folder / f"{name}.toml").write_text(text)
         out = tmp_path / "out"
-        assert batch(folder, "-o", out) == 0
+        assert batch(folder, "-o", tmp_path / "short") == 0
+        assert batch(folder, "-o", tmp_path / "short", "--resume") == 0
+        assert batch(folder, "-o", out, "--folders") == 0
         assert batch(folder, "-o", out, "--resume") == 0
+        assert read_table(tmp_path / "short" / "results.csv") == read_table(out / "results.csv")
+        assert Scene.load(tmp_path / "short" / "scenes" / f"{name}.toml").n == 1
         assert [row["scene"] for row in read_table(out / "results.csv")] == [name]
         scene = Scene.load(out / "runs" / "00000" / "scene.toml")
         assert scene.drag == 0.0

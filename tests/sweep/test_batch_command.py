@@ -24,20 +24,39 @@ class TestResults:
         assert {row["scene"] for row in rows} == {"annulus"}
         assert [list(row) for row in table(done / "timing.csv")] == [["run", "seconds"]] * 6
 
-    def test_files_of_a_run(self, done):
-        assert sorted(path.name for path in done.iterdir()) == ["results.csv", "runs", "timing.csv"]
+    def test_short_runs_are_few_files(self, done):
+        tables = ["results.csv", "runs", "scenes", "timing.csv"]
+        assert sorted(path.name for path in done.iterdir()) == ["parts", *tables]
+        assert sorted(path.name for path in (done / "runs").iterdir()) == ["00002", "00003"]  # which failed
+        (part,) = (done / "parts").glob("[0-9]*.csv")
+        assert part.name.startswith("0000000-0000005-")
+        for row, line in zip(table(part), [0, 1, 4, 5], strict=True):
+            seconds = {"seconds": table(done / "timing.csv")[line]["seconds"]}
+            assert row == table(done / "results.csv")[line] | seconds
+
+    def test_any_run_is_what_the_scene_and_its_row_say(self, done):
+        row = table(done / "results.csv")[5]
+        overrides = [f"{key}={row[key]}" for key in ("physics.drag", "grains.count")]
+        simulation = Simulation(Scene.load(done / "scenes" / "annulus.toml", overrides))
+        simulation.run()
+        force = simulation.wall_contacts().force
+        assert float(row["outer_wall_force"]) == force[force > 0].sum()
+
+    def test_files_of_a_run(self, done, kept):
+        assert results(kept) == results(done)
+        assert not (kept / "parts").exists()
         names = {
-            path.name: sorted(file.name for file in path.iterdir()) for path in (done / "runs").iterdir()
+            path.name: sorted(file.name for file in path.iterdir()) for path in (kept / "runs").iterdir()
         }
         whole, failed = ["checkpoint.npz", "result.csv", "scene.toml"], ["result.csv", "scene.toml"]
         assert names == {f"{k:05}": failed if k in (2, 3) else whole for k in range(6)}
 
     @pytest.mark.parametrize("number", [0, 5])
-    def test_run_is_as_if_done_alone(self, done, number):
-        simulation = Simulation(Scene.load(done / "runs" / f"{number:05}" / "scene.toml"))
+    def test_run_is_as_if_done_alone(self, done, kept, number):
+        simulation = Simulation(Scene.load(kept / "runs" / f"{number:05}" / "scene.toml"))
         reports = [simulation.step() for _ in range(40)]
-        kept = read_checkpoint(done / "runs" / f"{number:05}" / "checkpoint.npz")
-        assert contents(kept.state) == contents(simulation.state())
+        end = read_checkpoint(kept / "runs" / f"{number:05}" / "checkpoint.npz")
+        assert contents(end.state) == contents(simulation.state())
         row = table(done / "results.csv")[number]
         force = simulation.wall_contacts().force
         assert {name: float(row[name]) for name in ("grains", "steps", "time")} == {
@@ -95,7 +114,10 @@ class TestResults:
         for name, position in places.items():
             np.savez(tmp_path / f"{name}.npz", position=np.array(position))
         text = 'scene = "scene.toml"\n[axes]\ngrains.file = ["a.npz", "b.npz"]'
-        assert batch(write(tmp_path, text), "-o", tmp_path / "out") == 0
+        sweep = write(tmp_path, text)
+        assert batch(sweep, "-o", tmp_path / "short") == 0
+        assert batch(sweep, "-o", tmp_path / "out", "--folders") == 0
+        assert results(tmp_path / "out") == results(tmp_path / "short")
         rows = table(tmp_path / "out" / "results.csv")
         assert [(row["grains.file"], row["grains"]) for row in rows] == [("a.npz", "1"), ("b.npz", "2")]
         (tmp_path / "out").rename(tmp_path / "moved")
@@ -109,7 +131,7 @@ class TestResults:
         assert results(tmp_path / "out") == results(done)
         recording = tmp_path / "out" / "runs" / "00005" / "recording.usdc"
         assert inspect_recording(recording) == []
-        points = lightusd.load(str(recording)).prim_at(GRAINS).attribute("points")
+        points = lightusd.load(str(recording)).prim_at(GRAINS).attribute("positions")
         assert points.timesamples.times == tuple(range(21))
         simulation = Simulation(Scene.load(recording.with_name("scene.toml")))
         simulation.run(steps=40)

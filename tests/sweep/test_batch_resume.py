@@ -15,7 +15,9 @@ from sweeps import SMALL, batch, results, table, write
 
 from warpgrains.batch.batch import Batch
 from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.solver import engine
 from warpgrains.sweep import runner as run_groups
+from warpgrains.sweep import short
 
 
 class Interrupted(KeyboardInterrupt):
@@ -55,15 +57,15 @@ def test_what_failed_once_stays_failed(tmp_path, slices):
         return [replace(first, error="no room") if len(slices.steps) == 2 else first, *others]
 
     slices.run = fail_once
-    assert batch(write(tmp_path), "-o", tmp_path / "out") == 1
+    assert batch(write(tmp_path), "-o", tmp_path / "out", "--folders") == 1
     errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
     assert errors[0] == "no room"
     assert errors[1] == ""
 
 
 class TestResume:
-    @pytest.mark.parametrize("options", [[], ["--usd"]])
-    def test_same_results_after_interruptions(self, tmp_path, done, slices, options):
+    @pytest.mark.parametrize("options", [["--folders"], ["--usd"]])
+    def test_same_results_after_interruptions(self, tmp_path, kept, slices, options):
         sweep, out = write(tmp_path), tmp_path / "out"
         for number, left in enumerate((4, 3, 1_000)):
             slices.left = left
@@ -71,21 +73,70 @@ class TestResume:
                 1 if left == 1_000 else 130
             )
         assert sum(slices.steps) == 40  # none of them twice
-        assert results(out) == results(done)
+        assert results(out) == results(kept)
         for number in ("00001", "00004"):
-            ends = [read_checkpoint(folder / "runs" / number / "checkpoint.npz") for folder in (done, out)]
+            ends = [read_checkpoint(folder / "runs" / number / "checkpoint.npz") for folder in (kept, out)]
             assert contents(ends[0].state) == contents(ends[1].state)
             assert not (out / "runs" / number / "recording.usdc.chunks").exists()
-            assert (out / "runs" / number / "recording.usdc").exists() == bool(options)
+            assert (out / "runs" / number / "recording.usdc").exists() == (options == ["--usd"])
 
-    def test_finished_runs_are_not_repeated(self, tmp_path, done, monkeypatch, capfd):
-        shutil.copytree(done, tmp_path / "out")
+    def test_finished_runs_are_not_repeated(self, tmp_path, kept, capfd):
+        shutil.copytree(kept, tmp_path / "out")
         shutil.rmtree(tmp_path / "out" / "runs" / "00004")
         before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "runs").rglob("*.*")}
         assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume") == 1
         assert "6, 5 of them finished before" in capfd.readouterr().out
         assert all(path.stat().st_mtime_ns == moment for path, moment in before.items())
-        assert results(tmp_path / "out") == results(done)
+        assert results(tmp_path / "out") == results(kept)
+
+    def test_old_sweep_goes_on(self, tmp_path, kept, done):
+        """One of the times when every run had a folder: those that are left need none."""
+        out = tmp_path / "out"
+        shutil.copytree(kept, out)
+        shutil.rmtree(out / "scenes")
+        for number in ("00001", "00004", "00005"):
+            shutil.rmtree(out / "runs" / number)
+        assert batch(write(tmp_path), "-o", out, "--resume") == 1
+        assert results(out) == results(done)
+        assert sorted(path.name for path in (out / "runs").iterdir()) == ["00000", "00002", "00003"]
+
+    def test_parts_that_are_gone_are_made_again(self, tmp_path, done, capfd):
+        out = tmp_path / "out"
+        shutil.copytree(done, out)
+        (part,) = (out / "parts").glob("[0-9]*.csv")
+        content = part.read_bytes()
+        part.unlink()
+        assert batch(write(tmp_path), "-o", out, "--resume") == 1
+        assert "6, 2 of them finished before" in capfd.readouterr().out
+        assert results(out) == results(done)
+        part.write_bytes(content)  # as when a file system shows it late: its runs were done twice
+        assert batch(write(tmp_path), "-o", out, "--resume") == 1
+        assert results(out) == results(done)
+
+    def test_damaged_part_is_named(self, tmp_path, done, capfd):
+        out = tmp_path / "out"
+        shutil.copytree(done, out)
+        (part,) = (out / "parts").glob("[0-9]*.csv")
+        part.write_bytes(part.read_bytes().replace(b"annulus", b"annalus", 1))
+        assert batch(write(tmp_path), "-o", out, "--resume") == 2
+        assert f"'{part}' is damaged: delete it to do its runs again" in capfd.readouterr().err
+        assert results(out) == results(done)
+
+    def test_other_scene_is_refused(self, tmp_path, done, capfd):
+        shutil.copytree(done, tmp_path / "out")
+        other = write(tmp_path, SMALL.replace("max_iterations = 30", "max_iterations = 31"))
+        assert batch(other, "-o", tmp_path / "out", "--resume") == 2
+        assert "annulus.toml' is another scene than this sweep starts from" in capfd.readouterr().err
+
+    def test_run_that_takes_long_gets_a_folder(self, tmp_path, monkeypatch, undisturbed):
+        """It goes on from where it is when the time is over."""
+        monkeypatch.setattr(short, "SHORT", 0.0)
+        monkeypatch.setattr(engine, "BRIEF", 0)
+        out = tmp_path / "out"
+        assert batch(write(tmp_path, LONG), "-o", out) == 0
+        assert results(out) == results(undisturbed)
+        kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
+        assert kept.statistics.steps == 800
 
     def test_begun_sweep_needs_resume(self, tmp_path, done, capfd):
         shutil.copytree(done, tmp_path / "out")
@@ -95,6 +146,12 @@ class TestResume:
 
     def test_other_sweep_is_refused(self, tmp_path, done, capfd):
         shutil.copytree(done, tmp_path / "out")
+        other = write(tmp_path, SMALL.replace("[5, 15]", "[5, 14]"))
+        assert batch(other, "-o", tmp_path / "out", "--resume") == 2
+        assert "run 1 in '" in capfd.readouterr().err
+
+    def test_other_folders_are_refused(self, tmp_path, kept, capfd):
+        shutil.copytree(kept, tmp_path / "out")
         other = write(tmp_path, SMALL.replace("[5, 15]", "[5, 14]"))
         assert batch(other, "-o", tmp_path / "out", "--resume") == 2
         assert "is another scene than this run of the sweep" in capfd.readouterr().err
@@ -115,9 +172,9 @@ class TestShares:
         assert codes == [1, 1, 0]  # the failed runs are 2 and 3, of the shares 2 and 0
         assert results(out) == results(done)
 
-    def test_late_results_are_not_lost(self, tmp_path, done, monkeypatch):
+    def test_late_results_are_not_lost(self, tmp_path, kept, monkeypatch):
         """Runs that finish while the tables are written: who writes last has them all."""
-        shutil.copytree(done, tmp_path / "out")
+        shutil.copytree(kept, tmp_path / "out")
         last = tmp_path / "out" / "runs" / "00005" / "result.csv"
         late = last.rename(tmp_path / "late.csv")
         from warpgrains.sweep import folder as sweep_folder
@@ -131,13 +188,14 @@ class TestShares:
 
         monkeypatch.setattr(sweep_folder, "write_whole", write_as_another_run_finishes)
         assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume", "--index", 0, "--count", 6) == 0
-        assert results(tmp_path / "out") == results(done)
+        assert results(tmp_path / "out") == results(kept)
 
 
 DRIVER = """
 import sys
 from warpgrains.cli.main import main
-from warpgrains.sweep import runner
+from warpgrains.sweep import runner, short
+short.SHORT, short.WIDTH, short.FIRST_WIDTH = 0.1, 4, 4
 runner.WIDTH, runner.SLICE, runner.BETWEEN_CHECKPOINTS = 4, 0.02, 0.05
 sys.exit(main(sys.argv[1:]))
 """
@@ -194,3 +252,46 @@ class TestKilled:
             moments = sorted(rng.integers(1, 12 * 800, size=rng.integers(1, 4)).tolist())
             self.kill_and_resume(folder, undisturbed, ["--usd"] * (number % 2), moments)
             shutil.rmtree(folder)
+
+
+MANY = """
+scene = "annulus"
+[set]
+time.duration = 0.05
+[axes]
+physics.drag = {range = [0.1, 0.9], count = 600}
+"""
+MANY_DRIVER = """
+import sys
+from warpgrains.cli.main import main
+from warpgrains.sweep import short
+short.WIDTH, short.FIRST_WIDTH = 32, 32
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+class TestKilledShortRuns:
+    """kill -9 while parts are written: no run that is in one is done again."""
+
+    def killed(self, folder, moments):
+        sweep, out = write(folder, MANY), folder / "out"
+        assert batch(sweep, "-o", folder / "undisturbed") == 0
+        command = [sys.executable, "-c", MANY_DRIVER, "batch", str(sweep), "-o", str(out), "--resume"]
+        for parts in moments:
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            while process.poll() is None and len(list(out.glob("parts/[0-9]*.csv"))) < parts:
+                time.sleep(0.001)
+            time.sleep(0.002 * (parts % 5))
+            process.kill()
+            process.wait(timeout=60)
+        assert subprocess.run(command, stdout=subprocess.DEVNULL, timeout=120).returncode == 0
+        assert results(out) == results(folder / "undisturbed")
+        runs = [row["run"] for part in out.glob("parts/[0-9]*.csv") for row in table(part)]
+        assert sorted(map(int, runs)) == list(range(600))
+
+    def test_resumed(self, tmp_path):
+        self.killed(tmp_path, [3])
+
+    @pytest.mark.slow
+    def test_resumed_from_twenty_moments(self, tmp_path):
+        self.killed(tmp_path, range(1, 21))

@@ -13,7 +13,8 @@ from distributed import LocalCluster
 from sweeps import SMALL, batch, table, write
 
 from warpgrains.sweep import cluster
-from warpgrains.sweep.folder import RunFolder
+from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.sweep import Run
 
 LONG = """
 scene = "annulus"
@@ -46,7 +47,7 @@ def test_killed_worker_loses_no_run(tmp_path, workers):
     killed = []
 
     def kill_a_worker():
-        while len(list(out.glob("runs/*/result.csv"))) < 10:
+        while len(list(out.glob("parts/[0-9]*.csv"))) < 3:
             time.sleep(0.01)
         killed.append(next(iter(workers.workers.values())).pid)
         os.kill(killed[0], signal.SIGKILL)
@@ -64,7 +65,7 @@ def test_run_that_kills_its_workers_is_named(tmp_path, workers, monkeypatch, cap
     """The runs beside it in its bundle are finished; it is left for --resume."""
     sweep, out = write(tmp_path, SMALL.replace("100.0, ", "")), tmp_path / "there"
     with monkeypatch.context() as patch:
-        patch.setattr(cluster, "BUNDLES_A_THREAD", 1)
+        patch.setattr(cluster, "FEWEST_THREADS", 1)
         patch.setattr(cluster, "finish_bundle", finish_bundle_or_die)
         workers.scheduler.allowed_failures = 0
         assert batch(sweep, "-o", out, "--scheduler", workers.scheduler_address) == 1
@@ -77,11 +78,13 @@ def test_run_that_kills_its_workers_is_named(tmp_path, workers, monkeypatch, cap
     assert [row["run"] for row in table(out / "results.csv")] == ["0", "1", "2", "3"]
 
 
-def finish_bundle_or_die(folders: list[RunFolder], execution: object) -> dict[str, str]:
+def finish_bundle_or_die(
+    folder: SweepFolder, runs: list[Run], execution: object
+) -> tuple[dict[str, str], float]:
     """Do what the real one does, unless run 2 is among the runs."""
-    if any(folder.labels["run"] == "2" for folder in folders):
+    if any(run.number == 2 for run in runs):
         os.kill(os.getpid(), signal.SIGKILL)
-    return FINISH_BUNDLE(folders, execution)
+    return FINISH_BUNDLE(folder, runs, execution)
 
 
 FINISH_BUNDLE = cluster.finish_bundle

@@ -53,14 +53,14 @@ def test_twice_at_once(tmp_path, options):
         assert contents(read_checkpoint(path).state) == contents(read_checkpoint(other).state)
 
 
-def test_run_of_another_sweep_begun_meanwhile_is_left(tmp_path, done, monkeypatch, capfd):
+def test_run_of_another_sweep_begun_meanwhile_is_left(tmp_path, kept, monkeypatch, capfd):
     """Two sweeps with one output, begun at once: each keeps its own runs, and neither the other's."""
     from warpgrains.cli import batch as command
 
     out, sweep = tmp_path / "out", write(tmp_path)
 
     def come_between(*arguments):
-        shutil.copytree(done / "runs" / "00000", out / "runs" / "00000")
+        shutil.copytree(kept / "runs" / "00000", out / "runs" / "00000")
         (out / "runs" / "00000" / "result.csv").unlink()
         (out / "runs" / "00000" / "scene.toml").write_text("another")
         return finish(*arguments)

@@ -9,6 +9,7 @@ from matplotlib.image import imread
 from sweeps import batch
 
 from warpgrains import SceneError
+from warpgrains.sweep import plot
 from warpgrains.sweep.plot import SweepPlot
 
 
@@ -19,7 +20,7 @@ def rows(**columns):
 
 def axes_with(plot, table):
     axes = Figure().subplots()
-    plot.draw_on(axes, table)
+    plot.draw_on(axes, {name: [row[name] for row in table] for name in table[0]})
     return axes
 
 
@@ -81,6 +82,15 @@ def test_picture_of_a_table_that_is_there(tmp_path, capsys):
     assert batch("-o", tmp_path, "--plot", "x=a, y=c") == 0
     assert capsys.readouterr().out == f"{tmp_path / 'c-a.png'}\n"
     assert imread(tmp_path / "c-a.png").std() > 0.0
+
+
+def test_of_very_many_runs_some_are_points_and_all_are_in_the_means(monkeypatch):
+    monkeypatch.setattr(plot, "MOST_POINTS", 10)
+    axes = axes_with(SweepPlot("a", "c"), rows(a=[1, 2] * 50, c=range(100)))
+    points, line = axes.lines
+    assert points.get_xdata().tolist() == [1] * 5 + [2] * 5
+    assert np.array_equal(line.get_xydata(), [[1, 49], [2, 50]])
+    assert axes.get_title() == "100 runs, a point for one of 10"
 
 
 @pytest.mark.parametrize(

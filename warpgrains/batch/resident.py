@@ -31,37 +31,50 @@ class ResidentSet:
     """Scenes in memory, by their numbers in the batch, each in the engine of its method.
 
     Of so many threads in all, those of a team share a scene.
+
+    Attributes
+    ----------
+    place : dict of int to (Engine, int)
+        Where each scene is.
     """
 
     def __init__(self, scenes: dict[int, Scene], device: wp.Device, threads: int, team: int):
         self._threads = threads
         self._engines: list[Engine] = []
-        self._place: dict[int, tuple[Engine, int]] = {}
+        self._numbers: list[list[int]] = []
+        self.place: dict[int, tuple[Engine, int]] = {}
         for method in sorted({scene.method for scene in scenes.values()}):
             numbers = [k for k, scene in scenes.items() if scene.method == method]
             engine = Engine([scenes[k] for k in numbers], device, team)
+            engine.begin()
             self._engines.append(engine)
-            self._place |= {k: (engine, place) for place, k in enumerate(numbers)}
+            self._numbers.append(numbers)
+            self.place |= {k: (engine, place) for place, k in enumerate(numbers)}
 
     def load(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
-        engine, place = self._place[k]
+        engine, place = self.place[k]
         engine.load(place, state)
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k."""
-        engine, place = self._place[k]
+        engine, place = self.place[k]
         return engine.state(place)
 
     def work(self, steps: Sequence[int], on_progress: OnProgress) -> None:
         """Do so many steps of each scene."""
-        for k, (engine, place) in self._place.items():
-            engine.submit(place, steps[k])
+        for engine, numbers in zip(self._engines, self._numbers, strict=True):
+            engine.submit([steps[k] for k in numbers])
         advance(self._engines, self._threads, on_progress)
+
+    def halt(self) -> None:
+        """Let the steps under way be the last, those that take long given up."""
+        for engine in self._engines:
+            engine.halt()
 
     def done(self, k: int) -> Done:
         """Return what became of scene k."""
-        engine, place = self._place[k]
+        engine, place = self.place[k]
         statistics = engine.statistics(place)
         return Done(k, statistics, engine.report(place) if statistics.steps else None, engine.error(place))
 
@@ -87,8 +100,8 @@ class ResidentSets:
     def _divide(self) -> list[list[int]]:
         """Put small scenes together as long as there is memory; large ones come alone."""
         sizes = self._bytes()
-        for k, scene in enumerate(self._scenes):
-            require_memory(sizes[k].item(), scene.n, self._device)
+        largest = int(sizes.argmax())
+        require_memory(sizes[largest].item(), self._scenes[largest].n, self._device)
         small = [k for k, team in enumerate(self._teams) if team == 1]
         room, used = SHARE * free_memory(self._device), 0.0
         sets: list[list[int]] = []
@@ -143,7 +156,8 @@ class ResidentSets:
         scenes = {k: self._scenes[k] for k in members}
         resident = ResidentSet(scenes, self._device, self._threads, self._teams[members[0]])
         for k in members:
-            resident.load(k, self.state(k))
+            if (state := self._states[k]) is not None:
+                resident.load(k, state)
             self._states[k] = None
         self._resident, self._in_memory = resident, number
         return resident

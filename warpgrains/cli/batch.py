@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
 from warpgrains.errors import OutputError, SceneError, missing_extra
-from warpgrains.files import Row, make_folder
+from warpgrains.files import make_folder
 from warpgrains.scene import checks
 from warpgrains.simulation.options import ExecutionOptions
-from warpgrains.sweep.folder import RunFolder, SweepFolder
+from warpgrains.sweep.folder import RunFolder, SweepFolder, Tables
 from warpgrains.sweep.sweep import Run, Sweep
 
 if TYPE_CHECKING:
@@ -31,31 +31,29 @@ def run(arguments: Namespace) -> bool:
     bool
         Whether some run has failed, or is not finished.
     """
-    folder, plot = SweepFolder(Path(arguments.output)), _plot(arguments)
+    path, plot = Path(arguments.output), _plot(arguments)
     if arguments.sweep is None:
         if plot is None:
             raise SceneError("SWEEP is missing, or --plot to draw the results that are there")
-        print(plot.draw(folder.results))
+        print(plot.draw(SweepFolder(path).results))
         return False
     sweep = Sweep.load(arguments.sweep)
+    folder = SweepFolder(path.absolute(), sweep.axes)
     if plot is not None:
-        plot.require_columns(folder.columns(sweep))
+        plot.require_columns(folder.columns)
     share = _share(sweep, arguments)
-    start, left = perf_counter(), _left(folder, share, arguments.resume)
+    start, left = perf_counter(), _left(folder, sweep, share, arguments.resume)
     try:
-        folder.copy_grain_files(sweep)
         with stdout_kept_clean():
-            reasons = _finish(folder, left, len(share), arguments)
+            reasons = _finish(folder, sweep, left, len(share), arguments)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("to go on: the same command with --resume") from None
     finally:
-        rows = folder.write_tables(sweep)
-    numbers = set(_numbers(share))
-    done = [row for row in rows if row["run"] in numbers]
-    print(_lines(folder, share, left, done, reasons, perf_counter() - start))
+        tables = folder.write_tables(sweep)
+    print(_lines(path / folder.results.name, share, left, tables, reasons, perf_counter() - start))
     if plot is not None:
-        print(in_columns({"picture": plot.draw(folder.results)}))
-    return len(done) < len(share) or any(row["error"] for row in done)
+        print(in_columns({"picture": plot.draw(path / folder.results.name)}))
+    return any(run.number in tables.failed or run.number not in tables.finished for run in share)
 
 
 def _plot(arguments: Namespace) -> SweepPlot | None:
@@ -80,15 +78,21 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
     return sweep.runs[checks.whole_number("--index", index, least=0, most=count - 1) :: count]
 
 
-def _left(folder: SweepFolder, share: list[Run], resume: bool) -> list[Run]:
+def _left(folder: SweepFolder, sweep: Sweep, share: list[Run], resume: bool) -> list[Run]:
     """Return the runs that are not finished; raise SceneError if the folder is not for them."""
     make_folder(folder.path)
+    folder.require_own(sweep)
+    begun = folder.begun()
     for one in share:
-        files = folder.of(one)
-        if files.is_begun and not resume:
-            raise SceneError(f"'{files.path}' is there: --resume continues a sweep, or choose another -o")
-        _require_no_other(files)
-    return [one for one in share if not folder.is_finished(one)]
+        if one.number in folder.parts.lines and not resume:
+            raise SceneError(f"'{folder.path}' has results: --resume continues a sweep, or choose another -o")
+        if one.number in begun:
+            files = folder.of(one)
+            if files.is_begun and not resume:
+                raise SceneError(f"'{files.path}' is there: --resume continues a sweep, or choose another -o")
+            _require_no_other(files)
+    finished = folder.finished(share)
+    return [one for one in share if one.number not in finished]
 
 
 def _require_no_other(files: RunFolder) -> None:
@@ -101,9 +105,10 @@ def _require_no_other(files: RunFolder) -> None:
         pass
 
 
-def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespace) -> dict[str, str]:
+def _finish(
+    folder: SweepFolder, sweep: Sweep, left: list[Run], total: int, arguments: Namespace
+) -> dict[str, str]:
     """Finish what is left, here or on a cluster; return why some runs are not finished, by their numbers."""
-    files = [SweepFolder(folder.path.absolute()).of(one) for one in left]
     execution = _execution(arguments)
     with progress_bar(total, total - len(left), unit="run", bar_format=_BAR) as bar:
         if arguments.scheduler is None and arguments.slurm is None:
@@ -112,10 +117,13 @@ def _finish(folder: SweepFolder, left: list[Run], total: int, arguments: Namespa
             from warpgrains.sweep.runner import finish_runs
 
             find_device(execution.device)
-            return finish_runs(files, execution, bar.update)
-        from warpgrains.sweep.cluster import finish_on_cluster
+            folder.prepare(sweep)
+            return finish_runs(folder, left, execution, bar.update)
+        from warpgrains.sweep.cluster import connected, finish_on_cluster
 
-        return finish_on_cluster(files, execution, bar.update, arguments.scheduler, arguments.slurm)
+        with connected(arguments.scheduler, arguments.slurm) as client:
+            folder.prepare(sweep)
+            return finish_on_cluster(folder, left, execution, bar.update, client)
 
 
 def _execution(arguments: Namespace) -> ExecutionOptions:
@@ -127,36 +135,33 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
     if arguments.fps is not None and not arguments.usd:
         raise SceneError("--fps needs --usd")
     fps = DEFAULT_FPS if arguments.fps is None else checks.positive("--fps", arguments.fps)
-    return ExecutionOptions(arguments.device, arguments.threads, fps if arguments.usd else None)
+    fps_or_none = fps if arguments.usd else None
+    return ExecutionOptions(arguments.device, arguments.threads, fps_or_none, arguments.folders)
 
 
 def _lines(
-    folder: SweepFolder,
+    results: Path,
     share: list[Run],
     left: list[Run],
-    done: list[Row],
+    tables: Tables,
     reasons: dict[str, str],
     seconds: float,
 ) -> str:
-    failed = {row["run"]: row["error"] for row in done if row["error"]}
-    finished = {row["run"] for row in done}
-    missing = {number: reasons.get(number, "") for number in _numbers(share) if number not in finished}
-    unconverged = sum(int(row["unconverged"] or 0) > 0 for row in done)
+    failed = {run.number: tables.failed[run.number] for run in share if run.number in tables.failed}
+    missing = {
+        run.number: reasons.get(str(run.number), "") for run in share if run.number not in tables.finished
+    }
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
         "not finished": f"{len(missing)}{' (--resume goes on)' if missing else ''}{_first(missing)}",
-        "not converged": f"some step of {unconverged} runs",
+        "not converged": f"some step of {sum(run.number in tables.unconverged for run in share)} runs",
         "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
-        "results": f"{folder.results}",
+        "results": f"{results}",
     }
     return in_columns(rows)
 
 
-def _first(reasons: dict[str, str]) -> str:
+def _first(reasons: dict[int, str]) -> str:
     """Name the first of some runs, and its reason."""
     return next((f", first run {number}: {reason}" for number, reason in reasons.items() if reason), "")
-
-
-def _numbers(runs: list[Run]) -> list[str]:
-    return [str(run.number) for run in runs]

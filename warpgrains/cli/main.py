@@ -160,11 +160,14 @@ def _add_batch(parser: ArgumentParser) -> None:
     add = parser.add_argument
     kinds = "a sweep file, a folder of scenes, or the name of a shipped sweep"
     add("sweep", metavar="SWEEP", nargs="?", help=kinds)
-    add("-o", "--output", metavar="DIR", required=True, help="folder for runs/NUMBER/ and results.csv")
+    add(
+        "-o", "--output", metavar="DIR", required=True, help="folder for results.csv, parts/ and runs/NUMBER/"
+    )
     add("--resume", action="store_true", help="go on with the runs that are not finished")
     axes = "x=COLUMN,y=COLUMN[,color=COLUMN]"
     add("--plot", metavar=axes, help="draw the results; without SWEEP, those that are there")
     add("--usd", action="store_true", help="record every run to its recording.usdc")
+    add("--folders", action="store_true", help="keep the scene, the end and the result of every run")
     add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")

@@ -155,6 +155,18 @@ def _override(document: Table, override: str) -> None:
 
 
 def _fields(document: Table, folder: Path) -> Table:
+    fields = settings(document)
+    return fields | grains(document, fields, folder)
+
+
+def settings(document: Table) -> Table:
+    """Return the fields of the scene in a document, without those of its grains.
+
+    Raises
+    ------
+    SceneError
+        A section or a key is not known, or one that is needed is missing.
+    """
     for section, table in document.items():
         _require_section(section)
         if not isinstance(table, dict):
@@ -168,8 +180,13 @@ def _fields(document: Table, folder: Path) -> Table:
         raise SceneError("domain.radius_out is missing")
     if "grains" not in document:
         raise SceneError("section [grains] is missing")
-    walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
-    return fields | _grains(document["grains"], walls, folder)
+    return fields
+
+
+def grains(document: Table, settings: Table, folder: Path) -> Table:
+    """Return position, radius, mass and velocity of the grains of the scene in a document in a folder."""
+    walls = Annulus.checked(settings.get("radius_in", 0.0), settings["radius_out"])
+    return _grains(document["grains"], walls, folder)
 
 
 def _grains(table: Table, walls: Annulus, folder: Path) -> Table:

@@ -162,3 +162,5 @@ class ExecutionOptions:
     """OS threads on a CPU; None for as many as there are cores."""
     fps: float | None = None
     """Frames recorded a second of simulated time [1/s], if runs are to be recorded."""
+    folders: bool = False
+    """Whether runs of a sweep are to have a folder each, even if they are short."""

@@ -10,7 +10,7 @@ from warpgrains.errors import SceneError, SimulationError
 from warpgrains.pictures.kinds import require_drawing
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import State, first_state, require_state
+from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
@@ -72,7 +72,7 @@ class Simulation(Shown):
         self._threads = threads_for(self.scene, where, threads)
         self._engine = Engine([self.scene], where, self._threads)
         self._stepped = False
-        self._engine.load(0, first_state(self.scene))
+        self._engine.begin()
 
     def facts(self) -> dict[str, str]:
         """Return what there is to tell of it in a line."""
@@ -122,7 +122,7 @@ class Simulation(Shown):
 
     def _advance(self, steps: int, on_progress: OnProgress | None) -> None:
         before = self.steps
-        self._engine.submit(0, steps)
+        self._engine.submit([steps])
         advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before
         error = self._engine.error(0)

@@ -55,7 +55,7 @@ class Sizes:
         """Return the sizes that scenes of one method have at first."""
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
-        weighted = np.array([bool(np.any(scene.mass != scene.mass[0])) for scene in scenes], np.int64)
+        weighted = np.array([not scene.has_equal_masses for scene in scenes], np.int64)
         return cls(n, first_pairs(n), weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
 
     @property
@@ -212,27 +212,34 @@ class Block:
 
     Parameters
     ----------
-    size : int
-        [bytes]
+    host : ndarray
+        Bytes, in lines of their own: a line that two threads write to is slow for both.
     device : wp.Device
 
     Attributes
     ----------
     host : ndarray
-        Bytes, in lines of their own: a line that two threads write to is slow for both.
     pointer : int
         Where the device has them.
     """
 
-    def __init__(self, size: int, device: wp.Device):
-        memory = np.zeros((size // LINE + 2) * LINE, np.uint8)
-        first = -memory.__array_interface__["data"][0] % LINE
-        self.host = memory[first : first + size]
-        self.pointer: int = self.host.__array_interface__["data"][0]
+    def __init__(self, host: NDArray[np.uint8], device: wp.Device):
+        self.host = host
         self._device = None
         if device.is_cuda:
-            self._device = wp.array(self.host, dtype=wp.uint8, device=device)
-            self.pointer = self._device.ptr
+            self._device = wp.array(host, dtype=wp.uint8, device=device)
+            self.pointer: int = self._device.ptr
+        else:
+            self.pointer = host.ctypes.data
+
+    @classmethod
+    def several(cls, sizes: Counts, device: wp.Device) -> list[Block]:
+        """Return blocks of these sizes [bytes], all zero, which the host has in one piece of memory."""
+        whole = (sizes // LINE + 1) * LINE
+        memory = np.zeros(int(whole.sum()) + LINE, np.uint8)
+        first = np.cumsum(whole) - whole - memory.ctypes.data % LINE + LINE
+        places = zip(first.tolist(), sizes.tolist(), strict=True)
+        return [cls(memory[start : start + size], device) for start, size in places]
 
     def pull(self) -> None:
         """Let the host see what the device has written."""

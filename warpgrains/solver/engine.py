@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import IndexArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError, missing_extra
 from warpgrains.kernels import advance as kernels
 from warpgrains.kernels.gpu import Launcher
@@ -24,7 +24,7 @@ from warpgrains.kernels.record import (
 )
 from warpgrains.kernels.step import step
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import Corrections, State
+from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.solver.failures import beyond_wall, not_converged, not_finite
 from warpgrains.solver.infeasible import (
     InfeasibilityProof,
@@ -122,6 +122,13 @@ class Engine:
         if self._device.is_cpu:
             self.kernel.module.load(self._device, CPU_BLOCK)
 
+    def begin(self) -> None:
+        """Begin all scenes at their starts, in memory that is new."""
+        if self._records.begin():
+            return
+        for k, scene in enumerate(self.scenes):
+            self.load(k, first_state(scene))
+
     def load(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
         self._memory[k].load(state)
@@ -149,18 +156,22 @@ class Engine:
         """Return whether the velocities of scene k were half a step behind before its last good step."""
         return self._pulled(k).moment("last_staggered")
 
+    def wall_correction(self, k: int) -> FloatArray:
+        """Return the corrections dv_b of scene k [m/s], shape (n,); a copy."""
+        return self._pulled(k).wall_correction()
+
     def corrections(self, k: int) -> Corrections:
         """Return what the contacts of scene k carry after its last good step."""
         return self._pulled(k).corrections()
 
-    def submit(self, k: int, steps: int) -> None:
-        """Ask for so many steps of scene k, and start counting anew."""
-        self.left[k] = self._submitted[k] = steps
-        self.outcome[k] = SOLVED
-        self._seconds[k] = 0.0
-        self._memory[k].restart_statistics()
-        self._proofs[k] = []
-        self._errors.pop(k, None)
+    def submit(self, steps: Sequence[int]) -> None:
+        """Ask for so many steps of each scene, and start counting anew."""
+        self.left[:] = self._submitted[:] = steps
+        self.outcome[:] = SOLVED
+        self._seconds[:] = 0.0
+        self._records.host["statistics"] = 0
+        self._proofs = [[] for _ in self.scenes]
+        self._errors.clear()
 
     def works(self, threads: int) -> list[Callable[[], None]]:
         """Return the work of each of so many threads: it advances scenes until there is no other free."""

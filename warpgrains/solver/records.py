@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -40,16 +41,17 @@ class SceneRecords:
         self._number = {field.name: number for number, field in enumerate(fields())}
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
         self.host = self.device.numpy()
+        self._bytes = self.host.view(np.uint8)
         self._blocks: list[Block | None] = [None] * len(scenes)
-        self._length: list[list[int]] = [[]] * len(scenes)
-        self._offset: list[list[int]] = [[]] * len(scenes)
+        self._length = np.zeros((len(fields()), len(scenes)), np.int64)
+        self._offset = self._length.copy()
         self._place(np.arange(len(scenes)), self.sizes)
         self._write_parameters()
 
     def _place(self, which: Counts, sizes: Sizes) -> None:
         """Give scenes new blocks of memory, and write in their records where the arrays are."""
         layout = Layout.of(sizes)
-        blocks = [Block(size, self._device) for size in layout.size.tolist()]
+        blocks = Block.several(layout.size, self._device)
         base = np.array([block.pointer for block in blocks], np.uint64)
         for number, field in enumerate(fields()):
             arrays = field.of(self.host)
@@ -57,9 +59,9 @@ class SceneRecords:
             arrays["shape"][which, 0] = layout.length[number]
             arrays["strides"][which, 0] = field.bytes
             arrays["ndim"][which] = 1
-        places = zip(blocks, layout.length.T.tolist(), layout.offset.T.tolist(), strict=True)
-        for k, place in zip(which.tolist(), places, strict=True):
-            self._blocks[k], self._length[k], self._offset[k] = place
+        self._length[:, which], self._offset[:, which] = layout.length, layout.offset
+        for k, block in zip(which.tolist(), blocks, strict=True):
+            self._blocks[k] = block
 
     def _write_parameters(self) -> None:
         """Write what a scene's record holds beside arrays."""
@@ -70,8 +72,9 @@ class SceneRecords:
             host["walls"][name] = [getattr(scene, name) for scene in scenes]
         host["walls"]["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
-        for name in ("smallest_radius", "room", "acceleration", "rounding", "tile", "monitor_threshold"):
+        for name in ("room", "acceleration", "rounding", "tile", "monitor_threshold"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
+        host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE
         host["stopping"]["patience"] = [tuning.patience(scene) for scene in scenes]
         host["stopping"]["on_residual"] = [scene.stops_on_residual for scene in scenes]
@@ -84,12 +87,44 @@ class SceneRecords:
         host["merge"] = self._device.is_cpu and not sizes.accelerated
         host["has_strips"] = sizes.has_strips
 
+    def begin(self) -> bool:
+        """Write all starts to new memory at once; return False where scenes are not laid out alike."""
+        if self.together("verlet.skin") is None:
+            return False
+        for name in ("radius", "mass", "position", "velocity"):
+            self._together(f"grains.{name}")[:] = [getattr(scene, name) for scene in self._scenes]
+        self._together("grains.last_position")[:] = self._together("grains.position")
+        self._together("verlet.skin")[:] = tuning.NO_SKIN
+        self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self._scenes]
+        return True
+
     def array(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return an array of scene k, a view that is valid until its list grows."""
         number = self._number[name]
         field = fields()[number]
-        shape = (self._length[k][number], *field.shape)
-        return np.ndarray(shape, field.dtype, self._block(k).host, self._offset[k][number])
+        shape = (self._length[number, k].item(), *field.shape)
+        return np.ndarray(shape, field.dtype, self._block(k).host, self._offset[number, k].item())
+
+    def together(self, name: str) -> np.ndarray[Any, Any] | None:
+        """Return an array of all scenes, a view (scenes, ...); None unless they are laid out alike."""
+        number = self._number[name]
+        field, length, offset = fields()[number], self._length[number], self._offset[number]
+        blocks = [self._block(k) for k in range(len(self._scenes))]
+        start, memory = np.array([block.pointer for block in blocks]), blocks[0].host.base
+        step = np.diff(start + offset)
+        is_one = self._device.is_cpu and all(block.host.base is memory for block in blocks)
+        if not is_one or memory is None or (length != length[0]).any() or (step != step[:1]).any():
+            return None
+        first = int(start[0] - memory.ctypes.data + offset[0])
+        inner = np.empty((1, *field.shape), field.dtype).strides
+        strides = (int(step[0]) if len(step) else field.bytes, *inner)
+        shape = (len(start), int(length[0]), *field.shape)
+        return np.ndarray(shape, field.dtype, memory, first, strides)
+
+    def _together(self, name: str) -> np.ndarray[Any, Any]:
+        array = self.together(name)
+        assert array is not None
+        return array
 
     def _block(self, k: int) -> Block:
         block = self._blocks[k]
@@ -98,10 +133,8 @@ class SceneRecords:
 
     def verlet_numbers(self, k: int) -> np.ndarray[Any, Any]:
         """Return a view of `VerletNumbers` of scene k, which are all floats."""
-        dtype = self.host.dtype
-        offset = dtype.fields["verlet"][1] + dtype["verlet"].fields["numbers"][1]
-        count = VerletNumbers.numpy_dtype()["itemsize"] // 8
-        return np.ndarray(count, np.float64, self.host.data, k * dtype.itemsize + offset)
+        offset, count = _verlet_numbers()
+        return np.ndarray(count, np.float64, self._bytes, k * self.host.itemsize + offset)
 
     def make_room(self, k: int, pairs: int) -> None:
         """Move scene k to where a list of so many pairs has room.
@@ -135,3 +168,11 @@ class SceneRecords:
         if not self._device.is_cpu:
             self.device.assign(self.host)
             self._block(k).push()
+
+
+@cache
+def _verlet_numbers() -> tuple[int, int]:
+    """Return where in a record `VerletNumbers` begin [bytes], and how many floats they are."""
+    dtype = np.dtype(SceneRecord.numpy_dtype())
+    offset = dtype.fields["verlet"][1] + dtype["verlet"].fields["numbers"][1]
+    return offset, VerletNumbers.numpy_dtype()["itemsize"] // 8

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import IntArray
+from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.kernels.record import RunStatistics as Sums
 from warpgrains.kernels.record import StepState
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList
@@ -13,7 +14,7 @@ from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.statistics import RunStatistics, StepReport
 
 STEP = tuple(StepState.vars)  # names of its fields
-SUMS = ("steps", "unconverged", "iterations", "iterations_max", "residual", "overlap", "rebuilds", "redos")
+SUMS = tuple(Sums.vars)
 VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity")
 
 
@@ -35,9 +36,7 @@ class SceneMemory:
 
     def __init__(self, records: SceneRecords, k: int, scene: Scene):
         self._records, self._k, self._scene = records, k, scene
-        self._smallest_radius = tuning.smallest_radius(scene)
         self.record = records.host[k]  # a view
-        self._statistics = records.host["statistics"][k : k + 1]
 
     def array(self, name: str) -> np.ndarray[Any, Any]:
         """Return an array of the record, such as "grains.position"; valid until the list grows."""
@@ -61,10 +60,14 @@ class SceneMemory:
     def corrections(self) -> Corrections:
         """Return what the contacts carry after the last good step."""
         dv = self.array("contacts.pair_dv")[self.array("workspace.sweep_index")[: self.pairs]]
-        active, wall_correction = dv != 0.0, np.zeros(self._scene.n)
-        walls = self.array("contacts.walls")[: self.walls]
-        wall_correction[walls["i"]] = walls["dv"]
-        return Corrections(self.listed_pairs()[active], dv[active], wall_correction)
+        active = dv != 0.0
+        return Corrections(self.listed_pairs()[active], dv[active], self.wall_correction())
+
+    def wall_correction(self) -> FloatArray:
+        """Return what the grains carry at the walls [m/s], shape (n,)."""
+        correction, walls = np.zeros(self._scene.n), self.array("contacts.walls")[: self.walls]
+        correction[walls["i"]] = walls["dv"]
+        return correction
 
     def state(self, steps: int) -> State:
         """Return the exact state, after so many steps."""
@@ -108,13 +111,25 @@ class SceneMemory:
 
     def _forget_list(self) -> None:
         """Let the next step ask for a list: no skin suffices."""
-        self.array("verlet.skin")[:] = -1.0
+        self.array("verlet.skin")[:] = tuning.NO_SKIN
         self.array("verlet.recent_deviation")[:] = 0.0
         self._records.verlet_numbers(self._k)[:] = 0.0
         self.record["verlet"]["numbers"]["base_skin"] = tuning.first_skin(self._scene)
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
         """List pairs, in lexicographic order, and walls, as of before they were put in sweeping order."""
+        for rows in ("neighbors", "workspace.old"):
+            self.array(f"{rows}.start")[:] = 0
+        if len(pair) > 0:
+            self._list_pairs(pair, corrections)
+        walls = self.array("contacts.walls")[: len(wall)]
+        walls["i"], walls["dv"] = wall, corrections.wall_correction[wall]
+        self.array("contacts.wall_dv_start")[: len(wall)] = walls["dv"]
+        self.array("strips.first_segment")[:] = 0
+        self.array("strips.first_wall")[1:] = len(wall)  # the first thread has them all
+        self.record["contacts"]["count"] = len(pair), 0, len(wall)
+
+    def _list_pairs(self, pair: IntArray, corrections: Corrections) -> None:
         self._records.make_room(self._k, len(pair))
         dv, key = np.zeros(len(pair)), np.array([self._scene.n, 1])
         dv[np.searchsorted(pair @ key, corrections.pair @ key)] = corrections.pair_correction
@@ -124,12 +139,6 @@ class SceneMemory:
         for name in ("contacts.pair_dv", "contacts.pair_dv_start", "workspace.old_pair_dv"):
             self.array(name)[: len(pair)] = dv
         self.array("workspace.sweep_index")[: len(pair)] = np.arange(len(pair))
-        walls = self.array("contacts.walls")[: len(wall)]
-        walls["i"], walls["dv"] = wall, corrections.wall_correction[wall]
-        self.array("contacts.wall_dv_start")[: len(wall)] = walls["dv"]
-        self.array("strips.first_segment")[:] = 0
-        self.array("strips.first_wall")[1:] = len(wall)  # the first thread has them all
-        self.record["contacts"]["count"] = len(pair), 0, len(wall)
 
     def give_up_step(self) -> None:
         """Take back what an unfinished step did; the next one makes a list anew if this one was about to."""
@@ -139,7 +148,7 @@ class SceneMemory:
         walls["dv"] = self.array("contacts.wall_dv_start")[: self.walls]
         if self.record["control"]["unlisted"]:
             self.record["control"] = 0
-            self.array("verlet.skin")[:] = -1.0
+            self.array("verlet.skin")[:] = tuning.NO_SKIN
 
     def report(self, infeasible: tuple[int, ...]) -> StepReport:
         """Return what the last step did; `infeasible` are the grains that are proved not to fit."""
@@ -161,13 +170,9 @@ class SceneMemory:
 
     def statistics(self) -> RunStatistics:
         """Return what the device has added up."""
-        sums = {name: self.record["statistics"][name].item() for name in SUMS}
+        sums = dict(zip(SUMS, self.record["statistics"].item(), strict=True))
         return RunStatistics(**sums, gap_error=self._gap_error(sums["residual"]))
-
-    def restart_statistics(self) -> None:
-        """Add up anew."""
-        self._statistics[...] = 0
 
     def _gap_error(self, residual: float) -> float:
         """Return dt * residual in smallest radii."""
-        return self._scene.dt * residual / self._smallest_radius
+        return self._scene.dt * residual / self._scene.smallest_radius

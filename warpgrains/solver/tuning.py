@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 BASE_SKIN = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
+NO_SKIN = -1.0  # of a scene without a list: the next step asks for one
 RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteration starts
 MONITOR_THRESHOLD = 0.3  # of a base skin: what a grain may stray in a step without being monitored
 TILE = {"sequential": 32768, "color": 1024}  # pairs interleaved: many hide latency, few fit in cache
@@ -27,30 +28,19 @@ FACTORIZATION_FEW, FACTORIZATION_MANY = (
 SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gain more than they wait
 
 
-def smallest_radius(scene: Scene) -> float:
-    """Return the radius of the smallest grain [m]."""
-    return scene.radius.min().item()
-
-
-def typical_radius(scene: Scene) -> float:
-    """Return the median radius [m]; thousands of scenes ask for it, and NumPy's own takes 20 us."""
-    ascending, half = np.sort(scene.radius), scene.n // 2
-    return 0.5 * float(ascending[half] + ascending[-half - 1])
-
-
 def first_skin(scene: Scene) -> float:
     """Return how far grains may at first stray before a list is built anew [m]."""
-    return BASE_SKIN * smallest_radius(scene)
+    return BASE_SKIN * scene.smallest_radius
 
 
 def cell_size(scene: Scene) -> float:
     """Return the side of a cell [m]: about the diameter of the grains that are most frequent."""
-    return 2.0 * (typical_radius(scene) + first_skin(scene))
+    return 2.0 * (scene.typical_radius + first_skin(scene))
 
 
 def room(scene: Scene) -> float:
     """Return how far grains may come beside the others while a list lasts [m]."""
-    return 0.5 * typical_radius(scene)
+    return 0.5 * scene.typical_radius
 
 
 def acceleration(scene: Scene) -> float:

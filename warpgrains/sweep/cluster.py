@@ -7,22 +7,28 @@ worker died is done by another one, from the checkpoints, without the runs that 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections import deque
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from threading import Lock
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import interrupts_end_at_once, start_warp
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
-from warpgrains.sweep.folder import RunFolder
+from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.sweep import Run
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
-BUNDLES_A_THREAD = 16
-MOST_IN_A_BUNDLE = 64
+FIRST_BUNDLE, MOST_IN_A_BUNDLE, GROWTH = 16, 16_384, 4  # runs, and by how much the next may have more
+BUNDLE = 10.0  # s that a bundle is to take ...
+HANDLING = 0.05  # ... and for every thread that there is: a scheduler takes some 10 ms for a bundle
+AHEAD = 2  # bundles given out a thread
+FEWEST_THREADS = 16  # for which there are bundles, as workers come one by one
 CONNECT_WITHIN = 30.0  # s
 UNSEEN = "its result is not seen here: all machines must see DIR"
 
@@ -30,11 +36,11 @@ _one_at_a_time = Lock()
 
 
 def finish_on_cluster(
-    folders: list[RunFolder],
+    folder: SweepFolder,
+    runs: list[Run],
     execution: ExecutionOptions,
     on_progress: OnProgress,
-    scheduler: str | None,
-    slurm_jobs: int | None,
+    client: Client,
 ) -> dict[str, str]:
     """Carry runs out to their end on a cluster; return why some are not, by their numbers.
 
@@ -43,8 +49,97 @@ def finish_on_cluster(
 
     Parameters
     ----------
-    folders, execution, on_progress
+    folder, runs, execution, on_progress
         As for `finish_runs`; without `threads`, a worker uses as many as it has.
+    client
+        Of the cluster, see `connected`.
+    """
+    left: dict[str, str] = {}
+    for run in _left_by_bundles(client, folder, runs, execution, on_progress):
+        future = client.submit(finish_bundle, folder, [run], execution, pure=False)
+        number = str(run.number)
+        reason = future.exception() or future.result()[0].get(number, UNSEEN)
+        if run.number in folder.finished([run]):
+            on_progress(1.0)
+        else:
+            left[number] = str(reason)
+            print(f"run {number} is not finished: {reason}", file=sys.stderr)
+    return left
+
+
+def _left_by_bundles(
+    client: Client,
+    folder: SweepFolder,
+    runs: list[Run],
+    execution: ExecutionOptions,
+    on_progress: OnProgress,
+) -> list[Run]:
+    """Have bundles carried out, so many at a time; return the runs that are not finished since then.
+
+    A bundle is as large as the time of the last one allows, and so small that no worker is idle at the end.
+    """
+    from distributed import as_completed
+
+    waiting, size = deque(runs), FIRST_BUNDLE
+    left: list[Run] = []
+    given: dict[Future, list[Run]] = {}
+    completed = as_completed()
+
+    def give() -> int:
+        """Give out bundles, and return how many may be at once."""
+        most_given = AHEAD * max(FEWEST_THREADS, sum(client.nthreads().values()))
+        while waiting and len(given) < most_given:
+            most = max(1, len(waiting) // most_given)
+            bundle = [waiting.popleft() for _ in range(min(size, most))]
+            future = client.submit(finish_bundle, folder, bundle, execution, pure=False)
+            given[future] = bundle
+            completed.add(future)
+        return most_given
+
+    most_given = give()
+    for future in completed:
+        bundle = given.pop(future)
+        finished = folder.finished(bundle)
+        lost = [run for run in bundle if run.number not in finished]
+        on_progress(len(bundle) - len(lost))
+        left += lost
+        if future.status == "finished":
+            wanted = max(BUNDLE, HANDLING * most_given / AHEAD)
+            pace = int(wanted / max(1e-3, future.result()[1]) * len(bundle))
+            size = max(1, min(GROWTH * len(bundle), pace, MOST_IN_A_BUNDLE))
+        most_given = give()
+    return left
+
+
+def finish_bundle(
+    folder: SweepFolder, runs: list[Run], execution: ExecutionOptions
+) -> tuple[dict[str, str], float]:
+    """Carry out, on a worker, those runs of a bundle that an earlier worker has not finished.
+
+    Returns why some are not, like `finish_runs`, and how long it took [s].
+
+    A worker with many threads is given many bundles at once: each in turn has all its threads.
+    """
+    from distributed import get_worker
+
+    with _one_at_a_time:
+        start = perf_counter()
+        start_warp()
+        from warpgrains.sweep.runner import finish_runs
+
+        threads = execution.threads or get_worker().state.nthreads
+        finished = folder.finished(runs)
+        left = [run for run in runs if run.number not in finished]
+        reasons = finish_runs(folder, left, replace(execution, threads=threads), lambda runs: None)
+        return reasons, perf_counter() - start
+
+
+@contextmanager
+def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
+    """Connect to a cluster until the end of the ``with`` block.
+
+    Parameters
+    ----------
     scheduler
         Address of a dask scheduler, such as "tcp://host:8786"; or
     slurm_jobs
@@ -55,64 +150,6 @@ def finish_on_cluster(
     SceneError
         Dask is not installed, or there is no such cluster.
     """
-    left: dict[str, str] = {}
-    with _client(scheduler, slurm_jobs) as client:
-        threads = sum(client.nthreads().values()) or slurm_jobs or 1
-        for run in _left_by_bundles(client, _bundles(folders, threads), execution, on_progress):
-            future = client.submit(finish_bundle, [run], execution, pure=False)
-            number = run.labels["run"]
-            reason = future.exception() or future.result().get(number, UNSEEN)
-            if run.is_finished:
-                on_progress(1.0)
-            else:
-                left[number] = str(reason)
-                print(f"run {number} is not finished: {reason}", file=sys.stderr)
-    return left
-
-
-def _left_by_bundles(
-    client: Client, bundles: Iterable[list[RunFolder]], execution: ExecutionOptions, on_progress: OnProgress
-) -> list[RunFolder]:
-    """Have bundles carried out; return the runs that are not finished, since their bundle was given up."""
-    from distributed import as_completed
-
-    left: list[RunFolder] = []
-    given = {client.submit(finish_bundle, bundle, execution, pure=False): bundle for bundle in bundles}
-    for future in as_completed(given):
-        bundle = given.pop(future)
-        lost = [run for run in bundle if not run.is_finished]
-        on_progress(len(bundle) - len(lost))
-        left += lost
-    return left
-
-
-def finish_bundle(folders: list[RunFolder], execution: ExecutionOptions) -> dict[str, str]:
-    """Carry out, on a worker, those runs of a bundle that an earlier worker has not finished.
-
-    Like `finish_runs` it returns why some are not.
-
-    A worker with many threads is given many bundles at once: each in turn has all its threads.
-    """
-    from distributed import get_worker
-
-    with _one_at_a_time:
-        start_warp()
-        from warpgrains.sweep.runner import finish_runs
-
-        threads = execution.threads or get_worker().state.nthreads
-        left = [folder for folder in folders if not folder.is_finished]
-        return finish_runs(left, replace(execution, threads=threads), lambda runs: None)
-
-
-def _bundles(folders: list[RunFolder], threads: int) -> Iterator[list[RunFolder]]:
-    """Split runs in parts, so many that no worker is idle for long at the end."""
-    size = min(MOST_IN_A_BUNDLE, max(1, len(folders) // (BUNDLES_A_THREAD * threads)))
-    for first in range(0, len(folders), size):
-        yield folders[first : first + size]
-
-
-@contextmanager
-def _client(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
     try:
         from distributed import Client
 
@@ -130,10 +167,10 @@ def _client(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
             yield client
         return
     try:
-        cluster = SLURMCluster()
+        jobs = SLURMCluster()
     except ValueError as error:
         reason = str(error).partition("\n")[0]
         raise SceneError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {reason}") from error
-    with cluster, Client(cluster) as client:
-        cluster.scale(jobs=slurm_jobs)
+    with jobs, Client(jobs) as client:
+        jobs.scale(jobs=slurm_jobs)
         yield client

@@ -1,4 +1,13 @@
-"""The folder of a sweep: a folder a run, and tables of all results, which are made of those folders alone.
+"""The folder of a sweep: results of runs, and tables of them all, which are made of those alone.
+
+================== ==========================================================================================
+results.csv        the results of all runs that are finished; timing.csv, how long they took
+scenes/NAME.toml   what the runs of a scene have in common; their values on the axes are in their results
+parts/             results of runs that left nothing else: see `Parts`
+runs/00042/        the folder of a run that has one: since it is recorded, or asked for by ``--folders``; took
+                   long; failed
+grains/            copies of files of grains
+================== ==========================================================================================
 
 The folder of one run holds
 
@@ -13,19 +22,21 @@ result.csv         a line of names and a line of values; it appears last: a run 
 import os
 import shutil
 import socket
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import Row, read_table, table_text, write_whole
+from warpgrains.files import Row, csv_line, read_table, table_text, write_whole
 from warpgrains.locks import Lock
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
-from warpgrains.scene.toml_text import toml_value
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
+from warpgrains.sweep.parts import Parts
 from warpgrains.sweep.results import SECONDS, UNITS, failure, require_result
 from warpgrains.sweep.sweep import Run, Sweep, copy_name
 
@@ -35,7 +46,10 @@ RESULT = "result.csv"
 
 AGAIN = "delete the run's folder to do it again"
 
-_RUNS, _GRAINS = "runs", "grains"
+GRAINS = "grains"
+
+_RUNS, _PARTS, _SCENES = "runs", "parts", "scenes"
+_AFTER_UNCONVERGED = len(UNITS) - list(UNITS).index("unconverged")  # columns, the seconds among them
 
 
 @dataclass(frozen=True)
@@ -154,12 +168,33 @@ class RunFolder:
             write_whole(self.scene_file, self.text.encode())
 
 
-@dataclass(frozen=True)
-class SweepFolder:
-    """Where a sweep writes."""
+class Tables(NamedTuple):
+    """What the tables tell of the runs that are finished."""
 
-    path: Path
-    """The folder."""
+    finished: set[int]
+    failed: dict[int, str]
+    """Why they failed."""
+    unconverged: set[int]
+    """Those with a step that stopped short of the tolerance."""
+
+
+class SweepFolder:
+    """Where a sweep writes.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    axes
+        Keys of the axes of the sweep.
+    """
+
+    def __init__(self, path: Path, axes: Iterable[str] = ()):
+        self.path, self.axes = path, tuple(axes)
+        self.parts = Parts(path / _PARTS, [*self.columns, SECONDS])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.path, self.axes)
 
     @property
     def results(self) -> Path:
@@ -171,55 +206,112 @@ class SweepFolder:
         """How long the runs took [s]."""
         return self.path / TIMING
 
-    def columns(self, sweep: Sweep) -> list[str]:
-        """Return the columns of the results."""
-        return ["run", "scene", *sweep.axes, *UNITS]
+    @property
+    def columns(self) -> list[str]:
+        """The columns of the results."""
+        return ["run", "scene", *self.axes, *UNITS]
 
     def of(self, run: Run) -> RunFolder:
-        """Return the folder of a run."""
-        labels = {"run": str(run.number), "scene": run.base.name}
-        labels |= {key: _cell(value) for key, value in run.values.items()}
-        return RunFolder(self._path(run), labels, run.text(f"../../{_GRAINS}"))
+        """Return the folder of a run, which need not be there."""
+        return RunFolder(self._path(run.number), run.labels(), run.text(f"../../{GRAINS}"))
 
-    def copy_grain_files(self, sweep: Sweep) -> None:
-        """Copy the files of grains that the runs read, so that the folder holds all that the runs are."""
-        for base in {run.base for run in sweep.runs}:
-            for source in base.grain_files.values():
-                copy = self.path / _GRAINS / copy_name(source)
-                if not copy.exists():
-                    copy.parent.mkdir(parents=True, exist_ok=True)
-                    write_whole(copy, source.read_bytes(), _writer())
+    def prepare(self, sweep: Sweep) -> None:
+        """Write what the runs have in common, so that the folder holds all that they are.
 
-    def write_tables(self, sweep: Sweep) -> list[Row]:
-        """Write the tables of all finished runs, and return the results.
+        Raises
+        ------
+        OutputError
+            It is there, and other than this sweep's.
+        """
+        for base in sweep.bases:
+            files = {self.path / _SCENES / f"{base.name}.toml": base.text.encode()}
+            copies = base.grain_files.values()
+            files |= {self.path / GRAINS / copy_name(source): source.read_bytes() for source in copies}
+            for path, content in files.items():
+                if not path.exists():
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    write_whole(path, content, writer())
+
+    def require_own(self, sweep: Sweep) -> None:
+        """Raise OutputError if results here are of another sweep; SceneError if a part is damaged."""
+        for base in sweep.bases:
+            scene = self.path / _SCENES / f"{base.name}.toml"
+            if scene.exists() and scene.read_bytes() != base.text.encode():
+                raise OutputError(
+                    f"'{scene}' is another scene than this sweep starts from: choose another -o"
+                )
+        self.parts.refresh(range(len(sweep.runs)))
+        for run in sweep.runs:
+            line = self.parts.lines.get(run.number)
+            if line is not None and not line.startswith(csv_line(run.labels().values())[:-1] + b","):
+                raise OutputError(
+                    f"run {run.number} in '{self.parts.path}' is another than this sweep's: choose another -o"
+                )
+
+    def begun(self) -> set[int]:
+        """Return the numbers of the runs that have a folder."""
+        try:
+            with os.scandir(self.path / _RUNS) as entries:
+                return {int(entry.name) for entry in entries if entry.name.isdecimal()}
+        except FileNotFoundError:
+            return set()
+
+    def finished(self, runs: Sequence[Run]) -> set[int]:
+        """Return the numbers of those of some runs that have a result, good or bad."""
+        numbers = {run.number for run in runs}
+        self.parts.refresh(numbers)
+        return (numbers & self.parts.lines.keys()) | self._with_result(numbers)
+
+    def _with_result(self, numbers: set[int]) -> set[int]:
+        """Return those that have a result in a folder."""
+        return {number for number in numbers & self.begun() if (self._path(number) / RESULT).exists()}
+
+    def write_tables(self, sweep: Sweep) -> Tables:
+        """Write the tables of all finished runs, and return what they tell.
 
         Who finds, after writing, that more runs have finished meanwhile writes again. So when several
         processes share a sweep, whoever writes last has all results, without waiting for one another.
         """
-        while finished := self._finished(sweep):
-            rows = [self.of(run).row() for run in finished]
-            seconds = [{"run": row["run"], SECONDS: row.pop(SECONDS)} for row in rows]
-            write_whole(self.results, table_text(rows).encode(), _writer())
-            write_whole(self.timing, table_text(seconds).encode(), _writer())
-            if len(self._finished(sweep)) == len(finished):
-                return rows
-        return []
+        while True:
+            finished = self.finished(sweep.runs)
+            order = [run.number for run in sweep.runs if run.number in finished]
+            lines, failed = self._lines(sweep, finished)
+            if finished:
+                split = [line[:-1].rpartition(b",") for line in lines]
+                self._write(self.results, self.columns, (line for line, _, _ in split))
+                seconds = (line.partition(b",")[0] + b"," + cell for line, _, cell in split)
+                self._write(self.timing, ["run", SECONDS], seconds)
+            if self.finished(sweep.runs) == finished:
+                good = [(run, line) for run, line in zip(order, lines, strict=True) if run not in failed]
+                return Tables(finished, failed, {run for run, line in good if _is_unconverged(line)})
 
-    def is_finished(self, run: Run) -> bool:
-        """Whether a run has its result, good or bad."""
-        return (self._path(run) / RESULT).exists()
+    def _lines(self, sweep: Sweep, finished: set[int]) -> tuple[list[bytes], dict[int, str]]:
+        """Return the lines of finished runs in order, and why some failed."""
+        lines, failed = dict(self.parts.lines), {}
+        folders = self._with_result(finished)
+        for run in sweep.runs:
+            if run.number in folders:
+                row = self.of(run).row()
+                lines[run.number] = csv_line(row.values())
+                if row["error"]:
+                    failed[run.number] = row["error"]
+        return [lines[run.number] for run in sweep.runs if run.number in finished], failed
 
-    def _finished(self, sweep: Sweep) -> list[Run]:
-        return [run for run in sweep.runs if self.is_finished(run)]
+    def _write(self, table: Path, columns: list[str], lines: Iterable[bytes]) -> None:
+        content = csv_line(columns) + b"".join(line + b"\n" for line in lines)
+        if not table.is_file() or table.read_bytes() != content:
+            write_whole(table, content, writer())
 
-    def _path(self, run: Run) -> Path:
-        return self.path / _RUNS / f"{run.number:05}"
-
-
-def _cell(value: object) -> str:
-    return value if isinstance(value, str) else toml_value(value)
+    def _path(self, number: int) -> Path:
+        return self.path / _RUNS / f"{number:05}"
 
 
-def _writer() -> str:
+def _is_unconverged(line: bytes) -> bool:
+    """Whether the line of a run that has not failed tells of a step that stopped short."""
+    cells = line.rsplit(b",", _AFTER_UNCONVERGED + 1)
+    return cells[1] not in (b"0", b"")
+
+
+def writer() -> str:
     """Name this process among all that may write here."""
     return f".{socket.gethostname()}.{os.getpid()}"

@@ -1,6 +1,6 @@
 """A picture of a sweep: one column of its results over another."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -12,14 +12,17 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from warpgrains.analysis.plots import save_figure
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SceneError
-from warpgrains.files import Row, read_table
+from warpgrains.files import read_columns
 from warpgrains.scene import checks
 from warpgrains.sweep.results import UNITS
 
 _SIZE = (6.0, 3.6)  # inches
+MOST_POINTS = 50_000
 LEAST_RATIO_FOR_LOG = 10.0  # of the largest to the smallest value on a logarithmic axis
+
+Columns = Mapping[str, list[str]]
 
 
 @dataclass(frozen=True)
@@ -60,28 +63,36 @@ class SweepPlot:
         SceneError
             The table cannot be read, has no such columns, or nothing to draw in them.
         """
-        rows = read_table(results)
-        self.require_columns(rows[0] if rows else ())
-        rows = [row for row in rows if not row["error"]]
-        if not rows:
+        columns = read_columns(results, self._columns)
+        good = [k for k, error in enumerate(columns["error"]) if not error]
+        if not good:
             raise SceneError(f"'{results}' holds nothing to draw: no run has come to its end")
+        columns = {name: [cells[k] for k in good] for name, cells in columns.items()}
         figure = Figure(figsize=_SIZE, layout="constrained")
-        self.draw_on(figure.subplots(), rows)
+        self.draw_on(figure.subplots(), columns)
         picture = results.with_name(f"{self.y}-{self.x}.png")
         save_figure(figure, picture)
         return picture
 
-    def draw_on(self, axes: Axes, rows: list[Row]) -> None:
-        """Draw the rows of a table, none of them of a run that failed."""
-        x, y = _numbers(axes.xaxis, rows, self.x), _numbers(axes.yaxis, rows, self.y)
-        groups = np.array([row[self.color] if self.color else "" for row in rows])
-        names = list(dict.fromkeys(groups.tolist()))
-        for name, shade in zip(names, colormaps["viridis"](np.linspace(0.0, 0.85, len(names))), strict=True):
-            own = groups == name
-            axes.plot(x[own], y[own], "o", color=shade, alpha=0.4, markersize=4.0, markeredgewidth=0.0)
-            places = np.unique(x[own])
-            means = [y[own & (x == place)].mean() for place in places]
-            axes.plot(places, means, "-", color=shade, linewidth=1.2, label=name)
+    def _columns(self, head: list[str]) -> Iterable[str]:
+        """Return which columns of a table are needed."""
+        self.require_columns(head)
+        return {self.x, self.y, self.color or "error", "error"}
+
+    def draw_on(self, axes: Axes, columns: Columns) -> None:
+        """Draw columns of a table without the runs that failed; of very many points, evenly chosen ones."""
+        x, y = _numbers(axes.xaxis, columns[self.x]), _numbers(axes.yaxis, columns[self.y])
+        names, group = _coded(columns[self.color] if self.color else [""] * len(x))
+        every = -(-len(x) // MOST_POINTS)
+        for k, shade in enumerate(colormaps["viridis"](np.linspace(0.0, 0.85, len(names)))):
+            own = np.flatnonzero(group == k)
+            shown = own if every == 1 else own[np.argsort(x[own], kind="stable")][::every]
+            axes.plot(x[shown], y[shown], "o", color=shade, alpha=0.4, markersize=4.0, markeredgewidth=0.0)
+            places, place = np.unique(x[own], return_inverse=True)
+            means = np.bincount(place, y[own]) / np.bincount(place)
+            axes.plot(places, means, "-", color=shade, linewidth=1.2, label=names[k])
+        if every > 1:
+            axes.set_title(f"{len(x)} runs, a point for one of {every}", fontsize="small")
         axes.set(xlabel=_label(self.x), ylabel=_label(self.y))
         if _is_geometric(x):
             axes.set_xscale("log")
@@ -92,15 +103,20 @@ class SweepPlot:
             axes.legend(title=self.color, fontsize="small", title_fontsize="small", frameon=False)
 
 
-def _numbers(axis: Axis, rows: list[Row], column: str) -> FloatArray:
-    """Return the numbers in a column; if it holds words, their places among all words, named on the axis."""
-    cells = [row[column] for row in rows]
+def _numbers(axis: Axis, cells: list[str]) -> FloatArray:
+    """Return numbers; of words, their places among all words, which are named on the axis."""
     try:
         return np.array([float(cell) for cell in cells])
     except ValueError:
-        words = list(dict.fromkeys(cells))
+        words, places = _coded(cells)
         axis.set_ticks(range(len(words)), words)
-        return np.array([words.index(cell) for cell in cells], dtype=np.float64)
+        return places.astype(np.float64)
+
+
+def _coded(cells: list[str]) -> tuple[list[str], IndexArray]:
+    """Return the different words among some, as they come, and the place of each one among them."""
+    places = {word: place for place, word in enumerate(dict.fromkeys(cells))}
+    return list(places), np.array([places[cell] for cell in cells])
 
 
 def _is_geometric(values: FloatArray) -> bool:

@@ -5,11 +5,11 @@ Then those of `UNITS`, the same whenever, wherever and after however many interr
 last is `seconds`, its wall time, which the table of all results leaves out.
 """
 
-from warpgrains.analysis.quantities import OF_A_SWEEP, QUANTITIES, quantities
-from warpgrains.analysis.snapshot import snapshot
+from warpgrains.analysis.quantities import OF_A_SWEEP, QUANTITIES
+from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import SceneError
 from warpgrains.files import Row
-from warpgrains.simulation.checkpoint import Checkpoint
+from warpgrains.solver.statistics import RunStatistics
 
 UNITS = {
     "grains": "",
@@ -28,20 +28,19 @@ COUNTS = ("grains", "steps", "iterations_max", "unconverged")
 SECONDS = "seconds"
 
 
-def result(labels: Row, reached: Checkpoint) -> Row:
+def result(labels: Row, end: Snapshot, done: RunStatistics) -> Row:
     """Return the result of a run that has reached its end; its labels are the first columns."""
-    scene, summary = reached.scene, reached.statistics.summary(None)
     values = {
-        "grains": scene.n,
-        "steps": summary.steps,
-        "time": summary.steps * scene.dt,
-        "iterations_mean": summary.iterations_mean,
-        "iterations_max": summary.iterations_max,
-        "unconverged": summary.unconverged,
-        "worst_overlap": summary.overlap,
-        **quantities(snapshot(scene, reached.state), OF_A_SWEEP),
+        "grains": end.n,
+        "steps": done.steps,
+        "time": done.steps * end.scene.dt,
+        "iterations_mean": done.iterations / max(1, done.steps),
+        "iterations_max": done.iterations_max,
+        "unconverged": done.unconverged,
+        "worst_overlap": done.overlap,
+        **{name: QUANTITIES[name].of(end) for name in OF_A_SWEEP},
     }
-    return _row(labels, {name: repr(value) for name, value in values.items()}, summary.seconds)
+    return _row(labels, {name: repr(value) for name, value in values.items()}, done.seconds)
 
 
 def failure(labels: Row, reason: str, seconds: float = 0.0) -> Row:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.locks import Lock
@@ -14,8 +15,9 @@ from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import open_outputs
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.sweep.folder import AGAIN, RunFolder
+from warpgrains.sweep.folder import AGAIN, RunFolder, SweepFolder
 from warpgrains.sweep.results import failure, result
+from warpgrains.sweep.sweep import Run
 
 if TYPE_CHECKING:
     from warpgrains.batch.batch import SceneSummary
@@ -23,14 +25,31 @@ if TYPE_CHECKING:
     from warpgrains.usd.recorder import Recorder
 
 
-def begin(folder: RunFolder, fps: float | None) -> SweepRun | str:
+class Start(NamedTuple):
+    """Where a run with a folder begins."""
+
+    run: Run
+    state: State | None = None
+    """Where it is if it has been carried out without a folder so far."""
+    statistics: RunStatistics | None = None
+    error: str | None = None
+    """Why it failed meanwhile, if it did."""
+
+
+def begin(sweep: SweepFolder, start: Start, fps: float | None) -> SweepRun | str:
     """Return a run where it is, see `RunFolder.begin`, or why it goes no further: left, or failed."""
+    folder = sweep.of(start.run)
     try:
         lock = folder.lock()
     except (OutputError, OSError) as error:
         return str(error)
     try:
-        return SweepRun(folder, folder.begin(fps), lock)
+        run = SweepRun(folder, folder.begin(fps), lock)
+        if start.error is not None:
+            raise SceneError(start.error)
+        if start.state is not None and start.statistics is not None and run.statistics.steps == 0:
+            run.state, run.statistics = start.state, start.statistics
+        return run
     except (OutputError, OSError) as error:
         left = str(error)
     except SceneError as error:
@@ -129,7 +148,8 @@ class SweepRun:
     def finish(self) -> None:
         """Save the result."""
         if self.error is None:
-            self.folder.finish(result(self.folder.labels, self._reached()))
+            end = snapshot(self.scene, self.state)
+            self.folder.finish(result(self.folder.labels, end, self.statistics))
         else:
             self.folder.finish(failure(self.folder.labels, self.error, self.statistics.seconds))
 

@@ -1,4 +1,6 @@
-"""Many runs in one process: in groups, each a batch of scenes that have as many steps left.
+"""Many runs in one process: short ones first (short.py), then those that have folders.
+
+These go in groups, each a batch of scenes that have as many steps left.
 
 A group proceeds in slices of about a second. Every now and then its runs save where they are, so that a
 killed process loses little; at its end each run gets its result.
@@ -15,8 +17,10 @@ from time import perf_counter
 from warpgrains.batch.batch import Batch
 from warpgrains.errors import SimulationError
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
-from warpgrains.sweep.folder import RunFolder
-from warpgrains.sweep.run import SweepRun, begin
+from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.run import Start, SweepRun, begin
+from warpgrains.sweep.short import ShortRuns
+from warpgrains.sweep.sweep import Run
 
 SLICE = 1.0  # s
 FIRST_SLICE, GROWTH = 4, 8  # steps of the first slice, and by how much the next one may be longer
@@ -28,7 +32,7 @@ MOST_GRAINS = 2_000_000  # in a group
 
 
 def finish_runs(
-    folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress
+    folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnProgress
 ) -> dict[str, str]:
     """Carry out runs that are not finished to their end, each from where it is.
 
@@ -46,23 +50,32 @@ def finish_runs(
         A file cannot be written.
     """
     left: dict[str, str] = {}
-    for group in _groups(folders, execution, on_progress, left):
+    starts: Iterable[Start] = map(Start, runs)
+    if execution.fps is None and not execution.folders and execution.device == "cpu":
+        short = ShortRuns(folder, execution, on_progress)
+        short.finish(runs)
+        left, starts = short.left, short.long
+    for group in _groups(folder, starts, execution, on_progress, left):
         _finish(group, execution, on_progress, left)
     return left
 
 
 def _groups(
-    folders: Iterable[RunFolder], execution: ExecutionOptions, on_progress: OnProgress, left: dict[str, str]
+    folder: SweepFolder,
+    starts: Iterable[Start],
+    execution: ExecutionOptions,
+    on_progress: OnProgress,
+    left: dict[str, str],
 ) -> Iterator[list[SweepRun]]:
     """Gather runs with as many steps left."""
     waiting: dict[int, list[SweepRun]] = {}
     width, widest = FIRST_WIDTH, WIDTH if execution.fps is None else RECORDED_WIDTH
-    with closing(_ahead(folders, execution.fps)) as begun, ExitStack() as held:
+    with closing(_ahead(folder, starts, execution.fps)) as begun, ExitStack() as held:
         held.callback(lambda: [held.push(run) for group in waiting.values() for run in group])
-        for folder, future in begun:
+        for number, future in begun:
             run = future.result()
             if isinstance(run, str):
-                left[folder.labels["run"]] = run
+                left[str(number)] = run
                 on_progress(1.0)
                 continue
             group = waiting.setdefault(run.left, [])
@@ -77,14 +90,14 @@ def _groups(
 
 
 def _ahead(
-    folders: Iterable[RunFolder], fps: float | None
-) -> Generator[tuple[RunFolder, Future[SweepRun | str]]]:
+    folder: SweepFolder, starts: Iterable[Start], fps: float | None
+) -> Generator[tuple[int, Future[SweepRun | str]]]:
     """Begin runs on another thread, while groups before them are carried out: some layouts take long."""
-    begun: deque[tuple[RunFolder, Future[SweepRun | str]]] = deque()
+    begun: deque[tuple[int, Future[SweepRun | str]]] = deque()
     executor = ThreadPoolExecutor(1)
     try:
-        for folder in folders:
-            begun.append((folder, executor.submit(begin, folder, fps)))
+        for start in starts:
+            begun.append((start.run.number, executor.submit(begin, folder, start, fps)))
             if len(begun) == WIDTH:
                 yield begun.popleft()
         while begun:

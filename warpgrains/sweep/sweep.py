@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from warpgrains.errors import SceneError
+from warpgrains.files import Row
 from warpgrains.scene import checks
 from warpgrains.scene.grain_file import read_radii
 from warpgrains.scene.reader import (
@@ -55,6 +56,16 @@ class Base:
     grain_files: dict[str, Path]
     """Files of grains that its runs name, by name; the runs read copies of them, see `copy_name`."""
 
+    @property
+    def text(self) -> str:
+        """A scene file of what its runs have in common; copies of files of grains are in ../grains."""
+        copies = {name: f"../grains/{copy_name(path)}" for name, path in self.grain_files.items()}
+        sections = _with_values(self.sections, {})
+        if sections.get("grains", {}).get("file") in copies:
+            sections["grains"]["file"] = copies[sections["grains"]["file"]]
+        notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
+        return "".join(notes) + toml_text(sections)
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -67,17 +78,25 @@ class Run:
     values: Values
     """What it takes from the axes, by key."""
 
-    def text(self, copies: str) -> str:
-        """Return its scene file; copies of the files of grains are in the folder `copies`, seen from it."""
+    def labels(self) -> Row:
+        """Return what tells it from others: the first columns of its result, "run" and "scene" among them."""
+        cells = {key: _cell(value) for key, value in self.values.items()}
+        return {"run": str(self.number), "scene": self.base.name, **cells}
+
+    def sections(self, copies: str) -> Table:
+        """Return what its scene file holds; copies of files of grains are in `copies`, seen from there."""
         sections = _with_values(self.base.sections, self.values)
         if self.base.grain_files:
             source = self.base.grain_files[sections["grains"]["file"]]
             sections["grains"]["file"] = f"{copies}/{copy_name(source)}"
+        return sections
+
+    def text(self, copies: str) -> str:
+        """Return its scene file, see `sections`."""
         values = ", ".join(f"{key} = {toml_value(value)}" for key, value in self.values.items())
         name = self.base.name if self.base.name.isprintable() else toml_value(self.base.name)
-        return f"# run {self.number} of a sweep over {name}{values and ': '}{values}\n\n" + toml_text(
-            sections
-        )
+        head = f"# run {self.number} of a sweep over {name}{values and ': '}{values}\n\n"
+        return head + toml_text(self.sections(copies))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +107,8 @@ class Sweep:
     """In the order of the axes, the last one changing fastest."""
     axes: tuple[str, ...]
     """Keys of the axes."""
+    bases: list[Base]
+    """The scenes that the runs start from."""
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -110,13 +131,17 @@ class Sweep:
         lists = {key: axis_values(key, axis) for key, axis in axes.items()}
         bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
         pairs = itertools.product(bases, _combinations(lists, combine))
-        return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists))
+        return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists), bases)
 
 
 @cache
 def copy_name(grain_file: Path) -> str:
     """Return under which name a file of grains is copied: it tells the content."""
     return f"{hashlib.sha256(grain_file.read_bytes()).hexdigest()[:12]}-{grain_file.name}"
+
+
+def _cell(value: Any) -> str:
+    return value if isinstance(value, str) else toml_value(value)
 
 
 def _by_key(document: Table, name: str) -> Values:

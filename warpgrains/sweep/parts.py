@@ -1,0 +1,76 @@
+"""Results of short runs, many in a file: tables that appear whole and are never changed.
+
+A part is a CSV table with the columns of `results.csv` and the seconds, named after its first run, its last
+one and its content: ``0000512-0001023-a1b2c3d4e5f60718.csv``. Any number of processes and machines write
+parts side by side. What is not what its name says is damaged. A run may be in two parts, done twice.
+"""
+
+import re
+from collections.abc import Collection, Iterable
+from hashlib import sha256
+from pathlib import Path
+
+from warpgrains.errors import SceneError
+from warpgrains.files import csv_line, write_whole
+
+DIGITS = 16  # of a part's hash
+
+_NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
+
+Lines = dict[int, bytes]
+"""Lines of a table, by the number of their run."""
+
+
+class Parts:
+    """The parts in a folder, as far as they have been read.
+
+    Parameters
+    ----------
+    path
+        The folder, which need not be there.
+    columns
+        Names of their columns, the run's number first.
+    """
+
+    def __init__(self, path: Path, columns: Iterable[str]):
+        self.path, self.head = path, csv_line(columns)
+        self.lines: Lines = {}
+        self._read: set[str] = set()
+
+    def write(self, lines: Lines, writer: str) -> None:
+        """Add a part; `writer` tells this process from others."""
+        if lines:
+            content = self.head + b"".join(lines[run] for run in sorted(lines))
+            name = f"{min(lines):07}-{max(lines):07}-{_hash(content)}.csv"
+            write_whole(self.path / name, content, writer)
+
+    def refresh(self, numbers: Collection[int]) -> None:
+        """Read the parts that have come since and may hold some of these runs.
+
+        Raises
+        ------
+        SceneError
+            One is damaged, or of another sweep.
+        """
+        first, last = min(numbers, default=0), max(numbers, default=-1)
+        for name in sorted(path.name for path in self.path.glob("*.csv")):
+            part = _NAME.fullmatch(name)
+            if part is None or name in self._read:
+                continue
+            if int(part["first"]) <= last and int(part["last"]) >= first:
+                for run, line in self._lines_of(name).items():
+                    self.lines.setdefault(run, line)
+                self._read.add(name)
+
+    def _lines_of(self, name: str) -> Lines:
+        content = (self.path / name).read_bytes()
+        if name.rpartition("-")[2] != f"{_hash(content)}.csv":
+            raise SceneError(f"'{self.path / name}' is damaged: delete it to do its runs again")
+        if not content.startswith(self.head):
+            raise SceneError(f"'{self.path / name}' is of another sweep: choose another -o")
+        lines = content[len(self.head) :].splitlines(keepends=True)
+        return {int(line.partition(b",")[0]): line for line in lines}
+
+
+def _hash(content: bytes) -> str:
+    return sha256(content).hexdigest()[:DIGITS]
