@@ -14,7 +14,7 @@ import warpgrains
 from warpgrains.cli import main as command_line
 
 README = Path(__file__).parents[2] / "README.md"
-SLOW = ("batch", "report", "grade")
+SLOW = ("batch", "report", "grade", "view")
 PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b|\.\.\.|tcp:|\$")
 GIVEN = "import numpy as np\n\nxy = np.array([[0.9, 0.1], [-0.8, 0.4]])\n"
 """What its code takes for granted."""

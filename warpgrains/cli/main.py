@@ -125,13 +125,7 @@ def _add_run(parser: ArgumentParser) -> None:
     add("--method", metavar="METHOD", help="gauss-seidel, accelerated or exact (default: the scene's)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)")
-    add(
-        "--set",
-        action="append",
-        dest="overrides",
-        metavar="SECTION.KEY=VALUE",
-        help="replace a value of the scene, such as physics.drag=0.1; may be repeated",
-    )
+    _add_set(parser)
     series = parser.add_argument_group("series").add_argument
     series("--measure", metavar="WHAT,...", help="measure quantities as the run goes, such as energy,stress")
     series("--series", metavar="CSV", help="file for what is measured, a row every K steps")
@@ -154,6 +148,16 @@ def _add_init(parser: ArgumentParser) -> None:
     add("file", metavar="FILE", help="the scene to write, a .toml file")
     base = "scene to begin with, a TOML file or the name of a shipped one (default: annulus)"
     add("--from", dest="base", metavar="SCENE", default="annulus", help=base)
+
+
+def _add_set(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "--set",
+        action="append",
+        dest="overrides",
+        metavar="SECTION.KEY=VALUE",
+        help="replace a value of the scene, such as physics.drag=0.1; may be repeated",
+    )
 
 
 def _add_batch(parser: ArgumentParser) -> None:
@@ -211,6 +215,13 @@ def _add_export(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", help="the recording, a USD file")
     add("-o", "--output", metavar="OUT", help="output, .vtkhdf (default: FILE with .vtkhdf)")
+
+
+def _add_view(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("what", metavar="WHAT", help="a scene, or a recording")
+    add("--port", type=int, default=8080, metavar="P", help="where on 127.0.0.1 (default: 8080, or the next)")
+    _add_set(parser)
 
 
 def _add_report(parser: ArgumentParser) -> None:
@@ -280,6 +291,12 @@ COMMANDS = {
         _add_export,
         "write a recording for ParaView",
         "Write the grains of a recording, and its contacts and forces, as VTK HDF, which ParaView opens.",
+    ),
+    "view": Command(
+        "view.view",
+        _add_view,
+        "play a scene or a recording in the browser",
+        "Serve a page that plays a scene or a recording, to this machine alone; Ctrl-C ends it.",
     ),
     "report": Command(
         "tools.report",

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import SceneError, SimulationError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -29,6 +29,7 @@ from warpgrains.solver.tuning import find_device, threads_for
 
 if TYPE_CHECKING:
     from warpgrains.pictures.still import Picture
+    from warpgrains.view.page import Page
 
 
 class StepStart(NamedTuple):
@@ -65,14 +66,17 @@ class Simulation(Shown):
     """
 
     def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None, **overrides: Any):
-        self.scene = scene.replace(**overrides) if overrides else scene
         if threads is not None:
             checks.thread_count("threads", threads)
-        where = find_device(device)
-        self._threads = threads_for(self.scene, where, threads)
-        self._engine = Engine([self.scene], where, self._threads)
-        self._stepped = False
+        self._device, self._threads_wanted = find_device(device), threads
+        self._begin(scene.replace(**overrides) if overrides else scene)
         self._engine.begin()
+
+    def _begin(self, scene: Scene) -> None:
+        self.scene = scene
+        self._threads = threads_for(scene, self._device, self._threads_wanted)
+        self._engine = Engine([scene], self._device, self._threads)
+        self._stepped = False
 
     def facts(self) -> dict[str, str]:
         """Return what there is to tell of it in a line."""
@@ -199,6 +203,38 @@ class Simulation(Shown):
             raise SceneError("until is a callable, which no checkpoint can hold")
         outputs = Outputs(observer=observer, until=criterion(until, self.scene))
         return run(self, options, RunStatistics(), progress, outputs)
+
+    def change(self, **fields: Any) -> None:
+        """Continue from the present state with some fields of the scene changed, such as drag=0.1.
+
+        Raises
+        ------
+        SceneError
+            A change makes no scene, or one of other grains.
+        """
+        state = self.state()
+        scene = self.scene.replace(**fields)
+        require_state(state, scene.n)
+        self._begin(scene)
+        self._engine.load(0, state)
+
+    def view(self, port: int = 8080) -> Page:
+        """Play it in a page of this machine's browser, from where it is; a notebook shows the page.
+
+        It is stepped by the page until ``close`` is called on what is returned; its ``url`` says where it is.
+
+        Raises
+        ------
+        SceneError
+            viser is not installed.
+        """
+        try:
+            from warpgrains.view.page import Page
+        except ModuleNotFoundError as error:
+            raise missing_extra("view", error, "view") from error
+        from warpgrains.view.players import Live
+
+        return Page(Live(self), port).start()
 
     def plot(self, color_by: str = "speed", forces: bool = False) -> Picture:
         """Return a picture of the present state, which a notebook shows.

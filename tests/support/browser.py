@@ -1,0 +1,66 @@
+"""A headless Chromium of the system, which draws without a GPU."""
+
+import time
+from contextlib import contextmanager
+
+from selenium import webdriver
+from selenium.webdriver.common.by import By
+
+ARGUMENTS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--window-size=1500,1000",
+)
+PATIENCE = 120.0  # s
+
+
+class Tab:
+    """A page of warpgrains in a browser."""
+
+    def __init__(self, driver, url):
+        self.driver = driver
+        driver.get(url)
+        self.wait_for(lambda: "steps" in self.told() or "frame" in self.told())
+
+    def told(self):
+        """Return the numbers of the page, by their names."""
+        script = (
+            "return Object.fromEntries([...document.querySelectorAll('td.value')]"
+            ".map(cell => [cell.dataset.name, cell.textContent]))"
+        )
+        return self.driver.execute_script(script)
+
+    def press(self, key):
+        webdriver.ActionChains(self.driver).send_keys(key).perform()
+
+    def click(self, label):
+        self.driver.find_element(By.XPATH, f"//button[contains(., '{label}')]").click()
+
+    def slider(self, label):
+        """Return the number field beside a slider."""
+        return self.driver.find_element(
+            By.XPATH, f"//label[contains(., '{label}')]/following::input[@type='text'][1]"
+        )
+
+    def wait_for(self, is_so):
+        end = time.monotonic() + PATIENCE
+        while not is_so():
+            assert time.monotonic() < end, self.told()
+            time.sleep(0.05)
+
+
+@contextmanager
+def opened(url):
+    """Give a tab that shows a page."""
+    options = webdriver.ChromeOptions()
+    options.binary_location = "/usr/bin/chromium"
+    for argument in ARGUMENTS:
+        options.add_argument(argument)
+    driver = webdriver.Chrome(options, webdriver.ChromeService("/usr/bin/chromedriver"))
+    try:
+        yield Tab(driver, url)
+    finally:
+        driver.quit()

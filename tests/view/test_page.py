@@ -1,0 +1,84 @@
+"""The page in a real browser: keys, buttons and sliders do what they say, and change no bit of a run.
+
+These tests need Chromium and its driver, `apt-get install chromium chromium-driver`: `pytest -m browser`.
+"""
+
+import numpy as np
+import pytest
+from browser import opened
+from matplotlib.image import imread
+from recordings import make_frames, make_scene, record
+from same_bits import contents
+from walls_seen import View
+
+from warpgrains import Scene, Simulation
+from warpgrains.usd.colors import Frame, GrainColors
+from warpgrains.usd.reader import RecordingReader
+from warpgrains.view.page import Page
+from warpgrains.view.players import Recorded
+
+pytestmark = pytest.mark.browser
+
+
+def test_keys_and_sliders_of_a_simulation(tmp_path):
+    simulation = Simulation(Scene.load("annulus"))
+    page = simulation.view(port=8300)
+    with opened(page.url) as tab:
+        assert (tab.told()["state"], tab.told()["steps"]) == ("stopped", "0")
+        tab.press("s")
+        for steps in ("1", "2"):
+            tab.press("n")
+            tab.wait_for(lambda steps=steps: tab.told()["steps"] == steps)
+        tab.press("r")
+        tab.wait_for(lambda: tab.told()["state"] == "running" and int(tab.told()["steps"]) > 10)
+        tab.press("s")
+        tab.wait_for(lambda: tab.told()["state"] == "stopped")
+        steps = int(tab.told()["steps"])
+        assert float(tab.told()["time"].split()[0]) == pytest.approx(0.01 * steps)
+        tab.press("n")
+        tab.wait_for(lambda: tab.told()["steps"] == str(steps + 1))
+
+        plain = Simulation(Scene.load("annulus"))
+        plain.run(steps=steps + 1)
+        assert contents(simulation.state()) == contents(plain.state())
+        require_colors(tab, tmp_path, plain)
+
+        field = tab.slider("drag [kg/s]")
+        field.click()
+        field.send_keys("\ue009a\ue000" + "1.25\n")  # control-A
+        tab.wait_for(lambda: tab.told()["drag"] == "1.25 kg/s")
+        assert simulation.scene.drag == 1.25
+        tab.click("restart")
+        tab.wait_for(lambda: tab.told()["steps"] == "0")
+    page.close()
+
+
+def require_colors(tab, folder, simulation):
+    """Check in a picture of the page that grains are where they are, in their colors."""
+    tab.driver.save_screenshot(str(folder / "page.png"))
+    pixels = imread(folder / "page.png")[:, :, :3]
+    frame = Frame(simulation.position, simulation.velocity)
+    expected = GrainColors(simulation.scene, "speed").of(frame)
+    shown = View(pixels, 0.04).at(pixels, simulation.position)
+    hues = [color - color.mean(axis=1, keepdims=True) for color in (shown, expected)]
+    sizes = [np.linalg.norm(hue, axis=1) for hue in hues]
+    likeness = (hues[0] * hues[1]).sum(axis=1) / np.prod(sizes, axis=0)
+    assert (likeness > 0.95).all()  # the page maps tones
+
+
+def test_keys_and_scrubber_of_a_recording(tmp_path):
+    path = record(tmp_path / "run.usdc", make_frames(9), make_scene(), forces=True, draw_as="discs")
+    page = Page(Recorded(RecordingReader(path), "run.usdc"), 8310).start()
+    with opened(page.url) as tab:
+        assert tab.told() == {"state": "stopped", "time": "0 s", "frame": "0 of 8", "contacts": "5"}
+        tab.press("n")
+        tab.wait_for(lambda: tab.told()["frame"] == "1 of 8")
+        field = tab.slider("frame")
+        field.click()
+        field.send_keys("\ue009a\ue000" + "6\n")
+        tab.wait_for(lambda: tab.told()["frame"] == "6 of 8")
+        tab.click("resume")
+        tab.wait_for(lambda: (tab.told()["frame"], tab.told()["state"]) == ("8 of 8", "stopped"))
+        tab.click("restart")
+        tab.wait_for(lambda: tab.told()["frame"] == "0 of 8")
+    page.close()

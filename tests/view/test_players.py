@@ -1,0 +1,125 @@
+"""What a page plays, without the page."""
+
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from command import exit_code, require_refusal
+from recordings import make_frames, record
+from same_bits import contents
+
+from warpgrains import Scene, SceneError, Simulation
+from warpgrains.usd.reader import RecordingReader
+from warpgrains.view.players import Live, Recorded
+
+
+@pytest.fixture
+def simulation():
+    return Simulation(Scene.load("annulus"))
+
+
+def test_stops_steps_and_looks_change_no_bit(simulation):
+    live, plain = Live(simulation), Simulation(Scene.load("annulus"))
+    for steps in (1, 1, 30, 1, 7):
+        live.advance(steps)
+        live.dress("pressure", forces=True)
+        assert live.shot().chains is not None
+        assert live.readout()["steps"] == str(live.steps)
+        live.curves()
+    plain.run(steps=40)
+    assert contents(simulation.state()) == contents(plain.state())
+    live.restart()
+    simulation.advance(40)
+    assert np.array_equal(simulation.position, plain.position)
+    assert np.array_equal(simulation.velocity, plain.velocity)
+
+
+def test_numbers_are_those_of_the_step(simulation):
+    live, plain = Live(simulation), Simulation(Scene.load("annulus"))
+    live.advance(30)
+    plain.advance(29)
+    report, told = plain.step(), live.readout()
+    assert told["iterations"] == f"{report.iterations}"
+    assert told["zeta"] == f"{report.zeta:.2e} m/s"
+    energy = 0.5 * (plain.scene.mass * (plain.velocity**2).sum(axis=1)).sum()
+    assert told["kinetic energy"] == f"{energy:.4g} J"
+    assert live.curves()["energy [J]"][1].tolist() == pytest.approx([energy])
+
+
+def test_a_step_that_fails_ends_it_and_is_told():
+    live = Live(Simulation(Scene.load("annulus"), max_iterations=1, on_unconverged="raise"))
+    live.advance(100)
+    assert live.is_over
+    assert "converged" in live.readout()["error"]
+    live.restart()
+    assert not live.is_over
+
+
+def test_recording_ends_with_its_last_frame(tmp_path):
+    frames = make_frames(4)
+    played = Recorded(RecordingReader(record(tmp_path / "run.usdc", frames, forces=True)), "run")
+    played.advance(2)
+    assert np.allclose(played.shot().position, frames[2, 0], atol=1e-6)  # float32
+    played.advance(7)
+    assert (played.steps, played.is_over) == (3, True)
+    played.dress("speed", forces=False)
+    assert played.shot().chains is None
+    played.restart()
+    assert played.readout() == {"time": "0 s", "frame": "0 of 3", "contacts": "5"}
+
+
+class TestChange:
+    def test_to_what_it_was_changes_no_bit(self, simulation):
+        plain = Simulation(Scene.load("annulus"))
+        simulation.advance(30)
+        simulation.change(drag=simulation.scene.drag)
+        simulation.advance(20)
+        plain.advance(50)
+        assert contents(simulation.state()) == contents(plain.state())
+
+    def test_is_a_simulation_of_the_other_scene_from_there(self, simulation):
+        simulation.advance(30)
+        other = Simulation(simulation.scene.replace(gravity=(9.81, 0.0), drag=0.1))
+        other.restore(simulation.state())
+        simulation.change(gravity=(9.81, 0.0), drag=0.1)
+        simulation.advance(20)
+        other.advance(20)
+        assert contents(simulation.state()) == contents(other.state())
+
+    def test_to_no_scene_is_refused(self, simulation):
+        with pytest.raises(SceneError, match="drag"):
+            simulation.change(drag=-1.0)
+        assert simulation.scene.drag == 0.5
+
+
+def test_without_viser_it_is_refused_in_one_line(monkeypatch, capfd):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    assert exit_code("view", "annulus") == 2
+    require_refusal(capfd, "view needs viser: pip install 'warpgrains[view]'")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["nothing"], "nothing"),
+        (["no.usdc"], "'no.usdc' does not exist"),
+        (["no.usdc", "--set", "time.dt=1"], "--set has no effect on a recording"),
+        (["annulus", "--port", "0"], "--port"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, complaint, capfd):
+    assert exit_code("view", *arguments) == 2
+    require_refusal(capfd, complaint)
+
+
+def test_an_interrupt_ends_it_cleanly():
+    command = [sys.executable, "-m", "warpgrains", "view", "annulus", "--port", "8320"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline().startswith("http://127.0.0.1:83")
+    process.send_signal(signal.SIGINT)
+    printed, complaint = process.communicate(timeout=100)
+    assert (process.returncode, printed) == (0, "")
+    assert "Traceback" not in complaint

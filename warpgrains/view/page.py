@@ -1,0 +1,207 @@
+"""The page: keys and buttons, sliders, numbers and curves beside the grains, and the loop that plays."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import redirect_stdout, suppress
+from io import StringIO
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Any, Literal, Self
+
+import numpy as np
+import viser
+from viser import uplot
+
+from warpgrains.errors import SceneError
+from warpgrains.view.legend import legend, table
+from warpgrains.view.players import Live, Player, Recorded
+from warpgrains.view.stage import Stage
+
+HOST = "127.0.0.1"
+KEYS: dict[Literal["R", "S", "N", "0"], str] = {"R": "resume", "S": "stop", "N": "one step", "0": "restart"}
+
+_FRAMES = 30.0  # a second, at most
+_TEXTS = 10.0  # a second, at most
+_MOST_SPEED = 10.0
+
+
+class Page:
+    """A page of this machine alone; what it does is done by `run`, in one thread, between two steps.
+
+    The server hears keys in threads of its own and puts them in a queue: however slow a step is, the page
+    answers, and what was asked for is done after it.
+
+    Parameters
+    ----------
+    player : Player
+    port : int
+        Where it is; if that is taken, the next one that is not.
+    """
+
+    def __init__(self, player: Player, port: int) -> None:
+        self._player = player
+        self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self.is_playing = False
+        self._speed, self._color_by, self._forces = 1.0, "speed", player.setting.chain_scale is not None
+        with redirect_stdout(StringIO()):  # its banner
+            self._server = viser.ViserServer(HOST, port, label=f"warpgrains: {player.name}", verbose=False)
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._server.gui.main_panel.dock_right()
+        self._stage = Stage(self._server, player.setting)
+        self._add_controls()
+        self._told_at = 0.0
+        self._show(texts=True)
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds it."""
+        return f"http://{HOST}:{self._server.get_port()}"
+
+    def run(self, announce: Callable[[str], None] = lambda url: None) -> None:
+        """Say where the page is, and play until `close`, or an exception such as Ctrl-C."""
+        try:
+            announce(self.url)
+            while True:
+                with suppress(Empty):
+                    wanted = self._asked.get(timeout=0.0 if self.is_playing else None)
+                    if wanted is None:
+                        return
+                    wanted()
+                if self.is_playing:
+                    self._play()
+        finally:
+            with redirect_stdout(StringIO()):
+                self._server.stop()
+
+    def _play(self) -> None:
+        """Go on by a frame, as long as it is to be seen."""
+        start = time.perf_counter()
+        self._player.advance(max(1, round(self._speed / _FRAMES / self._player.dt)))
+        self.is_playing = not self._player.is_over
+        self._show(texts=not self.is_playing or start - self._told_at > 1.0 / _TEXTS)
+        time.sleep(max(0.0, 1.0 / _FRAMES - (time.perf_counter() - start)))
+
+    def start(self) -> Self:
+        """Play in a thread of its own."""
+        self._thread = Thread(target=self.run, daemon=True)
+        self._thread.start()
+        return self
+
+    def close(self) -> None:
+        """End the page."""
+        self._asked.put(None)
+
+    def _repr_html_(self) -> str:
+        return f'<iframe src="{self.url}" width="100%" height="600"></iframe>'
+
+    def _ask(self, what: Callable[[], None]) -> Callable[[Any], None]:
+        """Return what a key does: it has `what` done between two steps."""
+        return lambda _: self._asked.put(what)
+
+    def _resume(self) -> None:
+        self.is_playing = not self._player.is_over
+
+    def _stop(self) -> None:
+        self.is_playing = False
+        self._show(texts=True)
+
+    def _step(self) -> None:
+        self.is_playing = False
+        self._player.advance(1)
+        self._show(texts=True)
+
+    def _restart(self) -> None:
+        self.is_playing = False
+        self._player.restart()
+        self._show(texts=True)
+
+    def _go_to(self, frame: int) -> None:
+        self._player.restart()
+        self._player.advance(frame)
+        self._show(texts=True)
+
+    def _dress(self) -> None:
+        self._player.dress(self._color_by, self._forces)
+        self._show(texts=True)
+
+    def _change(self, field: str, value: Any) -> None:
+        assert isinstance(self._player, Live)
+        with suppress(SceneError):  # such as a drag that is too large for the time step
+            self._player.change(**{field: value})
+            self._dress()
+
+    def _show(self, texts: bool) -> None:
+        with self._server.atomic():
+            self._stage.show(self._player.shot())
+        if not texts:
+            return
+        self._told_at = time.perf_counter()
+        state = "running" if self.is_playing else "stopped"
+        self._readout.content = table({"state": state, **self._player.readout()})
+        self._legend.content = legend(self._player.setting)
+        for title, (places, values) in self._player.curves().items():
+            if len(places) > 1:
+                self._curves[title].data = (places, values)
+
+    def _add_controls(self) -> None:
+        gui = self._server.gui
+        actions = (self._resume, self._stop, self._step, self._restart)
+        for (key, name), action in zip(KEYS.items(), actions, strict=True):
+            gui.add_button(f"{name} ({key})").on_click(self._ask(action))
+            gui.add_command(name, hotkey=key).on_trigger(self._ask(action))
+        self._readout, self._legend = gui.add_html(""), gui.add_html("")
+        speed = gui.add_slider("speed of play", 0.1, _MOST_SPEED, 0.1, 1.0)
+        speed.on_update(lambda event: setattr(self, "_speed", float(event.target.value)))
+        if self._player.colorings:
+            colors = gui.add_dropdown("color by", self._player.colorings, initial_value=self._color_by)
+            colors.on_update(lambda event: self._wear(color_by=str(event.target.value)))
+        if self._player.has_chains:
+            chains = gui.add_checkbox("force chains", self._forces)
+            chains.on_update(lambda event: self._wear(forces=bool(event.target.value)))
+        if isinstance(self._player, Live):
+            self._add_physics(self._player)
+        if isinstance(self._player, Recorded):
+            frame = gui.add_slider("frame", 0, max(self._player.last, 1), 1, 0)
+            frame.on_update(lambda event: self._asked.put(lambda: self._go_to(int(event.target.value))))
+        self._curves = {title: self._add_curve(title) for title in self._player.curves()}
+
+    def _wear(self, **worn: Any) -> None:
+        def dress() -> None:
+            self._color_by = worn.get("color_by", self._color_by)
+            self._forces = worn.get("forces", self._forces)
+            self._dress()
+
+        self._asked.put(dress)
+
+    def _add_physics(self, player: Live) -> None:
+        """Add sliders of drag, gravity and tolerance; each begins at the scene's value."""
+        gui, scene = self._server.gui, player.scene
+        size, angle = float(np.hypot(*scene.gravity)), float(np.degrees(np.arctan2(*scene.gravity[::-1])))
+        most_drag = 0.9 * float(scene.mass.min()) / scene.dt
+
+        def on(field: str, value: Callable[[], Any]) -> Callable[[Any], None]:
+            return self._ask(lambda: self._change(field, value()))
+
+        drag = gui.add_slider("drag [kg/s]", 0.0, most_drag, most_drag / 200.0, min(scene.drag, most_drag))
+        drag.on_update(on("drag", lambda: drag.value))
+        pull = gui.add_slider("gravity [m/s2]", 0.0, max(20.0, size), 0.01, size)
+        towards = gui.add_slider("its angle [degrees]", -180.0, 180.0, 1.0, angle)
+        for slider in (pull, towards):
+            slider.on_update(on("gravity", lambda: _vector(pull.value, towards.value)))
+        exponent = float(np.log10(scene.tolerance)) if scene.tolerance > 0.0 else -12.0
+        tolerance = gui.add_slider("log10 of tolerance [m/s]", min(-12.0, exponent), 0.0, 0.1, exponent)
+        tolerance.on_update(on("tolerance", lambda: 10.0**tolerance.value))
+
+    def _add_curve(self, title: str) -> viser.GuiUplotHandle:
+        nothing = np.array([0.0, 1.0])
+        series = (uplot.Series(label="t [s]"), uplot.Series(label=title, stroke="black", width=1))
+        scales = {"x": uplot.Scale(time=False)}
+        data = (nothing, 0.0 * nothing)
+        return self._server.gui.add_uplot(data, series, scales=scales, title=title, aspect=2.0)
+
+
+def _vector(size: float, degrees: float) -> tuple[float, float]:
+    angle = np.radians(degrees)
+    return float(size * np.cos(angle)), float(size * np.sin(angle))

@@ -1,0 +1,191 @@
+"""What the window plays: a simulation, step by step, or the frames of a recording."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SimulationError
+from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import first_state
+from warpgrains.usd.colors import COLORINGS
+
+if TYPE_CHECKING:
+    from warpgrains.simulation.simulation import Simulation
+    from warpgrains.solver.statistics import StepReport
+    from warpgrains.usd.reader import RecordingReader
+
+_REMEMBERED = 500  # steps, in curves
+_LEAST = 1e-16  # zeta that is plotted [m/s]
+
+
+class Player(Protocol):
+    """Something that moves in steps of `dt` [s]."""
+
+    name: str
+    dt: float
+    setting: Setting
+    colorings: tuple[str, ...]
+    has_chains: bool
+    """Whether force chains can be drawn."""
+
+    @property
+    def steps(self) -> int:
+        """Where it is."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it cannot go on."""
+
+    def advance(self, steps: int) -> None:
+        """Go on."""
+
+    def restart(self) -> None:
+        """Go back to the start."""
+
+    def dress(self, color_by: str, forces: bool) -> None:
+        """Color grains by a quantity, and draw force chains or not."""
+
+    def shot(self) -> Shot:
+        """Return what is to be seen."""
+
+    def readout(self) -> dict[str, str]:
+        """Return what there is to tell, by its name."""
+
+    def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Return what is to be plotted: by title, places and values."""
+
+
+class Live:
+    """A simulation. What is played is what `Simulation.run` simulates, to the last bit."""
+
+    colorings = COLORINGS
+    has_chains = True
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self.name, self.dt = simulation.scene.name, simulation.scene.dt
+        self.dress("speed", forces=False)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._report: StepReport | None = None
+        self._past: deque[tuple[float, float, float]] = deque(maxlen=_REMEMBERED)
+        self.error: str | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """What is simulated."""
+        return self._simulation.scene
+
+    @property
+    def steps(self) -> int:
+        """Time steps since the start."""
+        return self._simulation.steps
+
+    @property
+    def is_over(self) -> bool:
+        """Whether a step has failed."""
+        return self.error is not None
+
+    def advance(self, steps: int) -> None:
+        """Take some steps; the last is told of."""
+        try:
+            if steps > 1:
+                self._simulation.advance(steps - 1)
+            self._report = self._simulation.step()
+        except SimulationError as error:
+            self.error = str(error)
+            return
+        self._past.append((self._simulation.time, self._report.zeta, self._energy()))
+
+    def restart(self) -> None:
+        """Go back to the scene's start."""
+        self._simulation.restore(first_state(self._simulation.scene))
+        self._forget()
+
+    def change(self, **fields: object) -> None:
+        """Go on with some fields of the scene changed."""
+        self._simulation.change(**fields)
+
+    def dress(self, color_by: str, forces: bool) -> None:
+        """Color grains by a quantity, and draw force chains or not."""
+        self._painter = Painter(self._simulation.scene, color_by, forces)
+        self.setting = self._painter.setting
+
+    def shot(self) -> Shot:
+        """Return the present state."""
+        return self._painter.shot_of(self._simulation)
+
+    def _energy(self) -> float:
+        speed = np.hypot(*self._simulation.velocity.T)
+        return float(0.5 * (self._simulation.scene.mass * speed**2).sum())
+
+    def readout(self) -> dict[str, str]:
+        """Return numbers of the last step."""
+        told = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
+        report = self._report
+        if report is not None:
+            told |= {
+                "iterations": f"{report.iterations}",
+                "zeta": f"{report.zeta:.2e} m/s",
+                "residual": f"{report.residual:.2e} m/s",
+                "contacts": f"{report.contacts}",
+                "converged": "yes" if report.converged else "no",
+            }
+        told["kinetic energy"] = f"{self._energy():.4g} J"
+        told["drag"] = f"{self.scene.drag:.4g} kg/s"
+        return told | ({"error": self.error} if self.error else {})
+
+    def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Return zeta of the steps shown, and the kinetic energy, over time."""
+        time, zeta, energy = np.array(self._past).reshape(-1, 3).T
+        return {"log10 zeta [m/s]": (time, np.log10(np.maximum(zeta, _LEAST))), "energy [J]": (time, energy)}
+
+
+class Recorded:
+    """A recording. A step is a frame, colored as the file says."""
+
+    def __init__(self, reader: RecordingReader, name: str) -> None:
+        self._reader, self.name = reader, name
+        self.dt, self.steps, self.last = 1.0 / reader.rate, 0, len(reader.time) - 1
+        self.setting, self._forces = setting_of(reader), True
+        self.colorings: tuple[str, ...] = ()
+        self.has_chains = reader.chain_scale is not None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether this is the last frame."""
+        return self.steps >= self.last
+
+    def advance(self, steps: int) -> None:
+        """Go some frames on."""
+        self.steps = min(self.steps + steps, self.last)
+
+    def restart(self) -> None:
+        """Go back to the first frame."""
+        self.steps = 0
+
+    def dress(self, color_by: str, forces: bool) -> None:
+        """Draw force chains or not; the colors are those of the file."""
+        self._forces = forces
+
+    def shot(self) -> Shot:
+        """Return the frame."""
+        shot = shot_of(self._reader, self.steps)
+        return shot if self._forces else Shot(shot.time, shot.position, shot.color, None)
+
+    def readout(self) -> dict[str, str]:
+        """Return numbers of the frame."""
+        told = {"time": f"{self._reader.time[self.steps]:.4g} s", "frame": f"{self.steps} of {self.last}"}
+        if self.has_chains:
+            told["contacts"] = f"{len(self._reader.chains(self.steps).force)}"
+        return told
+
+    def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Return nothing: a recording holds no masses and no iterations."""
+        return {}

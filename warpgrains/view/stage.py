@@ -1,0 +1,99 @@
+"""What the page draws: walls, grains as discs of their true radii, force chains."""
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from warpgrains.pictures.shots import Setting, Shot
+from warpgrains.usd.chains import CHAIN_COLOR
+from warpgrains.usd.colormaps import linear
+from warpgrains.usd.rings import WALL_COLOR
+
+_SEGMENTS = 48  # of a circle
+_FIELD_OF_VIEW = 0.5  # radians
+_CHAINS = "/chains"
+
+
+class Stage:
+    """The 3D scene of a page, in the plane z = 0, seen from +z."""
+
+    def __init__(self, server: viser.ViserServer, setting: Setting) -> None:
+        self._scene = server.scene
+        self._scene.set_up_direction("+y")
+        server.initial_camera.position = (0.0, 0.0, 1.1 * setting.reach / np.tan(_FIELD_OF_VIEW / 2.0))
+        server.initial_camera.look_at = (0.0, 0.0, 0.0)
+        server.initial_camera.up = (0.0, 1.0, 0.0)
+        server.initial_camera.fov = _FIELD_OF_VIEW
+        self._scene.configure_default_lights(False)
+        self._scene.configure_environment_map(None)
+        self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors as they are
+        for number, (inner, outer) in enumerate(setting.walls):
+            self._add_ring(f"/walls/{number}", inner, outer)
+        grains = len(setting.radius)
+        corners, faces = _disc()
+        self._grains = self._scene.add_batched_meshes_simple(
+            "/grains",
+            corners,
+            faces,
+            batched_wxyzs=np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (grains, 1)),
+            batched_positions=np.zeros((grains, 3), dtype=np.float32),
+            batched_scales=setting.radius.astype(np.float32),
+            batched_colors=np.zeros((grains, 3), dtype=np.uint8),
+            lod="off",
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._has_chains = False
+
+    def show(self, shot: Shot) -> None:
+        """Draw a shot in the place of the last one."""
+        places = np.zeros((len(shot.position), 3), dtype=np.float32)
+        places[:, :2] = shot.position
+        self._grains.batched_positions = places
+        self._grains.batched_colors = np.rint(255.0 * linear(shot.color)).astype(np.uint8)
+        if shot.chains is not None and len(shot.chains.force):
+            corners = shot.chains.corners().reshape(-1, 2)
+            raised = np.concatenate([corners, np.full((len(corners), 1), 0.01)], axis=1)
+            first = 4 * np.arange(len(shot.chains.force))[:, np.newaxis, np.newaxis]
+            faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+            self._add_mesh(_CHAINS, raised, faces, CHAIN_COLOR)
+            self._has_chains = True
+        elif self._has_chains:
+            self._scene.remove_by_name(_CHAINS)
+            self._has_chains = False
+
+    def _add_ring(self, name: str, inner: float, outer: float) -> None:
+        angle = np.linspace(0.0, 2.0 * np.pi, 4 * _SEGMENTS, endpoint=False)
+        circle = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+        here = np.arange(len(angle))
+        onward, outside = np.roll(here, -1), here + len(angle)
+        halves = (here, outside, onward), (onward, outside, onward + len(angle))
+        faces = np.concatenate([np.stack(half, axis=1) for half in halves])
+        self._add_mesh(name, np.concatenate([inner * circle, outer * circle]), faces, WALL_COLOR)
+
+    def _add_mesh(
+        self,
+        name: str,
+        corners: NDArray[np.float64],
+        faces: NDArray[np.int64],
+        color: tuple[float, float, float],
+    ) -> None:
+        self._scene.add_mesh_simple(
+            name,
+            corners.astype(np.float32),
+            faces.astype(np.uint32),
+            color=color,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+
+def _disc() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Return corners and triangles of a disc of radius 1."""
+    angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
+    corners = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    number = np.arange(1, _SEGMENTS - 1)
+    faces = np.stack([0 * number, number, number + 1], axis=1)
+    return corners.astype(np.float32), faces.astype(np.uint32)
