@@ -19,6 +19,7 @@ import inspect
 import os
 import tomllib
 from collections.abc import Callable, Iterable
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -226,6 +227,7 @@ def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
     return function(walls, **parameters)
 
 
+@cache
 def own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
     """Return the parameters of a layout that are keys of `[grains]`."""
     parameters = inspect.signature(layout).parameters

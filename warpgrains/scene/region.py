@@ -1,5 +1,6 @@
 """Where random grains are to be: the space between the walls, or a part of it."""
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,12 +32,17 @@ class Region(NamedTuple):
     @property
     def area(self) -> float:
         """Its area [m2]."""
-        (left, bottom), (right, top) = self.box
-        corner = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
-        onward = np.roll(corner, -1, axis=0)
-        radii = (self.ring.radius_out, self.ring.radius_in)
-        outer, inner = (area_in_disc(corner, onward, radius).sum() for radius in radii)
-        return float(outer - inner)
+        return _area(self)
+
+
+@lru_cache(256)  # the scenes of a sweep mostly share one
+def _area(region: Region) -> float:
+    (left, bottom), (right, top) = region.box
+    corner = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+    onward = np.roll(corner, -1, axis=0)
+    radii = (region.ring.radius_out, region.ring.radius_in)
+    outer, inner = (area_in_disc(corner, onward, radius).sum() for radius in radii)
+    return float(outer - inner)
 
 
 def region_of(walls: Annulus, given: Any) -> Region:
