@@ -16,6 +16,7 @@ believed of the library's answer. To have a y that satisfies A y <= h to the las
 again with an h that is smaller by a little more than what the first answer violates.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,6 +30,7 @@ from warpgrains.errors import SimulationError
 from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_velocity
+from warpgrains.solver import interior_point
 
 TOLERANCE = 1e-14  # asked of the library, which stops where rounding does not let it go further
 REGULARIZATION = 1e-12  # of its matrix: with its default, 1e-8, it stops at a gap of some 1e-6
@@ -121,11 +123,16 @@ class _Projection(NamedTuple):
         return self.bound - self.rows @ y, eps * (3.0 * abs(self.rows) @ abs(y) + abs(self.bound))
 
 
-def solve_exactly(problem: StepProblem, velocity: FloatArray) -> ExactStep:
+Witness = Callable[["_Projection"], tuple[FloatArray, FloatArray]]
+"""What finds a point y near 0 that satisfies all constraints, and multipliers z >= 0."""
+
+
+def solve_exactly(problem: StepProblem, velocity: FloatArray, witness: Witness | None = None) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
     Velocities that the exact ones are expected near spare a search [m/s], shape (n, 2). A round wall has the
-    gaps that it leaves to these: they solve the step if they are what is found.
+    gaps that it leaves to these: they solve the step if they are what is found. The witness is clarabel, or
+    another.
 
     Raises
     ------
@@ -134,14 +141,14 @@ def solve_exactly(problem: StepProblem, velocity: FloatArray) -> ExactStep:
     """
     speed = REACH * np.maximum(np.hypot(*problem.free_velocity.T), np.hypot(*velocity.T))
     while True:
-        exact = _solve(problem, problem.constraints(speed, velocity))
+        exact = _solve(problem, problem.constraints(speed, velocity), witness or _ask)
         found = np.hypot(*exact.velocity.T)
         if (found <= speed).all():  # whoever is not constrained is out of reach
             return exact
         speed = np.maximum(speed, REACH * found)
 
 
-def _solve(problem: StepProblem, constraints: LinearConstraints) -> ExactStep:
+def _solve(problem: StepProblem, constraints: LinearConstraints, witness: Witness) -> ExactStep:
     """Solve a step for given constraints."""
     root = np.sqrt(np.repeat(problem.scene.mass, 2))
     free = problem.free_velocity.ravel()
@@ -150,25 +157,25 @@ def _solve(problem: StepProblem, constraints: LinearConstraints) -> ExactStep:
     length = sparse.linalg.norm(rows, axis=1)
     rows = sparse.csc_array(sparse.diags_array(1.0 / length) @ rows)
     bound = (constraints.bound - constraints.rows @ free) / (length * scale)
-    y, error = _project(_Projection(rows, bound))
+    y, error = _project(_Projection(rows, bound), witness)
     unit = scale / root
     return ExactStep((free + unit * y).reshape(-1, 2), error * float(unit.max()))
 
 
-def _project(projection: _Projection) -> tuple[FloatArray, float]:
+def _project(projection: _Projection, witness: Witness) -> tuple[FloatArray, float]:
     """Return a point of the polyhedron, and how far it may be from the one nearest to 0."""
     if not (projection.bound < 0.0).any():
         return np.zeros(projection.rows.shape[1]), 0.0
     tightening = 0.0
     for _ in range(ATTEMPTS):
-        y, z = _ask(projection._replace(bound=projection.bound - tightening))
+        y, z = witness(projection._replace(bound=projection.bound - tightening))
         slack, rounding = projection.slack(y)
         short = np.max(rounding - slack)
         if short <= 0.0:
             gap = np.sum((y + projection.rows.T @ z) ** 2) + 2.0 * z @ (slack + rounding)
             return y, float(np.sqrt(gap))
         tightening += 2.0 * short
-    raise SimulationError("the exact velocities were not found: no answer of clarabel satisfies every gap")
+    raise SimulationError("the exact velocities were not found: no answer satisfies every gap")
 
 
 def _ask(projection: _Projection) -> tuple[FloatArray, FloatArray]:
@@ -188,3 +195,13 @@ def _ask(projection: _Projection) -> tuple[FloatArray, FloatArray]:
     if "Infeasible" in str(answer.status):
         raise SimulationError("no velocities satisfy every gap of the step: the grains do not fit")
     return np.array(answer.x), np.maximum(answer.z, 0.0)
+
+
+def own_witness(projection: _Projection) -> tuple[FloatArray, FloatArray]:
+    """Return y and z by the interior point method of the package, from nothing."""
+    rows = sparse.csr_array(projection.rows)
+    count, unknowns = rows.shape
+    problem = interior_point.Projection(rows, projection.bound, np.zeros(unknowns), np.ones(count))
+    matrix = interior_point.NormalMatrix(rows)
+    z = interior_point.solve(problem, matrix, np.zeros(count), TOLERANCE).q
+    return -(rows.T @ z), z

@@ -49,11 +49,12 @@ class ExactSolver:
             found = solve(problem, self._matrix, q, tolerance)
             record["step"]["factorizations"] += found.factorizations
             problem = contacts.problem(found.q)
-            residual = problem.residual(found.q)
-            if residual > 0.5 * left:
+            last, residual = left, problem.residual(found.q)
+            if residual < left:
+                q, left = found.q, residual
+            if found.residual > tolerance or residual > 0.5 * last:
                 break
-            q, left = found.q, residual
-        if left <= BETTER * before:
+        if left <= max(BETTER * before, tolerance):
             contacts.write(q)
         else:
             record["to_search"] = 0  # a proof that no velocities solve the step
