@@ -53,7 +53,11 @@ CHECKERS = {
 }
 
 
-@pytest.mark.parametrize("checker", CHECKERS.values(), ids=CHECKERS)
+@pytest.mark.parametrize(
+    "checker",
+    [CHECKERS["mypy"], pytest.param(CHECKERS["pyright"], marks=pytest.mark.slow)],
+    ids=CHECKERS,
+)
 def test_python_is_typed(program, checker):
     command = [sys.executable, "-m", *checker, str(program)]
     done = subprocess.run(command, cwd=README.parent, capture_output=True, text=True)
