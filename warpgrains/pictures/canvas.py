@@ -65,8 +65,8 @@ class FrameArtists:
         """Draw a shot in the place of the last one."""
         self._grains.set(offsets=shot.position, facecolor=shot.color)
         if shot.chains is not None:
-            self._chains.set_verts(list(shot.chains.corners()))
-            self._chains.set(linewidth=_CASING * self._points * shot.chains.width)
+            casing = _CASING * self._points * shot.chains.width
+            self._chains.set(verts=shot.chains.corners(), linewidth=casing)  # an array is taken at once
         self._time.set_text(f"t = {shot.time:.3g} s" if 0.0 < shot.time < 0.1 else f"t = {shot.time:.2f} s")
 
 
