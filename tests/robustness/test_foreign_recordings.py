@@ -13,6 +13,7 @@ from recordings import make_frames, record
 
 from warpgrains import SceneError
 from warpgrains.analysis.plots import plot
+from warpgrains.analysis.recording import Recording
 from warpgrains.cli import apart
 from warpgrains.usd.check import inspect_recording
 
@@ -61,17 +62,19 @@ def test_foreign_file(tmp_path, content, capfd, monkeypatch, forks):
     path = tmp_path / "foreign.usda"
     path.write_text(content)
     assert answer(capfd, "check", path)[0] in (1, 2)
-    for picture in (tmp_path / "foreign.png", tmp_path / "foreign.gif"):
-        assert (answer(capfd, "plot", path, "-o", picture)[0] == 0) == picture.exists()
+    for command, output in (("plot", "foreign.png"), ("plot", "foreign.gif"), ("export", "foreign.vtkhdf")):
+        code, _, complaint = answer(capfd, command, path, "-o", tmp_path / output)
+        assert (code == 0) == (tmp_path / output).exists()
+        assert "or failed" not in complaint
 
 
 @pytest.mark.parametrize("content", FOREIGN.values(), ids=FOREIGN.keys())
 def test_foreign_file_in_python(tmp_path, content):
     path = tmp_path / "foreign.usda"
     path.write_text(content)
-    for read in (inspect_recording, lambda path: plot(path, tmp_path / "foreign.png")):
+    for read in (inspect_recording, Recording, lambda path: plot(path, tmp_path / "foreign.png")):
         try:
-            said = str(read(path)[:1])
+            said = repr(read(path))
         except SceneError as refusal:
             said = str(refusal)
         assert "\n" not in said

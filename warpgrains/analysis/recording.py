@@ -14,7 +14,7 @@ from warpgrains.errors import SceneError
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
 from warpgrains.tables import library
-from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
 
 if TYPE_CHECKING:
     import xarray
@@ -39,12 +39,13 @@ class Recording(Shown):
     Raises
     ------
     SceneError
-        The file is missing, is not USD or holds no frames of grains.
+        The file is missing, is not USD, holds no frames of grains or what no recording does.
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._reader = RecordingReader(self.path)
+        with refusing_foreign_content(path):
+            self._reader = RecordingReader(self.path)
         self.time, self.radius = self._reader.time, self._reader.radius
 
     def facts(self) -> dict[str, str]:

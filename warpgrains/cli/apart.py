@@ -84,10 +84,9 @@ def draw(path: str, output: str, frames: list[int] | None, curves: bool) -> list
 def film(path: str, output: str) -> list[int]:
     """Make a film of a recording, and return which frames it has."""
     from warpgrains.pictures.film import draw_film
-    from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
+    from warpgrains.usd.reader import RecordingReader
 
-    with refusing_foreign_content(path):
-        return list(draw_film(RecordingReader(path), Path(output)))
+    return list(draw_film(RecordingReader(path), Path(output)))
 
 
 def export(path: str, output: str) -> int:
@@ -125,7 +124,10 @@ def _main(function: str, most: str, arguments: str) -> int:
     }
     given, code = json.loads(arguments), 0
     try:
-        answer = functions[function](**given)
+        from warpgrains.usd.reader import refusing_foreign_content
+
+        with refusing_foreign_content(given["path"]):
+            answer = functions[function](**given)
     except SceneError as error:
         answer, code = str(error), _BAD_INPUT
     except MemoryError:
