@@ -61,3 +61,11 @@ def test_benchmark_of_features(tmp_path: Path) -> None:
     head, *rows = file.read_text().splitlines()
     assert head == "scene,feature,with_us,without_us,ratio_min,ratio_median,ratio_max"
     assert len(rows) == 3 * 6
+
+
+def test_benchmark_of_the_exact_method(tmp_path: Path) -> None:
+    file = tmp_path / "exact.csv"
+    command("exact", "--only", "shipped", "--steps", 2, "-o", file)
+    head, *rows = file.read_text().splitlines()
+    assert head == COLUMNS
+    assert all(row.endswith("<= 0,1") for row in rows)
