@@ -1,11 +1,14 @@
 """The true error of a step: exact velocities against closed forms and the twin, and what is refused."""
 
+import itertools
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from optimality import EPS, pair_excess, solve_one_step, wall_excess
 from sample_scenes import bullet
+from schemes import SECOND_ORDER
 
 from warpgrains import Scene, SceneError, Simulation, SimulationError
 from warpgrains.accuracy import certify
@@ -172,6 +175,27 @@ class TestCertify:
             assert begun.staggered == start.staggered
             assert certify(simulation).at_most >= 0.0
         assert redos > 0
+
+    def test_at_a_round_wall_the_fixed_point_is_certified(self) -> None:
+        """Gaps that follow the exact velocities lead, from those of the free ones, to the step's own."""
+        scene = Scene.load("no_inner_wall").replace(**SECOND_ORDER)
+        simulation = Simulation(scene, method="accelerated", tolerance=1e-12, max_iterations=100_000)
+        for _ in range(30):
+            assert simulation.step().converged
+        bound = certify(simulation)
+        problem = StepProblem(scene, *simulation.last_start())
+        assert problem.staggered
+        slide, change = problem.free_velocity, [np.inf]
+        while change[-1] > bound.solver_error:
+            exact = solve_exactly(problem, slide)
+            change.append(np.abs(exact.velocity - slide).max())
+            slide = exact.velocity
+        # the changes shrink to less than a half each time: what is left is less than the last of them
+        assert len(change) > 3
+        assert max(new / old for old, new in itertools.pairwise(change[1:-1])) < 0.5
+        assert np.abs(slide - simulation.velocity).max() <= 2.0 * (change[-1] + exact.error + bound.at_most)
+        tangent = solve_exactly(replace(problem, scene=scene.replace(wall="tangent")), slide)
+        assert np.abs(tangent.velocity - slide).max() > 1e3 * (tangent.error + bound.at_most)
 
     def test_it_changes_nothing(self) -> None:
         plain, certified = (Simulation(Scene.load("annulus")) for _ in range(2))

@@ -13,7 +13,7 @@ from warpgrains.files import draft_of
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report import report
 from warpgrains.report.report import markdown
-from warpgrains.report.rows import Budget, Findings, PathRow, StepRow, fitted_order
+from warpgrains.report.rows import SCHEMES, Budget, Findings, PathRow, StepRow, fitted_order
 from warpgrains.report.steps import Snapshot, follow_history, measure_steps
 from warpgrains.report.trajectories import FRACTIONS, measure_frontier, measure_paths
 from warpgrains.scene.state import first_state
@@ -69,6 +69,10 @@ def test_command_writes_every_file(
         assert {row["scene"] for row in rows} == {"mine"}
     for name in FILES[4:]:
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
+
+
+def path(dt: float, error: float) -> PathRow:
+    return PathRow("power", "text", 1.0, dt, error, 0.0, 1.0)
 
 
 class TestSteps:
@@ -133,33 +137,50 @@ class TestMoments:
 
 class TestTrajectories:
     def test_free_fall(self) -> None:
-        """Symplectic Euler falls by g T dt / 2 too far: the distance of two of them is g T (dt - dt') / 2."""
+        """Symplectic Euler falls by g T dt / 2 too far, the leapfrog as far as it should."""
         g = 9.81
         scene = Scene(position=[[0.5, 0.0]], radius=1.0, mass=0.1, radius_out=90.0, dt=0.01)
         rows = list(measure_paths(scene, first_state(scene), 32))
-        assert [row.dt for row in rows] == [0.01 * fraction for fraction in FRACTIONS]
+        assert [row.scheme for row in rows] == [scheme for scheme in SCHEMES for _ in FRACTIONS]
+        assert [row.dt for row in rows] == [0.01 * fraction for fraction in FRACTIONS] * 2
+        # 2048 steps round positions of less than a metre, and as many velocities.
+        rounding = 2048 * np.finfo(float).eps
         for row in rows:
             assert row.horizon == pytest.approx(0.32)
-            # 2048 steps round positions of less than a metre, and as many velocities.
-            rounding = 2048 * np.finfo(float).eps
-            assert row.error == pytest.approx(0.5 * g * 0.32 * (row.dt - 0.01 / 64), abs=rounding)
-            assert row.finest_error == pytest.approx(0.5 * g * 0.32 * 0.01 / 64, abs=rounding)
-        errors = [fraction - 1 / 64 for fraction in FRACTIONS]  # but for a factor
-        assert fitted_order(rows) == pytest.approx(np.polyfit(np.log(FRACTIONS), np.log(errors), 1)[0])
+            assert row.cpu_time > 0.0
+            expected = 0.5 * g * 0.32 * row.dt if row.scheme == "text" else 0.0
+            assert row.error == pytest.approx(expected, abs=rounding)
+            assert row.finest_error <= rounding
+        assert fitted_order(rows[: len(FRACTIONS)]) == pytest.approx(1.0, abs=1e-6)
 
     @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
     def test_order_of_a_power(self, order: float) -> None:
-        rows = [PathRow("power", 1.0, dt, 3.0 * dt**order, 0.0) for dt in (1e-1, 1e-2, 1e-3)]
+        rows = [path(dt, 3.0 * dt**order) for dt in (1e-1, 1e-2, 1e-3)]
         assert fitted_order(rows) == pytest.approx(order, rel=1e-12)
-        assert fitted_order([*rows, PathRow("power", 1.0, 1e-4, 0.0, 0.0)]) == pytest.approx(order, rel=1e-12)
+        for unfit in (0.0, np.nan):
+            assert fitted_order([*rows, path(1e-4, unfit)]) == pytest.approx(order, rel=1e-12)
 
     def test_no_order_of_one_error(self) -> None:
-        assert fitted_order([PathRow("one", 1.0, 0.1, 1.0, 0.0), PathRow("one", 1.0, 0.2, 0.0, 0.0)]) is None
+        assert fitted_order([path(0.1, 1.0), path(0.2, 0.0)]) is None
+
+    def test_a_step_that_leaves_the_circle(self) -> None:
+        """It has no error in the table, and the others have."""
+        scene = Scene(
+            position=[[0.0, -0.9]],
+            velocity=[[30.0, 0.0]],
+            radius=0.1,
+            mass=1.0,
+            radius_out=1.0,
+            gravity=(0.0, 0.0),
+            dt=0.01,
+        )
+        rows = [row for row in measure_paths(scene, first_state(scene), 4) if row.scheme != "text"]
+        assert [np.isnan(row.error) for row in rows] == [fraction == 4.0 for fraction in FRACTIONS]
 
     def test_drag_limits_the_longest_step(self) -> None:
         scene = Scene(position=[[0.5, 0.0]], radius=1.0, mass=0.1, radius_out=9.0, dt=0.01, drag=3.0)
         rows = list(measure_paths(scene, first_state(scene), 4))
-        assert [row.dt for row in rows] == [0.01 * fraction for fraction in FRACTIONS[1:]]
+        assert [row.dt for row in rows] == [0.01 * fraction for fraction in (*FRACTIONS[1:], *FRACTIONS)]
 
 
 class TestFrontier:

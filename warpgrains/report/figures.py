@@ -7,11 +7,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from warpgrains.report.rows import COSTS, SWEEPING, Configuration, FrontierRow, PathRow, StepRow, fitted_order
+from warpgrains.report.rows import (
+    COSTS,
+    SCHEMES,
+    SWEEPING,
+    Configuration,
+    FrontierRow,
+    PathRow,
+    StepRow,
+    fitted_order,
+)
 
 # Okabe and Ito, Color Universal Design: told apart by everyone, and by their lightness in print.
 _BLUE, _ORANGE, _GREEN, _GREY = "#0072b2", "#d55e00", "#009e73", "0.6"
 _COLOR = {"gauss-seidel": _BLUE, "accelerated": _ORANGE, "exact": _GREEN}
+_SCHEME_COLOR = dict(zip(SCHEMES, ("black", _ORANGE), strict=True))
 _DASHES = {"sequential": "-", "color": "--"}
 _LEAST_OVERLAP = 1e-13  # m: what is less is rounding
 _BELOW: dict[str, Any] = {"loc": "outside lower center", "ncols": 3, "fontsize": "small", "frameon": False}
@@ -69,9 +79,10 @@ def _style(configuration: Configuration) -> dict[str, Any]:
 
 def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Figure:
     """Draw a scene's error against dt, and the overlap that equal work leaves."""
-    figure = Figure(figsize=(9.5, 5.0), layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(13.5, 5.0), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
     _draw_error(left, paths)
+    _draw_error_over_time(middle, paths)
     _draw_overlap(right, frontier)
     figure.suptitle(f"{paths[0].scene}: iterations, or shorter steps", fontsize="large")
     handles, labels = right.get_legend_handles_labels()
@@ -81,17 +92,27 @@ def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Fig
 
 
 def _draw_error(axes: Axes, rows: Sequence[PathRow]) -> None:
-    order = fitted_order(list(rows))
-    label = "measured" if order is None else f"measured: order {order:.2f}"
-    dt, error = [row.dt for row in rows], [row.error for row in rows]
-    axes.plot(dt, error, color="black", marker="o", markersize=4, label=label)
-    middle = len(rows) // 2
-    line = [error[middle] * step / dt[middle] for step in dt]
-    axes.plot(dt, line, color=_GREY, linestyle="--", linewidth=1.0, label="order 1")
+    for scheme, color in _SCHEME_COLOR.items():
+        here = [row for row in rows if row.scheme == scheme]
+        order = fitted_order(here)
+        label = scheme if order is None else f"{scheme}: order {order:.2f}"
+        dt, error = [row.dt for row in here], [row.error for row in here]
+        axes.plot(dt, error, color=color, marker="o", markersize=4, label=label)
     own = rows[0].finest_error
     axes.axhline(own, color=_GREY, linestyle=":", linewidth=1.0, label="the finest trajectory's own error")
     axes.set_title(f"trajectories over {rows[0].horizon:.3g} s from the first contact", fontsize="medium")
     axes.set(xlabel="dt [s]", ylabel="error of the positions [m]")
+    _make_logarithmic(axes)
+    axes.legend(fontsize="small", frameon=False)
+
+
+def _draw_error_over_time(axes: Axes, rows: Sequence[PathRow]) -> None:
+    for scheme, color in _SCHEME_COLOR.items():
+        here = [row for row in rows if row.scheme == scheme]
+        time, error = [row.cpu_time for row in here], [row.error for row in here]
+        axes.plot(time, error, color=color, marker="o", markersize=4, label=scheme)
+    axes.set_title("the same over what it costs", fontsize="medium")
+    axes.set(xlabel="CPU time [s]", ylabel="error of the positions [m]")
     _make_logarithmic(axes)
     axes.legend(fontsize="small", frameon=False)
 
@@ -110,7 +131,8 @@ def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
             axes.plot([row.dt for row in here], left, label=f"{method}, {cost} iterations", **look)
     best = [row for row in rows if (row.method, row.cost) == ("accelerated", COSTS[-1])]
     floor = [row.wall_floor for row in best]
-    axes.plot([row.dt for row in best], floor, color=_GREY, linestyle="--", label="(v dt)² / (2 R_out)")
+    if any(floor):
+        axes.plot([row.dt for row in best], floor, color=_GREY, linestyle="--", label="(v dt)² / (2 R_out)")
     axes.set_title(f"equal work, over {rows[0].horizon:.3g} s from the hardest step", fontsize="medium")
     axes.set(xlabel="dt [s]", ylabel="overlap left [m]")
     _make_logarithmic(axes)
@@ -118,11 +140,13 @@ def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
 
 
 def _make_logarithmic(axes: Axes) -> None:
-    """Logarithmic axes with a light grid, and a label every few decades only."""
+    """Logarithmic axes with a light grid, and a label every few decades only; more within one decade."""
     axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(LogLocator(numticks=8))
-        axis.set_minor_formatter(NullFormatter())
+        low, high = axis.get_view_interval()
+        if high > 10.0 * low:
+            axis.set_minor_formatter(NullFormatter())
     axes.grid(color="0.9", linewidth=0.6)
     axes.set_axisbelow(True)
     for side in ("top", "right"):

@@ -15,7 +15,16 @@ from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder, table_text, write_whole
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
-from warpgrains.report.rows import SWEEPING, Budget, Findings, FrontierRow, PathRow, StepRow, fitted_order
+from warpgrains.report.rows import (
+    SCHEMES,
+    SWEEPING,
+    Budget,
+    Findings,
+    FrontierRow,
+    PathRow,
+    StepRow,
+    fitted_order,
+)
 from warpgrains.report.steps import follow_history, measure_steps
 from warpgrains.report.trajectories import measure_frontier, measure_paths
 from warpgrains.scene.scene import Scene
@@ -94,7 +103,7 @@ def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:
             yield f"{snapshot.name}, {step.method}, {step.order}, {step.iterations} iterations"
     for path in measure_paths(scene, history.first, budget.horizon):
         found.paths.append(path)
-        yield f"trajectory, dt {path.dt:.3g} s"
+        yield f"trajectory, {path.scheme}, dt {path.dt:.3g} s"
     for run in measure_frontier(scene, history.hardest, budget.horizon):
         found.frontier.append(run)
         yield f"equal work, {run.method}, dt {run.dt:.3g} s"
@@ -154,11 +163,16 @@ def _first_below(measured: Sequence[StepRow], relative: float) -> str:
 
 
 def _path_text(paths: Sequence[PathRow]) -> str:
-    order = fitted_order(list(paths))
-    fit = "no error to fit an order to" if order is None else f"error of order {order:.2f} in dt"
+    fits = []
+    for scheme in SCHEMES:
+        here = [path for path in paths if path.scheme == scheme]
+        order, shortest = fitted_order(here), here[-1]
+        fit = "no error to fit an order to" if order is None else f"error of order {order:.2f} in dt"
+        fits.append(f"{scheme}: {fit}, {shortest.error:.1e} m at dt {shortest.dt:.2g} s")
     return (
-        f"Trajectories over {paths[0].horizon:.3g} s from the first contact (four of the scene's own steps,"
-        f" and on while two of fine steps stay within 1 % of the smallest radius of each other): {fit}."
+        f"Trajectories over {paths[0].horizon:.3g} s from the first contact (four of the scene's own"
+        " steps, and on while two of fine steps stay within 1 % of the smallest radius of each other)."
+        f" {'; '.join(fits)}."
     )
 
 

@@ -9,6 +9,12 @@ ACCURATE: dict[str, Any] = {"method": "accelerated", "order": "color", "stop": "
 """Fields of a scene that is solved as well as can be."""
 SWEEPING = ("gauss-seidel", "accelerated")
 """Methods of which so many iterations can be asked."""
+SECOND_ORDER = "leapfrog, round wall"
+SCHEMES = {
+    "text": {"scheme": "text", "wall": "tangent"},
+    SECOND_ORDER: {"scheme": "leapfrog", "wall": "round"},
+}
+"""Fields of a scene, by what a report calls them."""
 COSTS = (16, 160, 1600)  # iterations spent in one of the scene's own steps, where equal work is compared
 
 
@@ -83,15 +89,19 @@ class PathRow:
     """A trajectory: a row of trajectories.csv."""
 
     scene: str
+    scheme: str
+    """One of `SCHEMES`."""
     horizon: float
     """How long it is [s]."""
     dt: float
     """[s]."""
     error: float
-    """Largest distance of a coordinate from the trajectory of steps 1/64 as long as the scene's own, at any
-    multiple of four of the scene's own steps [m]."""
+    """Largest distance of a coordinate from the trajectory of second order with steps 1/64 as long as the
+    scene's own, at any multiple of four of the scene's own steps [m]; nan where a grain was lost."""
     finest_error: float
-    """The same distance of a trajectory of steps 1/32 as long: errors near it are not to be trusted [m]."""
+    """The same distance of one with steps 1/32 as long: errors near it are not to be trusted [m]."""
+    cpu_time: float
+    """Spent on all steps [s]."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +123,7 @@ class FrontierRow:
     which happens when far too few iterations leave two centres at one place."""
     wall_floor: float
     """(v dt)^2 / (2 radius_out), v the largest speed in a run of solved steps: the overlap with the outer
-    wall that a tangential move may leave, however well a step is solved [m]."""
+    wall that a tangential move may leave, however well a step is solved [m]; 0 where the wall is round."""
 
 
 @dataclass(frozen=True)
