@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from same_bits import contents
 from sweeps import SMALL, batch, results, table, write
+from trimmed import trimmed
 
 from warpgrains.batch.batch import Batch
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -294,4 +295,4 @@ class TestKilledShortRuns:
 
     @pytest.mark.slow
     def test_resumed_from_twenty_moments(self, tmp_path):
-        self.killed(tmp_path, range(1, 21))
+        self.killed(tmp_path, range(1, 1 + trimmed(20)))

@@ -12,7 +12,8 @@ from warpgrains.errors import OutputError, SceneError, missing_extra
 from warpgrains.files import make_folder
 from warpgrains.scene import checks
 from warpgrains.simulation.options import ExecutionOptions
-from warpgrains.sweep.folder import RunFolder, SweepFolder, Tables
+from warpgrains.sweep.folder import SweepFolder, Tables
+from warpgrains.sweep.run_folder import RunFolder
 from warpgrains.sweep.sweep import Run, Sweep
 
 if TYPE_CHECKING:

@@ -15,8 +15,9 @@ from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import open_outputs
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.sweep.folder import AGAIN, RunFolder, SweepFolder
+from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.results import failure, result
+from warpgrains.sweep.run_folder import AGAIN, RunFolder
 from warpgrains.sweep.sweep import Run
 
 if TYPE_CHECKING:

@@ -1,0 +1,143 @@
+"""The folder of one run, which holds what it takes to go on with it.
+
+================== ==========================================================================================
+scene.toml         what is simulated; alone it gives the run again
+checkpoint.npz     its state, now and then and at the end: ``warpgrains run --resume`` takes it on from there
+recording.usdc     its frames, if they are wanted
+result.csv         a line of names and a line of values; it appears last: a run that has it is finished
+================== ==========================================================================================
+"""
+
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from warpgrains.errors import OutputError, SceneError
+from warpgrains.files import Row, read_table, table_text, write_whole
+from warpgrains.locks import Lock
+from warpgrains.scene.reader import scene_fields
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import first_state
+from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from warpgrains.simulation.options import RunOptions
+from warpgrains.solver.statistics import RunStatistics
+from warpgrains.sweep.results import failure, require_result
+
+RESULT = "result.csv"
+AGAIN = "delete the run's folder to do it again"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """The files of one run."""
+
+    path: Path
+    """The folder."""
+    labels: Row
+    """What tells it from others: the first columns of its result, "run" and "scene" among them."""
+    text: str
+    """Its scene file."""
+
+    @property
+    def scene_file(self) -> Path:
+        """What is simulated."""
+        return self.path / "scene.toml"
+
+    @property
+    def checkpoint(self) -> Path:
+        """The state."""
+        return self.path / "checkpoint.npz"
+
+    @property
+    def recording(self) -> Path:
+        """The frames."""
+        return self.path / "recording.usdc"
+
+    @property
+    def result(self) -> Path:
+        """The result."""
+        return self.path / RESULT
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether there is anything of this run."""
+        return self.scene_file.exists()
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the run has its result, good or bad."""
+        return self.result.exists()
+
+    def require_own(self) -> None:
+        """Raise OutputError if what is there is a run of something else, and SceneError if it is damaged."""
+        if not self.is_begun:
+            return
+        try:
+            found = self.scene_file.read_bytes().decode()
+        except UnicodeDecodeError:
+            raise SceneError(f"'{self.scene_file}' is no text: {AGAIN}") from None
+        if found != self.text:
+            raise OutputError(
+                f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
+            )
+
+    def lock(self) -> Lock:
+        """Return the lock on the run, that on its checkpoint: no sweep and no ``run --resume`` shares it."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        return Lock(self.checkpoint)
+
+    def begin(self, fps: float | None) -> Checkpoint:
+        """Return where the run, which is locked, is: at its start, or where another process left it.
+
+        If it is to be recorded, then with `fps` frames a second of simulated time [1/s]; but a run that is
+        resumed keeps to what it was begun with.
+
+        Raises
+        ------
+        SceneError
+            Its scene is none, or its checkpoint is damaged; as an `OutputError`, if it is finished, or is
+            the run of something else.
+        """
+        self.require_own()
+        if self.is_finished:
+            raise OutputError("another process has finished it")
+        if self.checkpoint.exists():
+            return self._kept()
+        scene = Scene(**{**scene_fields(self.text, self.scene_file), "name": self.labels["scene"]})
+        options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint))
+        if fps is not None:
+            from warpgrains.usd.recorder import chunks_of
+
+            shutil.rmtree(chunks_of(self.recording), ignore_errors=True)
+            options = replace(options, record=str(self.recording), fps=fps)
+        return Checkpoint(scene, first_state(scene), options, RunStatistics())
+
+    def _kept(self) -> Checkpoint:
+        """Return the checkpoint of this run; what it says of places counts for nothing."""
+        kept = read_checkpoint(self.checkpoint)
+        options = kept.options
+        if options is None or kept.scene.text != self.text or options.steps != kept.scene.steps:
+            raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
+        record = None if options.record is None else str(self.recording)
+        return replace(kept, options=replace(options, record=record, checkpoint=str(self.checkpoint)))
+
+    def keep(self, reached: Checkpoint) -> None:
+        """Save where the run is."""
+        self._write_scene()
+        write_checkpoint(self.checkpoint, reached)
+
+    def finish(self, row: Row) -> None:
+        """Save the result: from then on the run is finished."""
+        self._write_scene()
+        write_whole(self.result, table_text([row]).encode())
+
+    def row(self) -> Row:
+        """Return the result; if it cannot be read, that the run has failed for this reason."""
+        try:
+            return require_result(read_table(self.result), self.labels)
+        except SceneError:
+            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}")
+
+    def _write_scene(self) -> None:
+        if not self.is_begun:
+            write_whole(self.scene_file, self.text.encode())
