@@ -80,6 +80,14 @@ class Partial:
 
 
 @wp.struct
+class History:
+    """What the iterations of the last step have come to; of length 0 where nobody asks."""
+
+    zeta: Floats  # of every iteration [m/s]
+    residual: Floats  # after it [m/s]
+
+
+@wp.struct
 class StoppingCriterion:
     """When to stop iterating."""
 
@@ -140,6 +148,7 @@ class SceneRecord:
     strips: Strips
     control: Control
     partial: Partial
+    history: History
     step: StepState
     statistics: RunStatistics
     to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search

@@ -10,6 +10,7 @@ from .walls import room_of, slide
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
 NEARLY = wp.constant(f64(2.0))  # times the tolerance: a zeta from which the residual is worth a check
+FOR_HISTORY = wp.constant(2)  # what `Control.measuring` is where nothing follows from the residual
 
 
 @wp.func
@@ -77,19 +78,28 @@ def decide_to_stop(s: Scene):
         going_on = False
     if s.control.halted != 0:
         going_on = False
+    recording = iterations <= s.history.zeta.shape[0]
+    if recording:
+        s.history.zeta[iterations - 1] = zeta
     s.step.zeta = zeta
     s.step.iterations = iterations
     s.control.iterating = 1 if going_on else 0
-    s.control.measuring = 1 if checking or not going_on else 0
+    s.control.measuring = 1 if checking or not going_on else FOR_HISTORY if recording else 0
     s.control.rebuilding = 1 if checking else 0
 
 
 @wp.func
 def stop_on_residual(s: Scene):
-    """Stop on residual <= tolerance."""
+    """Stop on residual <= tolerance, unless it is measured for the history alone."""
     residual = gathered(s.partial.residual)
     s.step.residual = residual
-    if s.stopping.on_residual != 0 and residual <= s.stopping.tolerance:
+    if s.step.iterations <= s.history.residual.shape[0]:
+        s.history.residual[s.step.iterations - 1] = residual
+    if (
+        s.stopping.on_residual != 0
+        and s.control.measuring != FOR_HISTORY
+        and residual <= s.stopping.tolerance
+    ):
         s.control.iterating = 0
 
 

@@ -18,7 +18,7 @@ INTERRUPTED = 130
 """Exit code of a command that Ctrl-C has ended."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
-STDOUT, STDERR = 1, 2
+STDIN, STDOUT, STDERR = 0, 1, 2
 
 
 def in_columns(rows: Mapping[str, object]) -> str:
@@ -28,7 +28,7 @@ def in_columns(rows: Mapping[str, object]) -> str:
 
 def open_standard_streams() -> None:
     """Open what is closed of input, output and errors: else the next file to be opened would be it."""
-    for number, name, mode in ((0, "stdin", "r"), (STDOUT, "stdout", "w"), (STDERR, "stderr", "w")):
+    for number, name, mode in ((STDIN, "stdin", "r"), (STDOUT, "stdout", "w"), (STDERR, "stderr", "w")):
         try:
             os.fstat(number)
         except OSError:

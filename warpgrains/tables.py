@@ -39,6 +39,8 @@ class Tabular:
         columns: dict[str, Any] = {}
         for field in fields(self):  # type: ignore[arg-type]
             value = getattr(self, field.name)
+            if not field.metadata.get("tabular", True):
+                continue
             if isinstance(value, np.ndarray) and value.ndim == 2:
                 names = COMPONENTS.get(field.name, (f"{field.name}_x", f"{field.name}_y"))
                 columns |= dict(zip(names, value.T, strict=True))

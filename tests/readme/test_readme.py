@@ -77,7 +77,9 @@ def test_quick_commands_run(tmp_path, monkeypatch, capfd):
     ran = 0
     for line in sorted(commands(), key=lambda line: "run" not in line.split()):
         words = shlex.split(line)[1:]
-        needed = [word for word in words[1:] if word.endswith((".npz", ".usdc")) and words[0] != "run"]
+        needed = [
+            word for word in words[1:] if word.endswith((".npz", ".usdc", ".csv")) and words[0] != "run"
+        ]
         if words[0] in SLOW or PLACEHOLDER.search(line) or "pile" in words or "--resume" in words:
             continue
         if all((tmp_path / word).exists() for word in needed):

@@ -126,6 +126,11 @@ def _add_run(parser: ArgumentParser) -> None:
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)")
     _add_set(parser)
+    stepping = parser.add_argument_group("step by step").add_argument
+    keys = "take a step a key press and print its report: N next, R run, S stop, Q quit"
+    stepping("--step-by-step", action="store_true", help=keys)
+    each = "file for zeta and residual of every iteration, which plot draws"
+    stepping("--history", metavar="CSV", help=each)
     series = parser.add_argument_group("series").add_argument
     series("--measure", metavar="WHAT,...", help="measure quantities as the run goes, such as energy,stress")
     series("--series", metavar="CSV", help="file for what is measured, a row every K steps")
@@ -195,7 +200,7 @@ def _add_recover(parser: ArgumentParser) -> None:
 
 def _add_plot(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    add("file", metavar="FILE", help="the recording, a USD file")
+    add("file", metavar="FILE", help="the recording, a USD file, or the history of a run step by step, a CSV")
     add(
         "-o",
         "--output",
@@ -284,7 +289,8 @@ COMMANDS = {
         "tools.plot",
         _add_plot,
         "draw frames and curves of a recording",
-        "Draw frames of a recording side by side, and energy, height and contacts over time.",
+        "Draw frames of a recording side by side, and energy, height and contacts over time;"
+        " or how zeta and residual fall in the steps of a history.",
     ),
     "export": Command(
         "tools.export",

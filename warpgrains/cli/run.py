@@ -17,6 +17,7 @@ from typing import Any
 from tqdm import tqdm
 
 from warpgrains.analysis.series import Series
+from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import in_columns, start_warp, stdout_kept_clean
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
@@ -45,9 +46,17 @@ KEPT = {
     "until": "--until",
 }
 
+# What a run has that is not taken step by step.
+_RECORDED = ("output", "fps", "color_by", "forces", "draw_as", "measure", "series", "until")
+_NOT_STEP_BY_STEP = (*_RECORDED, "checkpoint", "every", "resume", "json")
+
 
 def run(arguments: Namespace) -> bool:
     """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
+    if arguments.step_by_step:
+        return _step_by_step(arguments)
+    if arguments.history is not None:
+        raise SceneError("--history needs --step-by-step")
     with ExitStack() as held:
         start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
         try:
@@ -61,6 +70,24 @@ def run(arguments: Namespace) -> bool:
         results |= {"frames": start.statistics.frames, "fps": _rate(start.scene, options.rate)}
     print(json.dumps(results) if arguments.json else _lines(results))
     return False
+
+
+def _step_by_step(arguments: Namespace) -> bool:
+    """Take the steps of a scene one by one."""
+    if arguments.scene is None:
+        raise SceneError("SCENE is missing")
+    for name in _given(arguments, *_NOT_STEP_BY_STEP):
+        option = _option(arguments, name) if name in KEPT else f"--{name}"
+        raise SceneError(f"{option} cannot go with --step-by-step")
+    scene = _scene(arguments)
+    step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
+    return False
+
+
+def _scene(arguments: Namespace) -> Scene:
+    """Return the scene of a new run."""
+    solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
+    return Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
 
 
 def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> None:
@@ -93,8 +120,7 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
             raise SceneError(f"{_option(arguments, name)} needs --output")
     if (arguments.measure is None) != (arguments.series is None):
         raise SceneError("--measure and --series go together")
-    solver = [f"solver.{key}={value}" for key, value in _given(arguments, "order", "method").items()]
-    scene = Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
+    scene = _scene(arguments)
     given = _given(
         arguments, "fps", "color_by", "forces", "draw_as", "checkpoint", "measure", "series", "until"
     )

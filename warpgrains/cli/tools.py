@@ -28,10 +28,17 @@ def recover(arguments: Namespace) -> bool:
 
 
 def plot(arguments: Namespace) -> bool:
-    """Draw a recording."""
+    """Draw a recording, or a history."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
     is_film = Path(output).suffix in FILMS
     require_drawing("plot", is_film)
+    if Path(arguments.file).suffix == ".csv":
+        if arguments.frames is not None or not arguments.curves:
+            raise SceneError("--frames and --no-curves have no effect on a history")
+        from warpgrains.analysis.convergence import plot_history
+
+        print(f"{output}: {len(plot_history(arguments.file, output))} steps")
+        return False
     if is_film:
         if arguments.frames is not None or not arguments.curves:
             raise SceneError("--frames and --no-curves have no effect on a film")

@@ -95,16 +95,22 @@ class Simulation(Shown):
         """Have the kernels ready before the first step."""
         self._engine.load_kernels()
 
-    def step(self) -> StepReport:
+    def step(self, history: bool = False) -> StepReport:
         """Advance by one time step.
+
+        Parameters
+        ----------
+        history : bool
+            Whether the report is to have zeta and residual of every iteration. The step is the same, and
+            takes about twice as long.
 
         Raises
         ------
         SimulationError
             A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
-            "raise". The state is that before the step.
+            "raise". The state is that before the step. Or a history of `max_iterations` finds no memory.
         """
-        self._advance(1, None)
+        self._advance(1, None, history)
         return self._engine.report(0)
 
     def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
@@ -124,8 +130,9 @@ class Simulation(Shown):
         self._advance(steps, on_progress)
         return self._engine.statistics(0)
 
-    def _advance(self, steps: int, on_progress: OnProgress | None) -> None:
+    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> None:
         before = self.steps
+        self._engine.keep_history(0, history)
         self._engine.submit([steps])
         advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before

@@ -41,6 +41,8 @@ class Sizes:
         CPU threads that share a scene.
     partials : int
         Parts in which threads keep a maximum or a sum.
+    history : int
+        Iterations of a step whose zeta and residual are kept.
     """
 
     grains: Counts
@@ -49,6 +51,7 @@ class Sizes:
     accelerated: int
     team: int
     partials: int
+    history: int = 0
 
     @classmethod
     def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> Sizes:
@@ -119,6 +122,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "dependencies": (pairs + 1) * strips,
         },
         "partial": dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),
+        "history": dict.fromkeys(("zeta", "residual"), size.history),
     }
 
 

@@ -164,6 +164,10 @@ class Engine:
         """Return what the contacts of scene k carry after its last good step."""
         return self._pulled(k).corrections()
 
+    def keep_history(self, k: int, keep: bool) -> None:
+        """Let reports of scene k have a history, or none; see `SceneRecords.keep_history`."""
+        self._records.keep_history(k, self.scenes[k].max_iterations if keep else 0)
+
     def submit(self, steps: Sequence[int]) -> None:
         """Ask for so many steps of each scene, and start counting anew."""
         self.left[:] = self._submitted[:] = steps

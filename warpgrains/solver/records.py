@@ -148,13 +148,29 @@ class SceneRecords:
             return
         grown = self.sizes.pairs.copy()
         grown[k] = pairs + pairs // 4
-        sizes = replace(self.sizes, pairs=grown)
+        self._resize(k, replace(self.sizes, pairs=grown))
+
+    def keep_history(self, k: int, iterations: int) -> None:
+        """Let scene k keep zeta and residual of so many iterations of each step; 0: of none.
+
+        Raises
+        ------
+        SimulationError
+            There is not so much memory.
+        """
+        if iterations != self.sizes.history:
+            self.pull(k)
+            self._resize(k, replace(self.sizes, history=iterations))
+
+    def _resize(self, k: int, sizes: Sizes) -> None:
+        """Move scene k to where there is room for other sizes."""
         require_memory(int(bytes_needed(sizes.of(k))[0]), self._scenes[k].n, self._device)
         kept = {field.name: self.array(k, field.name) for field in fields()}
         self.sizes = sizes
         self._place(np.array([k]), sizes.of(k))
         for name, array in kept.items():
-            self.array(k, name)[: len(array)] = array
+            moved = self.array(k, name)
+            moved[: len(array)] = array[: len(moved)]
         self.push(k)
 
     def pull(self, k: int) -> None:

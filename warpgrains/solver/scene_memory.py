@@ -11,7 +11,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList
 from warpgrains.solver import tuning
 from warpgrains.solver.records import SceneRecords
-from warpgrains.solver.statistics import RunStatistics, StepReport
+from warpgrains.solver.statistics import RunStatistics, StepHistory, StepReport
 
 STEP = tuple(StepState.vars)  # names of its fields
 SUMS = tuple(Sums.vars)
@@ -166,7 +166,13 @@ class SceneMemory:
             rebuilds=step["rebuilds"],
             redos=step["redos"],
             factorizations=step["factorizations"],
+            history=self._history(step["iterations"]),
         )
+
+    def _history(self, iterations: int) -> StepHistory | None:
+        """Return what the iterations of the last step came to, where that was kept."""
+        zeta, residual = (self.array(f"history.{name}") for name in StepHistory._fields)
+        return StepHistory(zeta[:iterations].copy(), residual[:iterations].copy()) if len(zeta) else None
 
     def statistics(self) -> RunStatistics:
         """Return what the device has added up."""

@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from operator import add, or_
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
+from warpgrains.arrays import FloatArray
 from warpgrains.shown import Shown
 from warpgrains.tables import Tabular
 
@@ -15,6 +16,15 @@ def named(grains: tuple[int, ...]) -> str:
     """Name some grains, the first few if there are many."""
     rest = len(grains) - NAMED
     return f"grains {', '.join(map(str, grains[:NAMED]))}{f' and {rest} more' if rest > 0 else ''}"
+
+
+class StepHistory(NamedTuple):
+    """How the contact iteration of a step went on; entry k - 1 is of iteration k >= 1."""
+
+    zeta: FloatArray
+    """Largest change of a correction in the iteration [m/s], shape (iterations,)."""
+    residual: FloatArray
+    """Error that it leaves, eta [m/s], shape (iterations,)."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,8 @@ class StepReport(Tabular):
         How often the step was solved again because a candidate might have been missing.
     factorizations : int
         How often the method "exact" factored a matrix.
+    history : StepHistory, optional
+        Zeta and residual of every iteration, of ``step(history=True)``.
     """
 
     iterations: int
@@ -65,6 +77,7 @@ class StepReport(Tabular):
     rebuilds: int
     redos: int
     factorizations: int
+    history: StepHistory | None = field(default=None, repr=False, compare=False, metadata={"tabular": False})
 
 
 @dataclass(frozen=True, repr=False)
