@@ -179,12 +179,12 @@ def test_processes(tmp_path):
             time.sleep(rng.uniform(0.0, 0.05))
             for process in processes:
                 process.send_signal(signal.SIGKILL)
-                process.wait(timeout=60)
+                process.wait(timeout=600)
             resume = [*command, "run", "--resume", str(kept)]
             pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
             processes = [subprocess.Popen(resume, **pipes) for _ in range(rng.integers(1, 4))]
             time.sleep(rng.uniform(0.0, 1.5))
-        assert {process.wait(timeout=60) for process in processes} <= {0, 2}
+        assert {process.wait(timeout=600) for process in processes} <= {0, 2}
         assert exit_code("run", "--resume", kept) == 0
         require_frames(output, STEPS + 1)
         assert contents(read_checkpoint(kept).state) == contents(model()[STEPS])
