@@ -140,7 +140,9 @@ def test_contacts_and_reports_as_frames():
     assert np.array_equal(frame.force, contacts.force)
     assert len(simulation.wall_contacts().to_pandas()) == 15
     report = simulation.step()
-    assert report.to_pandas().loc[0].to_dict() == asdict(report)
+    assert report.to_pandas().loc[0].to_dict() == {
+        name: value for name, value in asdict(report).items() if name != "history"
+    }
     assert simulation.run(steps=3).to_pandas().steps.tolist() == [3]
 
 

@@ -40,7 +40,7 @@ def test_raising_changes_no_bit_of_what_converges(method: str, threads: int) -> 
     assert contents(raising.state()) == contents(reporting.state())
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])  # the exact one converges
 def test_raising_leaves_the_last_good_state(method: str, tmp_path) -> None:
     scene = Scene.load("no_inner_wall").replace(method=method, max_iterations=40)
     simulation, expected = Simulation(scene, on_unconverged="raise"), Simulation(scene)

@@ -114,13 +114,16 @@ class TestResume:
         assert batch(write(tmp_path), "-o", out, "--resume") == 1
         assert results(out) == results(done)
 
-    def test_damaged_part_is_named(self, tmp_path, done, capfd):
+    def test_damaged_part_is_set_aside(self, tmp_path, done, capfd):
         out = tmp_path / "out"
         shutil.copytree(done, out)
         (part,) = (out / "parts").glob("[0-9]*.csv")
         part.write_bytes(part.read_bytes().replace(b"annulus", b"annalus", 1))
-        assert batch(write(tmp_path), "-o", out, "--resume") == 2
-        assert f"'{part}' is damaged: delete it to do its runs again" in capfd.readouterr().err
+        assert batch(write(tmp_path), "-o", out, "--resume") == 1
+        said = capfd.readouterr()
+        assert f"'{part}' is damaged: its runs are done again" in said.err
+        assert "6, 2 of them finished before" in said.out
+        assert part.with_name(f"{part.name}.damaged").exists()
         assert results(out) == results(done)
 
     def test_other_scene_is_refused(self, tmp_path, done, capfd):
@@ -129,15 +132,17 @@ class TestResume:
         assert batch(other, "-o", tmp_path / "out", "--resume") == 2
         assert "annulus.toml' is another scene than this sweep starts from" in capfd.readouterr().err
 
-    def test_run_that_takes_long_gets_a_folder(self, tmp_path, monkeypatch, undisturbed):
+    def test_run_that_takes_long_gets_a_folder(self, tmp_path, monkeypatch):
         """It goes on from where it is when the time is over."""
+        sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 80.0\n[axes]"))
+        assert batch(sweep, "-o", tmp_path / "short") == 0
         monkeypatch.setattr(short, "SHORT", 0.0)
         monkeypatch.setattr(engine, "BRIEF", 0)
         out = tmp_path / "out"
-        assert batch(write(tmp_path, LONG), "-o", out) == 0
-        assert results(out) == results(undisturbed)
+        assert batch(sweep, "-o", out) == 0
+        assert results(out) == results(tmp_path / "short")
         kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
-        assert kept.statistics.steps == 800
+        assert kept.statistics.steps == 8000
 
     def test_begun_sweep_needs_resume(self, tmp_path, done, capfd):
         shutil.copytree(done, tmp_path / "out")

@@ -6,6 +6,7 @@ the memory or crashes its reader, and only that.
     python -m warpgrains.cli.apart FUNCTION '{"path": ...}'
 """
 
+import errno
 import json
 import os
 import signal
@@ -130,10 +131,10 @@ def _main(function: str, most: str, arguments: str) -> int:
             answer = functions[function](**given)
     except SceneError as error:
         answer, code = str(error), _BAD_INPUT
-    except MemoryError:
-        answer, code = f"recording '{given['path']}' takes more memory than its size allows", _BAD_INPUT
-    except OSError as error:
+    except (MemoryError, OSError) as error:
         answer, code = str(error), _NOT_WRITTEN
+        if isinstance(error, MemoryError) or error.errno == errno.ENOMEM:
+            answer, code = f"recording '{given['path']}' takes more memory than its size allows", _BAD_INPUT
     os.write(result, json.dumps(answer).encode())
     return code
 

@@ -97,7 +97,7 @@ class SweepFolder:
                     write_whole(path, content, writer())
 
     def require_own(self, sweep: Sweep) -> None:
-        """Raise OutputError if results here are of another sweep; SceneError if a part is damaged."""
+        """Raise OutputError or SceneError if results here are of another sweep."""
         for base in sweep.bases:
             scene = self.path / _SCENES / f"{base.name}.toml"
             if scene.exists() and scene.read_bytes() != base.text.encode():

@@ -2,10 +2,12 @@
 
 A part is a CSV table with the columns of `results.csv` and the seconds, named after its first run, its last
 one and its content: ``0000512-0001023-a1b2c3d4e5f60718.csv``. Any number of processes and machines write
-parts side by side. What is not what its name says is damaged. A run may be in two parts, done twice.
+parts side by side. A part that is not what its name says is damaged: it is set aside, as ``….csv.damaged``,
+and its runs are done again. A run may be in two parts, done twice.
 """
 
 import re
+import sys
 from collections.abc import Collection, Iterable
 from hashlib import sha256
 from pathlib import Path
@@ -45,27 +47,34 @@ class Parts:
             write_whole(self.path / name, content, writer)
 
     def refresh(self, numbers: Collection[int]) -> None:
-        """Read the parts that have come since and may hold some of these runs.
+        """Read the parts that have come since and may hold some of these runs; set damaged ones aside.
 
         Raises
         ------
         SceneError
-            One is damaged, or of another sweep.
+            One is of another sweep.
         """
         first, last = min(numbers, default=0), max(numbers, default=-1)
         for name in sorted(path.name for path in self.path.glob("*.csv")):
             part = _NAME.fullmatch(name)
             if part is None or name in self._read:
                 continue
-            if int(part["first"]) <= last and int(part["last"]) >= first:
+            if int(part["first"]) <= last and int(part["last"]) >= first and self._is_whole(name):
                 for run, line in self._lines_of(name).items():
                     self.lines.setdefault(run, line)
                 self._read.add(name)
 
+    def _is_whole(self, name: str) -> bool:
+        """Whether a part is what its name says; one that is not is set aside."""
+        path = self.path / name
+        whole = name.rpartition("-")[2] == f"{_hash(path.read_bytes())}.csv"
+        if not whole:
+            path.rename(path.with_name(f"{name}.damaged"))
+            print(f"'{path}' is damaged: its runs are done again", file=sys.stderr)
+        return whole
+
     def _lines_of(self, name: str) -> Lines:
         content = (self.path / name).read_bytes()
-        if name.rpartition("-")[2] != f"{_hash(content)}.csv":
-            raise SceneError(f"'{self.path / name}' is damaged: delete it to do its runs again")
         if not content.startswith(self.head):
             raise SceneError(f"'{self.path / name}' is of another sweep: choose another -o")
         lines = content[len(self.head) :].splitlines(keepends=True)
