@@ -173,7 +173,12 @@ def sweep_walls_ahead(team: Team, s: Scene):
 
 @wp.func
 def begin_momentum(team: Team, s: Scene):
-    """Start without momentum; parts of chunks that no set has stay zero."""
+    """Start without momentum, or go on with it; parts of chunks that no set has stay zero."""
+    first, last = thread_range(team, 0, part_count(s))
+    for k in range(first, last):
+        s.momentum.pair_part[k] = wp.vec2d(f64(0.0), f64(0.0))
+    if s.control.resuming != 0:
+        return
     first, last = thread_range(team, 0, grain_count(s))
     for i in range(first, last):
         s.momentum.last_velocity[i] = s.grains.next_velocity[i]
@@ -186,9 +191,6 @@ def begin_momentum(team: Team, s: Scene):
     first, last = thread_range(team, 0, wall_count(s))
     for c in range(first, last):
         s.momentum.wall_last[c] = s.contacts.walls[c].dv
-    first, last = thread_range(team, 0, part_count(s))
-    for k in range(first, last):
-        s.momentum.pair_part[k] = wp.vec2d(f64(0.0), f64(0.0))
     if team.rank == 0:
         s.momentum.state.t = f64(1.0)
         s.momentum.state.beta = f64(0.0)

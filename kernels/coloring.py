@@ -14,6 +14,7 @@ list has changed.
 
 import warp as wp
 
+from .neighbors import is_at, place_in_row
 from .record import Scene, grain_count, pair_count
 from .types import Ints, NeighborList
 
@@ -45,24 +46,54 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
 
 
 @wp.func
-def colors(rows: NeighborList, used: wp.array(dtype=wp.uint64), group: Ints):
-    """First-fit. What does not fit in 64 colors (a grain may touch thousands) is swept pair by pair."""
-    n = rows.start.shape[0] - 1
-    for i in range(n):
-        used[i] = wp.uint64(0)
-    extra = int(0)
-    for i in range(n):
+def keep_colors(s: Scene) -> int:
+    """Let the pairs of the old list keep their colors, the others have none: -1. Returns the first extra one."""
+    rows, old, used, color = s.neighbors, s.workspace.old, s.workspace.used_colors, s.workspace.color
+    extra = int(MASK_COLORS)
+    for i in range(grain_count(s)):
+        k_old = old.start[i]
         for k in range(rows.start[i], rows.start[i + 1]):
             j = rows.neighbor[k]
-            color = lowest_free(used[i] | used[j])
-            if color < MASK_COLORS:
-                bit = wp.uint64(1) << wp.uint64(color)
-                used[i] = used[i] | bit
-                used[j] = used[j] | bit
-                group[k] = color
-            else:
-                group[k] = MASK_COLORS + extra
-                extra = extra + 1
+            color[k] = -1
+            k_old = place_in_row(old, i, j, k_old)
+            if is_at(old, i, j, k_old):
+                kept = s.workspace.old_color[k_old]
+                color[k] = kept
+                extra = wp.max(extra, kept + 1)
+                if kept < MASK_COLORS:
+                    bit = wp.uint64(1) << wp.uint64(kept)
+                    used[i] = used[i] | bit
+                    used[j] = used[j] | bit
+    return extra
+
+
+@wp.func
+def colors(s: Scene):
+    """First-fit. What does not fit in 64 colors (a grain may touch thousands) is swept pair by pair.
+
+    In the middle of an attempt pairs that stay keep their colors, so that all of it is in one order.
+    """
+    rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
+    n = grain_count(s)
+    for i in range(n):
+        used[i] = wp.uint64(0)
+    extra = int(MASK_COLORS)
+    resuming = s.control.resuming != 0
+    if resuming:
+        extra = keep_colors(s)
+    for i in range(n):
+        for k in range(rows.start[i], rows.start[i + 1]):
+            if not resuming or color[k] < 0:
+                j = rows.neighbor[k]
+                color[k] = lowest_free(used[i] | used[j])
+                if color[k] < MASK_COLORS:
+                    bit = wp.uint64(1) << wp.uint64(color[k])
+                    used[i] = used[i] | bit
+                    used[j] = used[j] | bit
+                else:
+                    color[k] = extra
+                    extra = extra + 1
+            s.workspace.group[k] = color[k]
 
 
 @wp.func
@@ -100,7 +131,7 @@ def place_pairs(s: Scene):
 def group_pairs(s: Scene):
     """Give every pair its set."""
     if s.by_color != 0:
-        colors(s.neighbors, s.workspace.used_colors, s.workspace.group)
+        colors(s)
     else:
         levels(s.neighbors, s.workspace.next_level, s.workspace.group)
 

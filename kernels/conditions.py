@@ -66,6 +66,12 @@ def corrected(s: Scene) -> bool:
 
 
 @wp.func
+def unfinished(s: Scene) -> bool:
+    """Iterations are left to do, with this list or another."""
+    return s.control.unfinished != 0
+
+
+@wp.func
 def iterating(s: Scene) -> bool:
     """The contact iteration goes on."""
     return s.control.iterating != 0
@@ -99,6 +105,12 @@ def rebuilding(s: Scene) -> bool:
 def accepted(s: Scene) -> bool:
     """The step is taken."""
     return s.control.accepted != 0
+
+
+@wp.func
+def recoloring(s: Scene) -> bool:
+    """Pairs have kept colors that the list alone does not tell."""
+    return s.control.recoloring != 0
 
 
 @wp.func

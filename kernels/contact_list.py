@@ -3,38 +3,59 @@
 import warp as wp
 
 from . import law
-from .neighbors import is_at, place_in_row
-from .record import WITHOUT_ROOM, Scene, grain_count
+from .neighbors import is_active, is_at, place_in_row
+from .record import WITHOUT_ROOM, Scene, grain_count, is_accelerated
 from .types import Pair
+from .verlet import stayed_silent
 
 f64 = wp.float64
 
 
 @wp.func
 def save_pairs(s: Scene, i: int):
-    """Keep a grain's pairs, and their corrections at the start of the step."""
+    """Keep a grain's pairs and all that they carry."""
     s.workspace.old.start[i] = s.neighbors.start[i]
-    s.workspace.wall_dv[i] = f64(0.0)
+    s.workspace.old_wall_dv[i] = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
+    s.workspace.was_at_wall[i] = 0
     for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
+        c = s.workspace.sweep_index[k]
+        dv = wp.vec3d(s.contacts.pair_dv[c], s.contacts.pair_dv_start[c], f64(0.0))
+        if is_accelerated(s):
+            dv[2] = s.momentum.pair_last[c]
         s.workspace.old.neighbor[k] = s.neighbors.neighbor[k]
-        s.workspace.old_pair_dv[k] = s.contacts.pair_dv_start[s.workspace.sweep_index[k]]
+        s.workspace.old_pair_dv[k] = dv
+        s.workspace.old_color[k] = s.workspace.color[k]
 
 
 @wp.func
 def save_wall(s: Scene, c: int):
-    """Keep a wall's correction at the start of the step, by grain."""
-    s.workspace.wall_dv[s.contacts.walls[c].i] = s.contacts.wall_dv_start[c]
+    """Keep a wall's corrections, by grain."""
+    i = s.contacts.walls[c].i
+    dv = wp.vec3d(s.contacts.walls[c].dv, s.contacts.wall_dv_start[c], f64(0.0))
+    if is_accelerated(s):
+        dv[2] = s.momentum.wall_last[c]
+    s.workspace.old_wall_dv[i] = dv
+    s.workspace.was_at_wall[i] = 1
 
 
 @wp.func
 def expire(s: Scene):
-    """Ask for a new list, in the same step."""
+    """Ask for a new list, in the same step; iterations that were begun go on with it."""
     n = grain_count(s)
     s.workspace.old.start[n] = s.neighbors.start[n]
     s.step.rebuilds = s.step.rebuilds + 1
-    if s.step.iterations > 0:
-        s.step.redos = s.step.redos + 1
+    s.control.resuming = 1 if s.step.iterations > 0 else 0
     s.control.unlisted = 1
+    s.verlet.flags.missed = 0
+
+
+@wp.func
+def color_anew(s: Scene):
+    """Ask for the sweeping order that the list alone tells, before the next step."""
+    n = grain_count(s)
+    s.workspace.old.start[n] = s.neighbors.start[n]
+    s.control.recoloring = 0
+    s.control.unordered = 1
 
 
 @wp.func
@@ -50,7 +71,7 @@ def keep_active_pairs(s: Scene, i: int):
     for k_old in range(s.workspace.old.start[i], s.workspace.old.start[i + 1]):
         j = s.workspace.old.neighbor[k_old]
         k = place_in_row(s.neighbors, i, j, k)
-        if s.workspace.old_pair_dv[k_old] != f64(0.0) and not is_at(s.neighbors, i, j, k):
+        if is_active(s.workspace.old_pair_dv[k_old]) and not is_at(s.neighbors, i, j, k):
             half = f64(0.5) * wp.length(s.grains.position[j] - s.grains.position[i])
             wp.atomic_max(s.verlet.skin, i, half)
             wp.atomic_max(s.verlet.skin, j, half)
@@ -78,12 +99,16 @@ def transfer_warm_start(s: Scene, i: int):
         pair.i = i
         pair.j = j
         k_old = place_in_row(s.workspace.old, i, j, k_old)
-        dv = f64(0.0)
+        dv = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
         if is_at(s.workspace.old, i, j, k_old):
             dv = s.workspace.old_pair_dv[k_old]
+        elif s.control.resuming != 0 and not stayed_silent(s, i, j):
+            s.verlet.flags.missed = 1
         s.contacts.pairs[c] = pair
-        s.contacts.pair_dv[c] = dv
-        s.contacts.pair_dv_start[c] = dv
+        s.contacts.pair_dv[c] = dv[0]
+        s.contacts.pair_dv_start[c] = dv[1]
+        if is_accelerated(s):
+            s.momentum.pair_last[c] = dv[2]
         if s.contacts.weights.shape[0] > 0:
             mass_i = s.grains.mass[i]
             mass_j = s.grains.mass[j]

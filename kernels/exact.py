@@ -37,6 +37,7 @@ def stop_when_slow(s: Scene):
         sweeps = wp.min(s.step.iterations - HALF_WAY, REBUILD_EVERY)
         if left * f64(sweeps) > fallen * f64(s.stopping.patience):
             s.control.iterating = 0
+            s.control.unfinished = 0
     if s.control.rebuilding != 0 or s.step.iterations == HALF_WAY:
         s.momentum.state.residual = s.step.residual
 
@@ -54,6 +55,7 @@ def go_on(s: Scene):
     s.momentum.state.residual = s.step.residual
     left = s.step.residual > s.stopping.tolerance and s.step.iterations < s.stopping.max_iterations
     s.control.iterating = 1 if left and s.control.halted == 0 else 0
+    s.control.unfinished = s.control.iterating
     s.control.measuring = 0
     s.control.sampling = 0
     s.control.rejected = 0

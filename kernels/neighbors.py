@@ -8,8 +8,9 @@ the pair, so that few large grains among many small ones cost no more than the c
 import warp as wp
 
 from .access import number_at, vector_at
-from .record import Scene, grain_count
+from .record import Scene, grain_count, is_accelerated
 from .types import Ints, NeighborList
+from .verlet import stayed_off_walls
 from .walls import WallContact, is_near_wall
 
 f64 = wp.float64
@@ -187,20 +188,30 @@ def sort_row(s: Scene, i: int):
 
 
 @wp.func
+def is_active(dv: wp.vec3d) -> bool:
+    """Whether a contact carries a correction, or did at the step's start or a sweep back."""
+    return dv[0] != f64(0.0) or dv[1] != f64(0.0) or dv[2] != f64(0.0)
+
+
+@wp.func
 def list_walls(s: Scene):
     """List the grains that may reach a wall, or are held by one, with the corrections that they carry."""
     listed = int(0)
     for i in range(grain_count(s)):
         path = s.verlet.numbers.lifetime * wp.length(s.verlet.reference_velocity[i])
         reach = (s.verlet.skin[i] + s.verlet.numbers.frame_skin + path) * TOO_WIDE
-        dv = s.workspace.wall_dv[i]
-        if is_near_wall(s.grains.position[i], s.grains.radius[i], s.walls, reach) or dv != f64(0.0):
+        dv = s.workspace.old_wall_dv[i]
+        if is_near_wall(s.grains.position[i], s.grains.radius[i], s.walls, reach) or is_active(dv):
             contact = WallContact()
             contact.i = i
-            contact.dv = dv
+            contact.dv = dv[0]
             s.contacts.walls[listed] = contact
-            s.contacts.wall_dv_start[listed] = dv
+            s.contacts.wall_dv_start[listed] = dv[1]
+            if is_accelerated(s):
+                s.momentum.wall_last[listed] = dv[2]
             listed = listed + 1
+            if s.control.resuming != 0 and s.workspace.was_at_wall[i] == 0 and not stayed_off_walls(s, i):
+                s.verlet.flags.missed = 1
     s.contacts.count.walls = listed
 
 

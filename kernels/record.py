@@ -58,6 +58,9 @@ class Control:
     attempting: wp.int32
     fresh: wp.int32
     corrected: wp.int32  # whether the host has solved the step
+    resuming: wp.int32  # whether the attempt goes on where the last list expired
+    unfinished: wp.int32  # whether iterations are left to do
+    recoloring: wp.int32
     iterating: wp.int32
     sampling: wp.int32
     rejected: wp.int32
@@ -178,6 +181,12 @@ def grain_count(s: Scene) -> int:
 def pair_count(s: Scene) -> int:
     """How many pairs are listed."""
     return s.contacts.count.pairs
+
+
+@wp.func
+def is_accelerated(s: Scene) -> bool:
+    """Whether the method looks one sweep back."""
+    return s.momentum.pair_last.shape[0] > 0
 
 
 @wp.func

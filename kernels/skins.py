@@ -3,6 +3,7 @@
 import warp as wp
 
 from .record import Scene, grain_count
+from .verlet import peak_of
 
 f64 = wp.float64
 FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(1.6))  # skin over need, before and after a miss
@@ -27,17 +28,17 @@ def adapt_base_skin(s: Scene):
 def renew_skin(s: Scene, i: int):
     """Choose w_i, and skin_i: the base skin, and somewhat more than what this step, or the last, has needed.
 
-    A step that is solved again keeps its w_i and its peaks; otherwise w_i is what the grain has now.
+    A step that goes on keeps its w_i, with u, and its peaks; otherwise w_i is what the grain has now.
     """
     needed = s.verlet.recent_deviation[i]
     margin = FORESEEN
     w = s.grains.next_velocity[i]
-    if s.step.iterations > 0:
+    if s.control.resuming != 0:
         margin = FOUND_OUT
-        seen = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
+        seen = peak_of(s, i)
         needed = wp.max(needed, seen)
+        s.verlet.peak_deviation[i] = seen * seen
         w = s.verlet.reference_velocity[i] + s.verlet.numbers.frame_velocity
-    s.verlet.recent_deviation[i] = needed
     s.verlet.skin[i] = s.verlet.numbers.base_skin + margin * s.dt * needed
     s.verlet.reference_position[i] = s.grains.position[i]
     s.verlet.reference_velocity[i] = w
@@ -59,6 +60,7 @@ def find_lifetime(s: Scene):
     steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * spread)), f64(1.0), LONGEST)
     lifetime = steps * s.dt
     fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)
+    s.verlet.numbers.unmonitored_change = f64(0.0)
     s.verlet.numbers.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
     s.verlet.numbers.elapsed = f64(0.0)
     s.verlet.numbers.mean_velocity = mean

@@ -22,11 +22,14 @@ def overlaps(team: Team, s: Scene):
         _n, distance = law.normal(s.grains.position[pair.i], s.grains.position[pair.j])
         gap = law.pair_gap(distance, s.grains.radius[pair.i], s.grains.radius[pair.j])
         worst = wp.max(worst, -gap)
-        active += 1 if s.contacts.pair_dv[c] != f64(0.0) else 0
+        dv = s.contacts.pair_dv[c]
+        s.contacts.pair_dv_start[c] = dv
+        active += 1 if dv != f64(0.0) else 0
     begin, end = thread_range(team, 0, wall_count(s))
     for c in range(begin, end):
         wall = s.contacts.walls[c]
         worst = wp.max(worst, wall_overlap(s.grains.position[wall.i], s.grains.radius[wall.i], s.walls))
+        s.contacts.wall_dv_start[c] = wall.dv
         active += 1 if wall.dv != f64(0.0) else 0
     k = partial_index(team, s.partial.overlap.shape[0])
     wp.atomic_max(s.partial.overlap, k, worst)

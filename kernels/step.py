@@ -32,12 +32,14 @@ from .conditions import (
     iterating,
     measuring,
     rebuilding,
+    recoloring,
     rejected,
     roomy,
     sampling,
     searching,
     starting,
     tiled,
+    unfinished,
     unlisted,
     unordered,
     unsolved,
@@ -138,7 +140,7 @@ def sweeps_ahead(decide: wp.Function, measure: list[Stage]) -> list[Stage]:
                 ),
                 If(measuring, measure),
                 If(rebuilding, [Each(grain_count, restart.take_rebuilt_velocity)]),
-                If(iterating, [Shared(restart.extrapolate)]),
+                If(unfinished, [Shared(restart.extrapolate)]),
             ],
         ),
     ]
@@ -169,6 +171,14 @@ FINISH = [
     Shared(statistics.overlaps),
     Serial(statistics.report),
     Serial(statistics.add_step),
+    If(
+        recoloring,
+        [
+            Each(grain_count, contact_list.save_pairs),
+            Each(wall_count, contact_list.save_wall),
+            Serial(contact_list.color_anew),
+        ],
+    ),
 ]
 
 EXPIRE = [

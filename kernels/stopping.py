@@ -35,22 +35,34 @@ def begin(s: Scene):
     s.control.unsolved = 1
     s.control.accepted = 0
     s.control.starting = 1 - wp.max(s.control.unlisted, s.control.corrected)
+    if s.control.starting != 0 or s.control.corrected != 0:
+        s.control.resuming = 0
 
 
 @wp.func
 def see_whether_listed(s: Scene):
-    """Solve the step if there is a list to do so with; it is in order now."""
+    """Solve the step if there is a list to do so with; it is in order now.
+
+    An attempt whose list expired goes on unless a contact that it did not have may have acted.
+    """
     s.control.unordered = 0
     s.control.attempting = 1 - s.control.unlisted
     s.control.fresh = 1 - s.control.corrected
+    if s.control.resuming != 0:
+        s.control.recoloring = s.by_color
+        if s.verlet.flags.missed != 0:
+            s.control.resuming = 0
+            s.step.redos = s.step.redos + 1
 
 
 @wp.func
 def begin_iterating(s: Scene):
     """Iterate if the list is likely to hold for the velocities before the first iteration."""
     check_all(s, reserve(s))
-    s.step.iterations = 0
-    s.control.iterating = 1 if outcome_of_check(s) == SOLVED else 0
+    if s.control.resuming == 0:
+        s.step.iterations = 0
+        s.control.unfinished = 1
+    s.control.iterating = s.control.unfinished if outcome_of_check(s) == SOLVED else 0
     s.control.measuring = 0
     s.control.sampling = 0
     s.control.rejected = 0
@@ -60,7 +72,7 @@ def begin_iterating(s: Scene):
 def decide_to_stop(s: Scene):
     """Stop after the first iteration with zeta <= tolerance, or at max_iterations; or ask for the residual.
 
-    An attempt in which a contact may have been missing is given up, but not at once, so that it shows how far
+    Where a contact may be missing it pauses for another list, but not at once, so that it shows how far
     all grains must reach. The residual is measured after the last iteration in any case.
     """
     zeta = gathered(s.partial.zeta)
@@ -74,8 +86,6 @@ def decide_to_stop(s: Scene):
             checking = sparse and zeta <= NEARLY * stopping.tolerance
         else:
             going_on = going_on and zeta > stopping.tolerance
-    if s.verlet.flags.list_expired != 0 and is_power_of_two(iterations):
-        going_on = False
     if s.control.halted != 0:
         going_on = False
     recording = iterations <= s.history.zeta.shape[0]
@@ -83,7 +93,9 @@ def decide_to_stop(s: Scene):
         s.history.zeta[iterations - 1] = zeta
     s.step.zeta = zeta
     s.step.iterations = iterations
-    s.control.iterating = 1 if going_on else 0
+    pausing = s.verlet.flags.list_expired != 0 and is_power_of_two(iterations)
+    s.control.unfinished = 1 if going_on else 0
+    s.control.iterating = 1 if going_on and not pausing else 0
     s.control.measuring = 1 if checking or not going_on else FOR_HISTORY if recording else 0
     s.control.rebuilding = 1 if checking else 0
 
@@ -101,6 +113,7 @@ def stop_on_residual(s: Scene):
         and residual <= s.stopping.tolerance
     ):
         s.control.iterating = 0
+        s.control.unfinished = 0
 
 
 @wp.func

@@ -108,6 +108,7 @@ class VerletFlags:
 
     monitored: wp.int32  # whether the next sweep looks at every velocity that it changes
     list_expired: wp.int32  # whether a contact may be missing
+    missed: wp.int32  # whether one that was missing may have acted
     bad_grain: wp.int32  # a grain that is no longer finite, or leaves a round wall, or -1
 
 
@@ -169,10 +170,13 @@ class Workspace:
     """What building a list takes beside the list itself."""
 
     old: NeighborList  # the list before
-    old_pair_dv: Floats  # its corrections [m/s]
-    wall_dv: Floats  # corrections at the walls, by grain [m/s]
+    old_pair_dv: wp.array(dtype=wp.vec3d)  # its corrections: now, at the step's start, a sweep back [m/s]
+    old_wall_dv: wp.array(dtype=wp.vec3d)  # the same at the walls, by grain
+    was_at_wall: Ints  # whether it had the grain at a wall
     sweep_index: Ints  # place of every pair in sweeping order
     group: Ints  # set, or tile, of every pair
+    color: Ints  # of every pair; empty where pairs are swept by levels
+    old_color: Ints  # of the list before
     sequence: wp.array(dtype=wp.vec3i)  # pairs in sweeping order: (i, j, place in the neighbor list)
     row_sum: Floats  # of every grain: its shares of its contacts
     next_level: Ints  # by grain

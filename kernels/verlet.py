@@ -21,8 +21,10 @@ contacts; these changes add up to `unmonitored_change`, with which all grains ar
 
 import warp as wp
 
+from . import law
 from .access import vector_at
 from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
+from .walls import is_near_wall
 
 f64 = wp.float64
 
@@ -43,8 +45,9 @@ def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
 
 @wp.func
 def is_finite(x: wp.vec2d) -> bool:
-    """Whether both components are numbers: infinity less infinity is none."""
-    return x[0] - x[0] == f64(0.0) and x[1] - x[1] == f64(0.0)
+    """Whether its square is a number: infinity less infinity is none."""
+    square = wp.length_sq(x)
+    return square - square == f64(0.0)
 
 
 @wp.func
@@ -55,6 +58,28 @@ def monitor(s: Scene, i: int):
         s.verlet.peak_deviation[i] = peak
         if peak > s.verlet.peak_limit[i]:
             s.verlet.flags.list_expired = 1
+
+
+@wp.func
+def peak_of(s: Scene, i: int) -> f64:
+    """p_i [m/s], with what was not monitored since."""
+    return wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
+
+
+@wp.func
+def stayed_silent(s: Scene, i: int, j: int) -> bool:
+    """Whether a pair cannot have acted in the iterations so far: with u taken into w, and (w_i - w_j) . n."""
+    n, distance = law.normal(s.grains.position[i], s.grains.position[j])
+    gap = law.pair_gap(distance, s.grains.radius[i], s.grains.radius[j])
+    vn = wp.dot(s.verlet.reference_velocity[i] - s.verlet.reference_velocity[j], n)
+    return gap - s.dt * (vn + peak_of(s, i) + peak_of(s, j)) >= s.tuning.rounding
+
+
+@wp.func
+def stayed_off_walls(s: Scene, i: int) -> bool:
+    """Whether no wall can have acted on a grain in the iterations so far."""
+    path = s.dt * (wp.length(s.verlet.reference_velocity[i]) + peak_of(s, i))
+    return not is_near_wall(s.grains.position[i], s.grains.radius[i], s.walls, path + s.tuning.rounding)
 
 
 @wp.func
@@ -76,9 +101,14 @@ def clear_check(s: Scene):
 
 @wp.func
 def find_frame(s: Scene):
-    """u, the mean of v_i - w_i: what all grains do together, such as falling, displaces nobody."""
+    """u, the mean of v_i - w_i: what all grains do together, such as falling, displaces nobody.
+
+    In an attempt that goes on with a new list, the w_i have it in them already.
+    """
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
+    if s.control.resuming != 0:
+        n = 0
     for i in range(n):
         u = u + (s.grains.next_velocity[i] - s.verlet.reference_velocity[i]) / f64(n)
     s.verlet.numbers.frame_velocity = u
@@ -88,7 +118,7 @@ def find_frame(s: Scene):
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     """See whether a skin suffices with `least` [m] to spare, for so many times the last step's deviation."""
     x = s.grains.position[i]
-    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
+    peak = peak_of(s, i)
     peak = wp.max(peak, foreseen * s.verlet.recent_deviation[i])
     used = displacement(s, x, i) + s.dt * peak
     if not is_finite(x + s.dt * s.grains.next_velocity[i]):
@@ -105,8 +135,11 @@ def reserve(s: Scene) -> f64:
 
 @wp.func
 def begin_peak(s: Scene, i: int):
-    """The peak deviation before the first iteration, and what the skin still allows."""
-    s.verlet.peak_deviation[i] = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
+    """The peak deviation before the first iteration, or the next one, and what the skin still allows."""
+    peak = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
+    if s.control.resuming != 0:
+        peak = wp.max(peak, s.verlet.peak_deviation[i])
+    s.verlet.peak_deviation[i] = peak
     allowed = (s.verlet.skin[i] - displacement(s, s.grains.position[i], i)) / s.dt
     s.verlet.peak_limit[i] = wp.max(f64(0.0), allowed) * allowed
 
@@ -168,8 +201,7 @@ def monitor_next(s: Scene, change: f64):
 @wp.func
 def remember(s: Scene, i: int):
     """Keep what the step needed, for the skins of the next list."""
-    peak = wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
-    s.verlet.recent_deviation[i] = peak
+    s.verlet.recent_deviation[i] = peak_of(s, i)
 
 
 @wp.func

@@ -13,7 +13,8 @@ from .walls import frozen_wall
 @wp.func
 def begin_attempt(s: Scene, i: int):
     """The velocities to correct are the free ones."""
-    s.grains.next_velocity[i] = s.grains.free_velocity[i]
+    if s.control.resuming == 0:
+        s.grains.next_velocity[i] = s.grains.free_velocity[i]
 
 
 @wp.func
@@ -25,11 +26,12 @@ def start_pairs(team: Team, s: Scene, k: int):
         j = s.contacts.pairs[c].j
         n, distance = law.normal(s.grains.position[i], s.grains.position[j])
         gap = law.pair_gap(distance, s.grains.radius[i], s.grains.radius[j])
-        dv = s.contacts.pair_dv[c]
         s.contacts.pairs[c].n = n
         s.contacts.pairs[c].gap_rate = gap / s.dt
-        s.contacts.pair_dv_start[c] = dv
-        apply_pair(s.grains.next_velocity, s.contacts, c, dv * n)
+        if s.control.resuming == 0:
+            dv = s.contacts.pair_dv_start[c]
+            s.contacts.pair_dv[c] = dv
+            apply_pair(s.grains.next_velocity, s.contacts, c, dv * n)
 
 
 @wp.func
@@ -40,6 +42,7 @@ def start_walls(team: Team, s: Scene):
         contact = s.contacts.walls[c]
         i = contact.i
         contact = frozen_wall(contact, s.grains.position[i], s.grains.radius[i], s.walls, s.dt)
+        if s.control.resuming == 0:
+            contact.dv = s.contacts.wall_dv_start[c]
+            s.grains.next_velocity[i] = s.grains.next_velocity[i] - contact.dv * contact.n
         s.contacts.walls[c] = contact
-        s.contacts.wall_dv_start[c] = contact.dv
-        s.grains.next_velocity[i] = s.grains.next_velocity[i] - contact.dv * contact.n

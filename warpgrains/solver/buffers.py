@@ -108,9 +108,9 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "neighbors": rows,
         "workspace": {
             "old": rows | {"cursor": 0, "found": 0, "total": 0},
-            **dict.fromkeys(("old_pair_dv", "sweep_index", "sequence"), pairs),
+            **dict.fromkeys(("old_pair_dv", "color", "old_color", "sweep_index", "sequence"), pairs),
             "group": pairs + 1,
-            **dict.fromkeys(("wall_dv", "row_sum", "next_level", "used_colors"), n),
+            **dict.fromkeys(("old_wall_dv", "was_at_wall", "row_sum", "next_level", "used_colors"), n),
         },
         "strips": {
             "bins": BINS * has_strips,

@@ -136,8 +136,9 @@ class SceneMemory:
         for rows in ("neighbors", "workspace.old"):
             self.array(f"{rows}.start")[:] = np.searchsorted(pair[:, 0], np.arange(self._scene.n + 1))
             self.array(f"{rows}.neighbor")[: len(pair)] = pair[:, 1]
-        for name in ("contacts.pair_dv", "contacts.pair_dv_start", "workspace.old_pair_dv"):
+        for name in ("contacts.pair_dv", "contacts.pair_dv_start"):
             self.array(name)[: len(pair)] = dv
+        self.array("workspace.old_pair_dv")[: len(pair)] = dv[:, None]
         self.array("workspace.sweep_index")[: len(pair)] = np.arange(len(pair))
 
     def give_up_step(self) -> None:
@@ -146,7 +147,7 @@ class SceneMemory:
         self.array("contacts.pair_dv")[: self.pairs] = self.array("contacts.pair_dv_start")[: self.pairs]
         walls = self.array("contacts.walls")[: self.walls]
         walls["dv"] = self.array("contacts.wall_dv_start")[: self.walls]
-        if self.record["control"]["unlisted"]:
+        if self.record["control"]["unlisted"] or self.record["control"]["recoloring"]:
             self.record["control"] = 0
             self.array("verlet.skin")[:] = tuning.NO_SKIN
 
