@@ -47,7 +47,7 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
 
 @wp.func
 def keep_colors(s: Scene) -> int:
-    """Let the pairs of the old list keep their colors, the others have none: -1. Returns the first extra one."""
+    """Let pairs of the old list keep their colors; others have -1. Returns the first extra one."""
     rows, old, used, color = s.neighbors, s.workspace.old, s.workspace.used_colors, s.workspace.color
     extra = int(MASK_COLORS)
     for i in range(grain_count(s)):

@@ -55,7 +55,7 @@ def attempting(s: Scene) -> bool:
 
 @wp.func
 def fresh(s: Scene) -> bool:
-    """The step is solved from its warm start."""
+    """The step is solved from its warm start, or goes on with another list."""
     return s.control.fresh != 0
 
 

@@ -37,6 +37,7 @@ def renew_skin(s: Scene, i: int):
         margin = FOUND_OUT
         seen = peak_of(s, i)
         needed = wp.max(needed, seen)
+        s.verlet.recent_deviation[i] = needed  # so that skins only grow as long as the step goes on
         s.verlet.peak_deviation[i] = seen * seen
         w = s.verlet.reference_velocity[i] + s.verlet.numbers.frame_velocity
     s.verlet.skin[i] = s.verlet.numbers.base_skin + margin * s.dt * needed

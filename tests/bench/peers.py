@@ -1,0 +1,152 @@
+"""The common flowing scene beside other programs: time against overlap, one thread, one run.
+
+    python -m tests.bench.peers -o tests/bench/results/peers.csv --picture scenes/peers.png
+
+CPU time of 10 ms simulated, set-up and compiling apart, and the worst overlaps over 2 s, sampled every 10 ms
+from the true circles. Programs that are not installed (extra `[bench]`) are left out, and said.
+"""
+
+import argparse
+import csv
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from warpgrains import Scene
+from warpgrains.arrays import FloatArray
+from warpgrains.console import start_warp
+
+from .flow import DURATION, flowing
+from .peer_programs import FRAME, Box2d, Lammps, Pymunk, Warpgrains
+from .timing import say
+
+COLUMNS = (
+    "program",
+    "setting",
+    "n",
+    "ms of 10 ms",
+    "overlap of pairs",
+    "of the outer wall",
+    "of the inner wall",
+)
+Setting = tuple[str, str, Callable[[Scene], Any]]
+MARKERS = "osD^vP"
+
+
+def settings() -> Iterator[Setting]:
+    """Name every program and setting, and how it is set up."""
+    accelerated = {"method": "accelerated", "order": "color", "stop": "residual"}
+    for dt in (0.01, 0.005, 0.0025):
+        for tolerance in (1e-1, 1e-2, 1e-3, 1e-4):
+            solver = accelerated | {"tolerance": tolerance}
+            yield "warpgrains", f"dt {dt:g}, to {tolerance:g} m/s", partial(Warpgrains, dt=dt, **solver)
+        for iterations in (5, 20, 60):
+            solver = accelerated | {"tolerance": 0.0, "max_iterations": iterations}
+            yield "warpgrains", f"dt {dt:g}, {iterations} iterations", partial(Warpgrains, dt=dt, **solver)
+    for name, program in (("pymunk", Pymunk), ("Box2D 2.3", Box2d)):
+        for substeps, iterations in ((1, 10), (1, 30), (4, 10), (10, 10), (40, 10)):
+            setting = f"{substeps} sub-steps, {iterations} iterations"
+            yield name, setting, partial(program, substeps=substeps, iterations=iterations)
+    for overlap in (1e-1, 1e-2, 1e-3):
+        yield "LAMMPS", f"stiff for {overlap:g} radii", partial(Lammps, overlap=overlap)
+
+
+def overlaps(scene: Scene, x: FloatArray) -> FloatArray:
+    """Worst overlaps of pairs, with the outer and with the inner wall, in radii."""
+    radius = float(scene.radius[0])
+    pairs = cKDTree(x).query_pairs(2.0 * radius, output_type="ndarray")
+    apart = np.hypot(*(x[pairs[:, 0]] - x[pairs[:, 1]]).T)
+    rho = np.hypot(*x.T)
+    worst = (
+        np.max(2.0 * radius - apart, initial=0.0),
+        max(0.0, rho.max() + radius - scene.radius_out),
+        max(0.0, scene.radius_in + radius - rho.min()),
+    )
+    return np.array(worst) / radius
+
+
+def measure(scene: Scene, make: Callable[[Scene], Any]) -> tuple[float, FloatArray]:
+    """Return the CPU time [ms] that 10 ms take, and the worst overlaps [radii]."""
+    frames = round(DURATION / FRAME)
+    program, worst = make(scene), np.zeros(3)
+    for _ in range(frames):
+        program.advance(1)
+        worst = np.maximum(worst, overlaps(scene, program.position()))
+    program = make(scene)
+    start = process_time()
+    program.advance(frames)
+    return 1e3 * (process_time() - start) / frames, worst
+
+
+def rows(n: int) -> Iterator[dict[str, str]]:
+    """Measure everything for so many grains."""
+    scene, missing = flowing(n), set()
+    for name, setting, make in settings():
+        if name in missing:
+            continue
+        try:
+            taken, worst = measure(scene, make)
+        except (ImportError, OSError) as error:
+            missing.add(name)
+            say(f"{name} is left out: {error}")
+            continue
+        figures = [f"{value:.3g}" for value in (taken, *worst)]
+        yield dict(zip(COLUMNS, [name, setting, str(n), *figures], strict=True))
+
+
+def draw(measured: list[dict[str, str]], file: Path) -> None:
+    """Draw time against overlap, a panel a number of grains."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    sizes = sorted({int(cells["n"]) for cells in measured})
+    figure, panels = pyplot.subplots(1, len(sizes), figsize=(5.0 * len(sizes), 4.2), squeeze=False)
+    names = list(dict.fromkeys(cells["program"] for cells in measured))
+    for panel, n in zip(panels[0], sizes, strict=True):
+        for name, marker in zip(names, MARKERS, strict=False):
+            own = [c for c in measured if c["program"] == name and int(c["n"]) == n]
+            points = np.array([[float(c["overlap of pairs"]), float(c["ms of 10 ms"])] for c in own])
+            if len(points):
+                panel.loglog(*points.T, marker, label=name, alpha=0.8)
+        panel.set(title=f"{n:,} grains", xlabel="worst overlap of two grains [radii]")
+        panel.grid(alpha=0.3)
+    panels[0][0].set_ylabel("CPU time of 10 ms simulated [ms]")
+    panels[0][0].legend()
+    figure.tight_layout()
+    figure.savefig(file, dpi=110)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Measure, write the figures down one by one, and draw them."""
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.peers", description=__doc__.split("\n")[0])
+    parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
+    parser.add_argument("--picture", type=Path, help="PNG file of time against overlap")
+    parser.add_argument("--grains", type=int, nargs="+", default=[100, 1000], help="how many grains")
+    chosen = parser.parse_args(arguments)
+    start_warp()
+    measured = []
+    with ExitStack() as stack:
+        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
+        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        table.writeheader()
+        for n in chosen.grains:
+            for cells in rows(n):
+                say(", ".join(cells.values()))
+                table.writerow(cells)
+                file.flush()
+                measured.append(cells)
+    if chosen.picture:
+        draw(measured, chosen.picture)
+
+
+if __name__ == "__main__":
+    main()
