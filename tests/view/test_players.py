@@ -46,6 +46,9 @@ def test_numbers_are_those_of_the_step(simulation):
     energy = 0.5 * (plain.scene.mass * (plain.velocity**2).sum(axis=1)).sum()
     assert told["kinetic energy"] == f"{energy:.4g} J"
     assert live.curves()["energy [J]"][1].tolist() == pytest.approx([energy])
+    iteration, zeta = live.curves()["log10 zeta of the last step"]
+    assert iteration.tolist() == list(range(1, report.iterations + 1))
+    assert zeta[-1] == np.log10(report.zeta)
 
 
 def test_a_step_that_fails_ends_it_and_is_told():

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from warpgrains.solver.statistics import StepReport
     from warpgrains.usd.reader import RecordingReader
 
-_REMEMBERED = 500  # steps, in curves
+_REMEMBERED = 500  # steps, in the curve of energy
 _LEAST = 1e-16  # zeta that is plotted [m/s]
 
 
@@ -74,7 +74,7 @@ class Live:
 
     def _forget(self) -> None:
         self._report: StepReport | None = None
-        self._past: deque[tuple[float, float, float]] = deque(maxlen=_REMEMBERED)
+        self._past: deque[tuple[float, float]] = deque(maxlen=_REMEMBERED)
         self.error: str | None = None
 
     @property
@@ -97,11 +97,11 @@ class Live:
         try:
             if steps > 1:
                 self._simulation.advance(steps - 1)
-            self._report = self._simulation.step()
+            self._report = self._simulation.step(history=True)
         except SimulationError as error:
             self.error = str(error)
             return
-        self._past.append((self._simulation.time, self._report.zeta, self._energy()))
+        self._past.append((self._simulation.time, self._energy()))
 
     def restart(self) -> None:
         """Go back to the scene's start."""
@@ -142,9 +142,12 @@ class Live:
         return told | ({"error": self.error} if self.error else {})
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Return zeta of the steps shown, and the kinetic energy, over time."""
-        time, zeta, energy = np.array(self._past).reshape(-1, 3).T
-        return {"log10 zeta [m/s]": (time, np.log10(np.maximum(zeta, _LEAST))), "energy [J]": (time, energy)}
+        """Return zeta over the iterations of the last step, and the kinetic energy over time."""
+        time, energy = np.array(self._past).reshape(-1, 2).T
+        history = self._report.history if self._report is not None else None
+        zeta = np.zeros(0) if history is None else np.log10(np.maximum(history.zeta, _LEAST))
+        iteration = np.arange(1.0, len(zeta) + 1)
+        return {"log10 zeta of the last step": (iteration, zeta), "energy [J]": (time, energy)}
 
 
 class Recorded:
