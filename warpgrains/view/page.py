@@ -196,7 +196,7 @@ class Page:
 
     def _add_curve(self, title: str) -> viser.GuiUplotHandle:
         nothing = np.array([0.0, 1.0])
-        series = (uplot.Series(label="t [s]"), uplot.Series(label=title, stroke="black", width=1))
+        series = (uplot.Series(label="at"), uplot.Series(label=title, stroke="black", width=1))
         scales = {"x": uplot.Scale(time=False)}
         data = (nothing, 0.0 * nothing)
         return self._server.gui.add_uplot(data, series, scales=scales, title=title, aspect=2.0)
