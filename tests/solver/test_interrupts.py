@@ -6,8 +6,10 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, sleep
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from same_bits import contents
 
 from warpgrains import Batch, Scene, Simulation
 from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.solver.threads import side_by_side
 
 ENDLESS = {"tolerance": 0.0, "max_iterations": 2_000_000_000}
 
@@ -87,3 +90,21 @@ def test_a_command_amid_an_endless_step(tmp_path: Path) -> None:
     undisturbed.run(steps=steps)
     assert steps > 0
     assert contents(read_checkpoint(kept).state) == contents(undisturbed.state())
+
+
+def test_interrupt_while_threads_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All works have ended before it goes on, also where the executor does not know of a thread yet."""
+    submit, ended, begun = ThreadPoolExecutor.submit, [], []
+
+    def interrupted(self: ThreadPoolExecutor, *work: Any) -> Future:
+        future = submit(self, *work)
+        begun.append(work)
+        if len(begun) == 1:
+            self._threads.clear()
+            raise KeyboardInterrupt
+        return future
+
+    monkeypatch.setattr(ThreadPoolExecutor, "submit", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side([lambda: (sleep(0.2), ended.append(0)), lambda: ended.append(1)], lambda: None)
+    assert sorted(ended) == [0, 1]

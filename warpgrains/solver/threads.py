@@ -2,7 +2,8 @@
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from threading import Condition
 
 import warp as wp
 
@@ -34,6 +35,35 @@ def team_of(size: int) -> list[TeamRecord]:
     return team
 
 
+class _Works:
+    """Works that are done once each, whatever an interrupt has hidden from the executor that was starting."""
+
+    def __init__(self, works: Sequence[Callable[[], None]]) -> None:
+        self._works, self._waiting = works, set(range(len(works)))
+        self._ended, self._changed = 0, Condition()
+
+    def submit(self, executor: Executor) -> list[Future[None]]:
+        """Have all works done."""
+        return [executor.submit(self._do, k) for k in range(len(self._works))]
+
+    def _do(self, k: int) -> None:
+        with self._changed:
+            if k not in self._waiting:
+                return
+            self._waiting.remove(k)
+        try:
+            self._works[k]()
+        finally:
+            with self._changed:
+                self._ended += 1
+                self._changed.notify_all()
+
+    def wait(self) -> None:
+        """Wait until all are done."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._ended == len(self._works))
+
+
 def side_by_side(
     works: Sequence[Callable[[], None]],
     glance: Callable[[], None] | None = None,
@@ -51,15 +81,18 @@ def side_by_side(
     """
     if len(works) == 1 and glance is None:
         return works[0]()
+    all_works = _Works(works)
     with ThreadPoolExecutor(len(works)) as executor:
-        futures = [executor.submit(work) for work in works]
         try:
+            futures = all_works.submit(executor)
             while wait(futures, timeout=GLANCE).not_done:
                 if glance is not None:
                     glance()
         except BaseException:
             if halt is not None:
                 halt()
+            all_works.submit(executor)  # a team whose threads have not all begun would wait for ever
+            all_works.wait()
             raise
     for future in futures:
         future.result()
