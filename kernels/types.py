@@ -175,7 +175,7 @@ class Workspace:
     was_at_wall: Ints  # whether it had the grain at a wall
     sweep_index: Ints  # place of every pair in sweeping order
     group: Ints  # set, or tile, of every pair
-    color: Ints  # of every pair; empty where pairs are swept by levels
+    color: Ints  # of every pair, where pairs are swept by colors
     old_color: Ints  # of the list before
     sequence: wp.array(dtype=wp.vec3i)  # pairs in sweeping order: (i, j, place in the neighbor list)
     row_sum: Floats  # of every grain: its shares of its contacts

@@ -68,7 +68,7 @@ def peak_of(s: Scene, i: int) -> f64:
 
 @wp.func
 def stayed_silent(s: Scene, i: int, j: int) -> bool:
-    """Whether a pair cannot have acted in the iterations so far: with u taken into w, and (w_i - w_j) . n."""
+    """Whether a pair cannot have acted in the iterations so far (eq. 11b), with u taken into the w_i."""
     n, distance = law.normal(s.grains.position[i], s.grains.position[j])
     gap = law.pair_gap(distance, s.grains.radius[i], s.grains.radius[j])
     vn = wp.dot(s.verlet.reference_velocity[i] - s.verlet.reference_velocity[j], n)
@@ -107,10 +107,9 @@ def find_frame(s: Scene):
     """
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
-    if s.control.resuming != 0:
-        n = 0
-    for i in range(n):
-        u = u + (s.grains.next_velocity[i] - s.verlet.reference_velocity[i]) / f64(n)
+    if s.control.resuming == 0:
+        for i in range(n):
+            u = u + (s.grains.next_velocity[i] - s.verlet.reference_velocity[i]) / f64(n)
     s.verlet.numbers.frame_velocity = u
 
 

@@ -45,7 +45,7 @@ class Pymunk:
         space.iterations, self._substeps = iterations, substeps
         space.gravity = scene.gravity
         space.damping = math.exp(-scene.drag / float(scene.mass[0]))
-        for around, radius in ((1.0, scene.radius_out), (0.0, scene.radius_in)):
+        for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
             corner = _corners(radius, around)
             for a, b in zip(corner, np.roll(corner, -1, axis=0), strict=True):
                 space.add(pymunk.Segment(space.static_body, tuple(a), tuple(b), 0.0))
@@ -77,7 +77,7 @@ class Box2d:
         gravity = tuple(self._scale * g for g in scene.gravity)
         self._world = Box2D.b2World(gravity=gravity, doSleep=False)
         walls = self._world.CreateStaticBody()
-        for around, radius in ((1.0, scene.radius_out), (0.0, scene.radius_in)):
+        for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
             corner = (_corners(radius, around) * self._scale).tolist()
             for a, b in zip(corner, [*corner[1:], corner[0]], strict=True):
                 walls.CreateEdgeFixture(vertices=[a, b], friction=0.0, restitution=0.0)
@@ -166,8 +166,8 @@ class Lammps:
         return x.reshape(-1, 3)[:, :2]
 
 
-def _corners(radius: float, around: float) -> FloatArray:
-    """Corners of a polygon whose sides touch a circle from outside (around = 1), or that lies within it."""
+def _corners(radius: float, around: bool) -> FloatArray:
+    """Corners of a polygon whose sides touch a circle from outside (`around`), or that lies within it."""
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     reach = radius / np.cos(np.pi / CORNERS) if around else radius
     return reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
