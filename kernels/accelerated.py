@@ -105,7 +105,7 @@ def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
     wall = s.contacts.walls[c]
     v = s.grains.next_velocity[wall.i]
     if s.walls.round != 0:
-        wall = rounded_wall(wall, v, s.grains.radius[wall.i], s.walls, s.dt)
+        wall = rounded_wall(wall, v, s.walls)
     y = wall.dv + beta * (wall.dv - s.momentum.wall_last[c])
     vn = wp.dot(v, wall.n)
     gap_out, gap_in = wall.gap_rate_out, wall.gap_rate_in

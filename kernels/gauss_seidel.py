@@ -98,7 +98,7 @@ def sweep_walls(team: Team, s: Scene):
     if s.walls.round != 0:
         while c < end:
             read_wall(contacts.walls, c, wall)
-            wall = rounded_wall(wall, vector_at(velocity, wall.i), s.grains.radius[wall.i], s.walls, s.dt)
+            wall = rounded_wall(wall, vector_at(velocity, wall.i), s.walls)
             zeta = wp.max(zeta, correct_wall(velocity, contacts, c, wall, inner))
             c += 1
     else:

@@ -65,7 +65,7 @@ def measure_residual(team: Team, s: Scene):
     for c in range(begin, end):
         wall = s.contacts.walls[c]
         if s.walls.round != 0:
-            wall = rounded_wall(wall, v[wall.i], s.grains.radius[wall.i], s.walls, s.dt)
+            wall = rounded_wall(wall, v[wall.i], s.walls)
         worst = wp.max(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
     begin, end = thread_range(team, 0, pair_count(s))
     for c in range(begin, end):

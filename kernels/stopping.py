@@ -5,7 +5,7 @@ import warp as wp
 from .record import BEYOND_WALL, EXPIRED, HALTED, NOT_CONVERGED, SLOW, SOLVED, Scene, wall_count
 from .types import Floats
 from .verlet import check_all, outcome_of_check, reserve
-from .walls import room_of, slide
+from .walls import speed_along
 
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
@@ -122,8 +122,8 @@ def grain_beyond_wall(s: Scene) -> int:
     found = int(-1)
     for c in range(wall_count(s)):
         wall = s.contacts.walls[c]
-        path = slide(s.grains.next_velocity[wall.i], wall.n, s.dt)
-        if wp.abs(path) > room_of(s.grains.radius[wall.i], s.walls) and (found < 0 or wall.i < found):
+        along = speed_along(s.grains.next_velocity[wall.i], wall.n)
+        if wp.abs(along) > wall.reach and (found < 0 or wall.i < found):
             found = wall.i
     return found
 

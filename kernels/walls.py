@@ -28,6 +28,7 @@ class WallContact:
     n: wp.vec2d
     gap_rate_out: f64
     gap_rate_in: f64
+    reach: f64  # A_i / dt of eq. 18 [m/s]: no speed along a round wall may be higher
     dv: f64
     i: wp.int32
 
@@ -56,6 +57,7 @@ def frozen_wall(contact: WallContact, position: wp.vec2d, radius: f64, walls: Wa
     n, distance = law.normal(wp.vec2d(f64(0.0), f64(0.0)), position)
     frozen = contact
     frozen.n = n
+    frozen.reach = (walls.radius_out - radius) / dt
     frozen.gap_rate_out = outer_gap(distance, radius, walls) / dt
     frozen.gap_rate_in = -frozen.gap_rate_out  # so that `wall_cost` is linear where there is no inner wall
     if has_inner(walls):
@@ -64,25 +66,19 @@ def frozen_wall(contact: WallContact, position: wp.vec2d, radius: f64, walls: Wa
 
 
 @wp.func
-def slide(v: wp.vec2d, n: wp.vec2d, dt: f64) -> f64:
-    """How far a grain moves along a wall in a step [m]."""
-    return dt * (n[0] * v[1] - n[1] * v[0])
+def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
+    """Velocity along a wall [m/s]."""
+    return n[0] * v[1] - n[1] * v[0]
 
 
 @wp.func
-def room_of(radius: f64, walls: Walls) -> f64:
-    """How far from the origin a grain touches the outer wall [m]."""
-    return walls.radius_out - radius
-
-
-@wp.func
-def rounded_wall(contact: WallContact, v: wp.vec2d, radius: f64, walls: Walls, dt: f64) -> WallContact:
+def rounded_wall(contact: WallContact, v: wp.vec2d, walls: Walls) -> WallContact:
     """The contact with the gap that a round wall leaves to a grain of this velocity [m/s] (eq. 18)."""
-    room = room_of(radius, walls)
-    path = slide(v, contact.n, dt)
-    sagitta = room - wp.sqrt(wp.max(f64(0.0), room * room - path * path))
+    reach = contact.reach
+    along = speed_along(v, contact.n)
     rounded = contact
-    rounded.gap_rate_out = contact.gap_rate_out - sagitta / dt
+    root = wp.sqrt(wp.max(f64(0.0), reach * reach - along * along))
+    rounded.gap_rate_out = contact.gap_rate_out - (reach - root)
     if not has_inner(walls):
         rounded.gap_rate_in = -rounded.gap_rate_out
     return rounded

@@ -19,7 +19,8 @@ from .timing import seconds
 VEC = ("<f8", (2,))
 PAIR = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
 WALL = np.dtype(
-    [("n", *VEC), ("gap_rate_out", "<f8"), ("gap_rate_in", "<f8"), ("dv", "<f8"), ("i", "<i4")], align=True
+    [("n", *VEC), *((name, "<f8") for name in ("gap_rate_out", "gap_rate_in", "reach", "dv")), ("i", "<i4")],
+    align=True,
 )
 
 UP_TO_THE_LIST = (Each(grain_count, free_velocity), *WARM_START)

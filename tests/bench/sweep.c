@@ -14,7 +14,7 @@ typedef struct {
 
 typedef struct {
     Vec n;
-    double gapRateOut, gapRateIn, dv;
+    double gapRateOut, gapRateIn, reach, dv;
     int i;
 } Wall;
 

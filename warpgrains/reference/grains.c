@@ -74,11 +74,11 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double dt, in
     return fabs(dv);
 }
 
-/* By how much grain i comes out of the circle on which it touches the outer wall, on its way along it. */
-static double sagitta(const femGrains *g, int i, double nx, double ny, double dt) {
-    double room = g->radiusOut - g->r[i];
-    double path = dt * (nx * g->vy[i] - ny * g->vx[i]);
-    return room - sqrt(fmax(0.0, room * room - path * path));
+/* By how much per dt grain i, on its way along the outer wall, leaves the circle on which it touches it. */
+static double sagittaRate(const femGrains *g, int i, double nx, double ny, double dt) {
+    double reach = (g->radiusOut - g->r[i]) / dt;
+    double along = nx * g->vy[i] - ny * g->vx[i];
+    return reach - sqrt(fmax(0.0, reach * reach - along * along));
 }
 
 /* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns |dv|. */
@@ -92,7 +92,7 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         double gapOut = g->radiusOut - r - g->r[i];
         double gapIn = r - g->radiusIn - g->r[i];
         double rateOut = gapOut / dt;
-        if (g->round) rateOut -= sagitta(g, i, nx, ny, dt) / dt;
+        if (g->round) rateOut -= sagittaRate(g, i, nx, ny, dt);
         double dvOut = fmax(0.0, vn + *dvb - rateOut);
         double dvIn = g->radiusIn > 0.0 ? fmax(0.0, -vn - *dvb - gapIn / dt) : 0.0;
         dv = dvOut - dvIn - *dvb;
