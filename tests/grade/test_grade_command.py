@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from command import exit_code, require_refusal
+from pages import PAGES
 from right_homeworks import PLAIN
 from wrong_homeworks import CONTACT, UPDATE, WRONG, wrong
 
@@ -29,17 +30,16 @@ def test_a_right_one(tmp_path: Path, capfd: Capture) -> None:
     assert all(set(part["scenes"].values()) == {"right"} for part in verdict["parts"])
 
 
-def test_a_wrong_one(tmp_path: Path, capfd: Capture) -> None:
-    path = homework(tmp_path / "homework.c", wrong(WRONG[CONTACT, "masses swapped"]))
+def test_a_wrong_one_as_the_docs_show_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = homework(Path("mine/homework.c"), wrong(WRONG[CONTACT, "masses swapped"]))
     assert exit_code("grade", path) == 1
-    lines = capfd.readouterr().out.splitlines()
-    assert lines[0] == f"{path}: wrong"
-    assert lines[2].split() == ["one", "two", "mixed", "annulus", "polydisperse"]
-    assert lines[3].split() == [UPDATE, *["right"] * 5]
-    assert lines[4].split() == [CONTACT, "right", "wrong", "wrong", "right", "wrong"]
-    assert lines[8].startswith("  scene two, step ")
-    assert "pair (0, 1)" in lines[8]
-    assert lines[9].startswith("  mistake: masses swapped (grain i takes m_j / (m_i + m_j)")
+    printed = capfd.readouterr().out
+    assert f"{CONTACT}  right         wrong         wrong         right         wrong\n" in printed
+    assert "\n  mistake: masses swapped (grain i takes m_j / (m_i + m_j)" in printed
+    assert f"```\n{printed}```\n" in PAGES["course"].read_text()
 
 
 def test_one_that_does_not_compile(tmp_path: Path, capfd: Capture) -> None:

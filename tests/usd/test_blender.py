@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
+from pages import blocks
 from recordings import make_scene, record
 
 from warpgrains.usd.chains import CHAIN_COLOR
@@ -137,3 +139,15 @@ class TestAsOpened:
         assert imported["types"]["Forces"] == "MESH"
         middle = scene.position[:2].mean(axis=0, keepdims=True)
         assert np.allclose(self.pixels_at(middle, picture), CHAIN_COLOR, atol=0.01)
+
+
+def test_what_the_docs_say_of_blender(tmp_path, scene):
+    (tmp_path / "scene.py").write_text(
+        next(block.text for block in blocks("recordings") if block.marks == "not run: Blender")
+    )
+    record(tmp_path / "annulus.usdc", [(scene.position, 2.0 * scene.position)], scene)
+    subprocess.run([os.environ["BLENDER_PYTHON"], "scene.py"], cwd=tmp_path, check=True, capture_output=True)
+    picture = imread(tmp_path / "annulus-in-blender.png")
+    assert picture.shape[:2] == (400, 400)
+    shades = np.unique((picture[::4, ::4, :3] * 15.0).round().reshape(-1, 3), axis=0)
+    assert len(shades) > 20  # of the speeds

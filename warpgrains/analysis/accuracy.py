@@ -16,7 +16,7 @@ class ErrorBound:
     """Largest difference of a component [m/s]; None where it is not above `solver_error`, so that it says
     nothing of the step."""
     solver_error: float
-    """What the velocities that it is measured against may be wrong by themselves [m/s]: proven by their
+    """What the velocities that it is measured against may be wrong by themselves [m/s], proven by their
     duality gap, for the step's gaps as they are rounded to double precision."""
     at_most: float
     """What the true error is proven not to exceed [m/s]."""

@@ -102,7 +102,7 @@ class Distribution(NamedTuple):
     edges: FloatArray
     """Edges of the bins, shape (bins + 1,)."""
     density: FloatArray
-    """Probability density in each, shape (bins,): the integral is 1, but for what is beyond the edges."""
+    """Probability density in each, shape (bins,); the integral is 1, but for what is beyond the edges."""
 
 
 def force_distribution(of: Snapshot | HasState, bins: int = 40, most: float = 8.0) -> Distribution:

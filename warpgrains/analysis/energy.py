@@ -22,18 +22,18 @@ def potential_energy(of: Snapshot | HasState) -> float:
 
 
 def granular_temperature(of: Snapshot | HasState) -> float:
-    """Return <|v - <v>|^2> / 2 [m2/s2], the mean square of a component of the velocity fluctuations."""
+    """Return ``<|v - <v>|^2> / 2`` [m2/s2], the mean square of a component of the velocity fluctuations."""
     velocity = snapshot(of).velocity
     return float(0.5 * ((velocity - velocity.mean(axis=0)) ** 2).sum(axis=1).mean())
 
 
 def mean_speed(of: Snapshot | HasState) -> float:
-    """Return the mean of |v| [m/s]."""
+    """Return the mean of ``|v|`` [m/s]."""
     return float(np.hypot(*snapshot(of).velocity.T).mean())
 
 
 def largest_speed(of: Snapshot | HasState) -> float:
-    """Return the largest |v| [m/s]."""
+    """Return the largest ``|v|`` [m/s]."""
     return float(np.hypot(*snapshot(of).velocity.T).max())
 
 
@@ -44,8 +44,9 @@ class EnergyBalance(NamedTuple):
     """
 
     gravity_work: float
-    """What gravity gave: what the potential energy has lost, but for a part proportional to dt, for a step
-    moves grains with the velocities at its end, and velocities of the leapfrog are half a step behind."""
+    """What gravity gave, which is what the potential energy has lost, but for a part proportional to dt;
+    a step moves grains with the velocities at its end, and velocities of the leapfrog are half a step
+    behind."""
     drag_loss: float
     """What drag took."""
     contact_loss: float

@@ -19,7 +19,7 @@ class Profile(NamedTuple):
     packing_fraction: FloatArray
     """Share of the space that grains fill, shape (bins,)."""
     velocity: FloatArray
-    """Mean velocity [m/s], shape (bins, 2): its component along the profile, and a quarter turn to the left
+    """Mean velocity [m/s], shape (bins, 2); its component along the profile, and a quarter turn to the left
     of it. By height these are up and to the left, by radius outwards and anticlockwise."""
     temperature: FloatArray
     """Granular temperature, about the mean of the slice [m2/s2], shape (bins,)."""

@@ -18,7 +18,7 @@ class RadialDistribution(NamedTuple):
     pairs: IndexArray
     """Pairs i < j in each, shape (bins,)."""
     g: FloatArray
-    """g(r), shape (bins,): pairs in each, over those that as many grains had at random places in the space
+    """g(r), shape (bins,), pairs in each, over those that as many grains had at random places in the space
     that the walls leave to centres."""
 
 

@@ -43,7 +43,7 @@ SECTIONS = {
     "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
 }
 SOURCES = {
-    "layout": "Where grains start: the name of a layout, rows, lattice, random or column. Or:",
+    "layout": f"Where grains start: the name of a layout, one of {', '.join(LAYOUTS)}. Or:",
     "position": "centres of the grains [m], a list of pairs; or:",
     "file": "name of an .npz or .csv file of grains, beside the scene.",
 }

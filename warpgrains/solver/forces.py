@@ -35,7 +35,7 @@ class WallContacts(Tabular):
     """Contacts with the walls during the last step, one entry a grain."""
 
     correction: FloatArray
-    """Accumulated corrections dv_b [m/s], shape (n,): > 0 at the outer wall, < 0 at the inner one."""
+    """Accumulated corrections dv_b [m/s], shape (n,), > 0 at the outer wall, < 0 at the inner one."""
     force: FloatArray
     """m_i dv_b / dt, towards the origin [N], shape (n,)."""
 

@@ -1,0 +1,130 @@
+"""What README and docs show is true: blocks run in order and print what they say; what is named is there."""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from command import exit_code
+from pages import PAGES, ROOT, Block, blocks, commands_in_words, program
+
+import warpgrains
+from warpgrains import Scene
+from warpgrains.cli import main as command_line
+from warpgrains.sweep.sweep import Sweep
+
+TIMES = re.compile(r"^time +\d.*$", re.M)  # the line of a summary that tells how long it took
+PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b|\.\.\.")
+BY_A_SHELL = re.compile(r"[|<>$&;]|^(?!warpgrains\b)")
+WITH_CODE = [name for name in PAGES if any(block.is_run for block in blocks(name))]
+WITH_SLOW_CODE = [name for name in WITH_CODE if any(block.is_slow for block in blocks(name))]
+
+
+class Reader:
+    """Does what a page says, block after block."""
+
+    def __init__(self, name, capfd):
+        self._capfd, self._names, self._printed = capfd, {"__name__": name}, None
+
+    def read(self, block: Block, slow: bool):
+        if not block.is_run or (block.is_slow and not slow):
+            self._printed = None
+        elif block.language != "text":
+            self._capfd.readouterr()
+            getattr(self, f"_{block.language}")(block)
+            self._printed = self._capfd.readouterr().out
+        elif self._printed is not None:
+            assert TIMES.sub("time", self._printed) == TIMES.sub("time", block.text)
+
+    def _python(self, block):
+        exec(compile(block.text, "a block", "exec"), self._names)
+
+    def _toml(self, block):
+        path = Path(re.match(r"# (\S+\.toml)\n", block.text)[1])
+        path.write_text(block.text)
+        (Sweep if "axes" in tomllib.loads(block.text) else Scene).load(path)
+
+    def _bash(self, block):
+        for line in block.lines:
+            expected = block.exit_code if line is block.lines[-1] else 0
+            assert _ended(line) == expected, (line, self._capfd.readouterr())
+
+
+def _ended(line: str) -> int:
+    """Return the exit code of a line; a plain command is done in this process, which spares its start."""
+    if not BY_A_SHELL.search(line):
+        return exit_code(*shlex.split(line)[1:])
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return subprocess.run(["bash", "-c", line], env={**os.environ, "PATH": path}).returncode
+
+
+@pytest.mark.parametrize("name", WITH_CODE)
+def test_blocks_run(name, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    reader = Reader(name, capfd)
+    for block in blocks(name):
+        reader.read(block, slow=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WITH_SLOW_CODE)
+def test_slow_blocks_run(name, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    reader = Reader(name, capfd)
+    for block in blocks(name):
+        reader.read(block, slow=True)
+
+
+CHECKERS = {
+    "mypy": ["mypy"],
+    "pyright": ["basedpyright", "--level", "error", "--pythonpath", sys.executable],
+}
+
+
+@pytest.mark.parametrize(
+    "checker",
+    [CHECKERS["mypy"], pytest.param(CHECKERS["pyright"], marks=pytest.mark.slow)],
+    ids=CHECKERS,
+)
+def test_python_is_typed(tmp_path, checker):
+    programs = {tmp_path / f"{name.replace('-', '_')}_page.py": program(name) for name in WITH_CODE}
+    for path, text in programs.items():
+        path.write_text(text)
+    command = [sys.executable, "-m", *checker, *map(str, programs)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+    assert (Path(warpgrains.__file__).parent / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_commands_are_parsed(name):
+    shown = [line for block in blocks(name) if block.language == "bash" for line in block.lines]
+    for line in [*commands_in_words(name), *shown]:
+        words = shlex.split(line)
+        if words[0] == "warpgrains" and len(words) > 1 and not PLACEHOLDER.search(line):
+            assert command_line._parser().parse_args(words[1:]).command is not None
+
+
+def test_commands_of_clusters_are_parsed():
+    lines = [line for block in blocks("clusters") for line in block.lines if not block.is_run]
+    assert len(lines) == 3
+    for line in lines:
+        command = shlex.split(line.replace("$SLURM_ARRAY_TASK_ID", "7"))
+        words = shlex.split(command[-1] if command[0] == "sbatch" else line)
+        assert command_line._parser().parse_args(words[1:]).sweep == "SWEEP"
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_what_is_named_is_there(name):
+    text = PAGES[name].read_text()
+    for module in re.findall(r"python -m ((?:warpgrains|tests)[\w.]*)", text):
+        assert find_spec(module) or find_spec(f"{module}.__main__"), module
+    for path in re.findall(r"`((?:tests|kernels|warpgrains|scenes)/[\w./-]*)`", text):
+        assert (ROOT / path).exists(), path
+    for link in re.findall(r"\]\((?!https?:)([^)#]+)", text):
+        assert (PAGES[name].parent / link).exists(), link

@@ -1,0 +1,60 @@
+"""README.md and the pages of scenes/docs, as blocks of code and what they print.
+
+A `text` block is what the block before it prints. A comment above a block marks it: `slow`, `not run: WHY`,
+or `exit code N`. A TOML block names its file in its first line.
+"""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+PAGES = {path.stem: path for path in [ROOT / "README.md", *sorted((ROOT / "scenes/docs").glob("*.md"))]}
+
+_BLOCK = re.compile(r"^(?:<!-- ([^>]*) -->\n)?```(python|bash|toml|text)\n(.*?)^```$", re.M | re.S)
+_COMMAND = re.compile(r"`(warpgrains \w+ [^`]+)`")
+
+
+class Block(NamedTuple):
+    """A block of a page."""
+
+    marks: str
+    language: str
+    text: str
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether it takes long."""
+        return "slow" in self.marks
+
+    @property
+    def is_run(self) -> bool:
+        """Whether the tests can run it."""
+        return not self.marks.startswith(("not run: ", "test-command"))
+
+    @property
+    def exit_code(self) -> int:
+        """What its last command ends with."""
+        found = re.search(r"exit code (\d)", self.marks)
+        return int(found[1]) if found else 0
+
+    @property
+    def lines(self) -> list[str]:
+        """Commands of a bash block, without what is said of them."""
+        found = (re.sub(r"(^| +)#.*", "", line) for line in self.text.splitlines())
+        return [line for line in found if line]
+
+
+def blocks(name: str) -> list[Block]:
+    """Return the blocks of a page, in order."""
+    return [Block(*found.groups(default="")) for found in _BLOCK.finditer(PAGES[name].read_text())]
+
+
+def program(name: str) -> str:
+    """Return the Python of a page."""
+    return "\n".join(one.text for one in blocks(name) if one.language == "python" and one.is_run)
+
+
+def commands_in_words(name: str) -> list[str]:
+    """Return the commands that the sentences and tables of a page name."""
+    return _COMMAND.findall(PAGES[name].read_text())
