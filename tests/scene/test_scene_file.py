@@ -218,7 +218,7 @@ def test_bad_override(override, message):
 
 
 def test_unknown_scene_lists_the_shipped_ones():
-    with pytest.raises(SceneError, match=r"'anulus': did you mean 'annulus'\? Known: annulus, column, "):
+    with pytest.raises(SceneError, match=r"'anulus': did you mean 'annulus'\? Known: annulus, bidisperse, "):
         Scene.load("anulus")
 
 

@@ -1,0 +1,264 @@
+"""The gallery: a picture of every shipped scene, of a jam and of a batch, with the numbers that they show.
+
+python -m warpgrains.scenes.gallery -o gallery [NAME ...]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+import warpgrains as wg
+from warpgrains import analysis
+from warpgrains.arrays import FloatArray
+from warpgrains.scenes import drum
+from warpgrains.solver.statistics import RunStatistics
+
+Numbers = dict[str, float]
+
+SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}
+FIRST_ORDER = {"scheme": "text", "wall": "tangent"}
+COUNT = 1000
+"""Scenes of the batch."""
+
+
+class Row:
+    """Moments side by side."""
+
+    def __init__(self, path: Path, panels: int) -> None:
+        from matplotlib.figure import Figure
+
+        self._path = path
+        self._figure = Figure(figsize=(3.0 * panels + 0.7, 3.0), layout="constrained")
+        self._axes = self._figure.subplots(1, panels, squeeze=False)[0]
+        self._shown = 0
+
+    def show(self, simulation: wg.Simulation, color_by: str = "speed") -> None:
+        """Draw the present state in the next place."""
+        from warpgrains.pictures.canvas import FrameArtists, add_color_bar
+        from warpgrains.pictures.shots import Painter
+
+        painter = Painter(simulation.scene, color_by, forces=True)
+        FrameArtists(self._axes[self._shown], painter.setting).show(painter.shot_of(simulation))
+        self._shown += 1
+        if self._shown == len(self._axes):
+            if painter.setting.scale is not None:
+                add_color_bar(self._figure, self._axes, painter.setting.scale)
+            self._figure.savefig(self._path, dpi=90)
+
+
+def moments(path: Path, scene: wg.Scene, times: Sequence[float]) -> tuple[wg.Simulation, wg.Summary]:
+    """Draw a scene at some times [s]; return it at the last, with what was done."""
+    simulation, done, row = wg.Simulation(scene), RunStatistics(), Row(path, len(times))
+    for begin, end in pairwise([0, *(scene.steps_in(time) for time in times)]):
+        done.add(simulation.advance(end - begin))
+        row.show(simulation)
+    return simulation, done.summary(None)
+
+
+def shipped(name: str, *times: float, path: Path) -> Numbers:
+    """Draw a shipped scene, and tell how it was solved."""
+    scene = wg.Scene.load(name)
+    simulation, summary = moments(path, scene, times)
+    return {
+        "iterations a step": summary.iterations_mean,
+        "worst overlap [smallest radii]": summary.overlap / scene.smallest_radius,
+        "contacts a grain": analysis.coordination_number(simulation),
+    }
+
+
+def column(path: Path) -> Numbers:
+    """Draw the forces of the column over height, and hold the last ones against the weight above them."""
+    from matplotlib.figure import Figure
+
+    scene = wg.Scene.load("column")
+    simulation = wg.Simulation(scene)
+    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    axes = figure.subplots()
+    for time in (0.02, 0.04, 0.07, 0.1, 1.0):
+        simulation.run(duration=time - simulation.time)
+        contacts = simulation.contacts()
+        axes.plot(contacts.pair[:, 0] + 1, contacts.force, ".-", label=f"t = {simulation.time:g} s")
+    weight = scene.mass[0] * np.hypot(*scene.gravity)
+    above = weight * (scene.n - 1 - contacts.pair[:, 0])
+    axes.set(xlabel="contact, from the lowest", ylabel="force [N]", ylim=(0.0, 1.3 * above.max()))
+    axes.legend(fontsize="small")
+    figure.savefig(path, dpi=90)
+    return {
+        "contacts between grains": len(contacts.force),
+        "their weights above, at most [N]": float(above.max()),
+        "worst difference of a force [N]": float(np.abs(contacts.force - above).max()),
+    }
+
+
+def drums(path: Path) -> Numbers:
+    """Draw the drum as drum.py does, and tell of the one with the least drag."""
+    settled = [drum.settle(drag) for drag in drum.DRAGS]
+    drum.draw(settled, str(path))
+    return drum.measure(settled[0])
+
+
+def bowl(path: Path) -> Numbers:
+    """Let one grain slide at several dt, by both schemes, beside the pendulum that it is."""
+    from matplotlib.figure import Figure
+
+    scene = wg.Scene.load("bowl")
+    steps = scene.dt * 2.0 ** -np.arange(-3, 4)
+    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    swings, errors = figure.subplots(1, 2)
+    numbers = {}
+    for label, changes in {"text, tangent": FIRST_ORDER, "leapfrog, round wall": SECOND_ORDER}.items():
+        worst = []
+        for dt in steps:
+            time, angle = swing(scene.replace(dt=dt, **changes))
+            worst.append(float(np.abs(angle - pendulum(scene, time)).max()))
+            if dt == steps[0]:
+                swings.plot(time, np.degrees(angle), label=f"{label}, dt {dt:g} s")
+        errors.loglog(steps, worst, "o-", label=label)
+        numbers[f"order, {label}"] = float(np.log2(worst[-2] / worst[-1]))
+    swings.plot(time, np.degrees(pendulum(scene, time)), "k:", label="pendulum")
+    swings.set(xlabel="t [s]", ylabel="angle [degrees]")
+    errors.set(xlabel="dt [s]", ylabel="worst error of the angle [rad]")
+    errors.set_xticks(steps, [f"{dt:g}" for dt in steps], rotation=30.0)
+    errors.minorticks_off()
+    for axes in (swings, errors):
+        axes.legend(fontsize="small")
+    figure.savefig(path, dpi=90)
+    return numbers
+
+
+def swing(scene: wg.Scene) -> tuple[FloatArray, FloatArray]:
+    """Return time [s] and angle [rad] of the first grain after every step."""
+    simulation = wg.Simulation(scene)
+    places = []
+    for _ in range(scene.steps):
+        simulation.step()
+        places.append(simulation.position[0])
+    x, y = np.transpose(places)
+    return scene.dt * np.arange(1, scene.steps + 1), np.arctan2(x, -y)
+
+
+def pendulum(scene: wg.Scene, time: FloatArray) -> FloatArray:
+    """Return the angle [rad] at some times [s] of the pendulum that the first grain is, let go at rest."""
+    from scipy.special import ellipj, ellipk
+
+    x, y = scene.position[0]
+    k = np.sin(np.arctan2(x, -y) / 2.0)  # sin(angle / 2) = k sn(w t + K, k)
+    rate = np.sqrt(np.hypot(*scene.gravity) / np.hypot(x, y))
+    return np.asarray(2.0 * np.arcsin(k * ellipj(rate * time + ellipk(k**2), k**2)[0]))
+
+
+def bidisperse(path: Path) -> Numbers:
+    """Let grains of two sizes come to rest, and equal ones beside them."""
+    row, numbers = Row(path, 2), {}
+    for label, overrides in {"of two sizes": (), "equal": ("grains.radius=0.048",)}.items():
+        simulation = wg.Simulation(wg.Scene.load("bidisperse", overrides))
+        simulation.run()
+        row.show(simulation, "pressure")
+        report = simulation.step()
+        numbers[f"grains, {label}"] = simulation.scene.n
+        numbers[f"contacts, {label}"] = report.contacts
+    return numbers
+
+
+def bullet(path: Path) -> Numbers:
+    """Shoot a grain into a crystal, and hold the momentum against that of the bullet."""
+    scene = wg.Scene.load("bullet")
+    simulation, summary = moments(path, scene, (0.004, 0.006, 0.03, 0.09))
+    moved = (scene.mass[:, np.newaxis] * simulation.velocity).sum(axis=0)
+    return {
+        "momentum of the bullet [kg m/s]": float(scene.mass[0] * scene.velocity[0, 0]),
+        "momentum in the end [kg m/s]": float(moved[0]),
+        "worst overlap [smallest radii]": summary.overlap / scene.smallest_radius,
+    }
+
+
+def jam(path: Path) -> Numbers:
+    """Wedge five grains between the walls, where there is room for a little less than five."""
+    y = -0.55 - 0.1 * np.arange(5)
+    chain = np.column_stack([np.zeros(5), y])
+    loose = np.column_stack([[-0.5, -0.35, 0.35, 0.5], [0.55, 0.75, 0.75, 0.55]])
+    scene = wg.Scene(
+        position=np.vstack([chain, loose]), radius=0.0502, mass=0.1, radius_in=0.5, radius_out=1.0
+    ).replace(max_iterations=1000)
+    simulation, row = wg.Simulation(scene), Row(path, 2)
+    force, unsolved = [], 0
+    for step in range(1, 17):
+        named = simulation.step().infeasible
+        unsolved += len(named) > 0
+        force.append(float(simulation.contacts().force.max()))
+        if step in (1, 16):
+            row.show(simulation, "pressure")
+    return {
+        "steps without a solution": unsolved,
+        "grains that cannot fit": len(named),
+        "force that a step adds [N]": force[-1] - force[-2],
+    }
+
+
+def batch(path: Path) -> Numbers:
+    """Kick the grains of the course's scene at random, a thousand times, and see where they come to rest."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+
+    scene, random = wg.Scene.load("annulus"), np.random.default_rng(0)
+    scenes = [scene.replace(velocity=random.normal(0.0, 0.5, (scene.n, 2))) for _ in range(COUNT)]
+    many = wg.Batch(scenes)
+    many.run()
+    ends = [analysis.snapshot(one, many.state(k)) for k, one in enumerate(scenes)]
+    x, y = np.concatenate([end.position for end in ends]).T
+    largest = np.array([end.force.max() for end in ends])
+    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    places, forces = figure.subplots(1, 2)
+    shown = places.hist2d(x, y, bins=120, range=((-1.5, 1.5), (-2.0, -0.8)), norm=LogNorm())[3]
+    figure.colorbar(shown, ax=places, label="centres")
+    places.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    forces.hist(largest, bins=40)
+    forces.set(xlabel="largest force between two grains [N]", ylabel="scenes")
+    figure.savefig(path, dpi=90)
+    return {
+        "scenes": len(scenes),
+        "mean of the largest forces [N]": float(largest.mean()),
+        "deviation [N]": float(largest.std()),
+        "mean height of the centres [m]": float(y.mean()),
+    }
+
+
+EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
+    "annulus": lambda path: shipped("annulus", 0.2, 0.5, 1.0, 8.0, path=path),
+    "column": column,
+    "no_inner_wall": lambda path: shipped("no_inner_wall", 0.1, 0.4, 0.8, 1.6, path=path),
+    "polydisperse": lambda path: shipped("polydisperse", 0.1, 0.3, 0.6, 3.0, path=path),
+    "pile": lambda path: shipped("pile", 0.2, 0.5, 0.8, 2.0, path=path),
+    "bowl": bowl,
+    "bullet": bullet,
+    "bidisperse": bidisperse,
+    "drum": drums,
+    "jam": jam,
+    "batch": batch,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
+    """Draw what is asked for, by default all, and print the numbers."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", metavar="DIR", default="gallery")
+    parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(EXHIBITS)}")
+    chosen = parser.parse_args(arguments)
+    folder = Path(chosen.output)
+    folder.mkdir(parents=True, exist_ok=True)
+    found = {}
+    for name in chosen.names or EXHIBITS:
+        found[name] = EXHIBITS[name](folder / f"{name}.png")
+        print(name)
+        for what, value in found[name].items():
+            print(f"  {what:<40} {value:.6g}")
+    return found
+
+
+if __name__ == "__main__":
+    main()
