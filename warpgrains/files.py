@@ -3,6 +3,7 @@
 import csv
 import io
 import os
+import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -10,6 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from warpgrains.errors import SceneError
+
+_NUMBER, _WORD = r"-\d+(?:\.\d+)?(?:e[+-]?\d+)?", r"[A-Za-z0-9][\w.+-]*"
+_PLAIN = re.compile(rf"(?:(?:{_WORD}|{_NUMBER})?(?:,|$))*", re.ASCII)
+"""A line of cells that need neither quotes nor guards, as most are."""
 
 Row = dict[str, str]
 """A line of a table: what its cells hold, by column."""
@@ -98,14 +103,17 @@ def csv_line(cells: Iterable[Any]) -> bytes:
     A spreadsheet takes what begins with =, +, - or @ for a formula: such a cell, if it is no number, has an
     apostrophe before it, which `read_table` takes away.
     """
+    texts = list(map(str, cells))
+    line = ",".join(texts)
+    if _PLAIN.fullmatch(line) and line.count(",") == len(texts) - 1 > 0:
+        return f"{line}\n".encode()
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow([_guarded(str(cell)) for cell in cells])
-    return text.getvalue().encode()
+    csv.writer(text).writerow(map(_guarded, texts))  # whose lines end in \r\n, so that it quotes these
+    return f"{text.getvalue()[:-2]}\n".encode()
 
 
 def _guarded(cell: str) -> str:
-    is_harmless = cell[:1].isalnum() or cell == ""  # as most are
-    return f"'{cell}" if not is_harmless and _is_formula(cell) and not _is_number(cell) else cell
+    return f"'{cell}" if _is_formula(cell) and not _is_number(cell) else cell
 
 
 def _unguarded(cell: Any) -> Any:

@@ -8,7 +8,10 @@ import pytest
 
 from warpgrains import Scene, Simulation
 from warpgrains.analysis import quantities, snapshot
+from warpgrains.analysis.quantities import OF_A_SWEEP
 from warpgrains.scene.geometry import area_below
+from warpgrains.scene.walls import Annulus
+from warpgrains.solver.ends import Grains
 
 EPS = np.finfo(np.float64).eps
 G = 9.81
@@ -22,6 +25,30 @@ def of(scene, velocity=None):
     state = Simulation(scene).state()
     state = state if velocity is None else replace(state, velocity=np.array(velocity))
     return quantities(snapshot(scene, state))
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 8, 15, 50, 200])
+def test_many_runs_at_once(n):
+    """The same bits as of one run, and without a run in between."""
+    generator = np.random.default_rng(n)
+    m, share = 9, generator.uniform(0.0, 1.0, (9, 1))
+    force = generator.normal(size=(m, n)) * (generator.random((m, n)) < share)
+    grains = Grains(
+        mass=generator.uniform(0.1, 3.0, (m, n)),
+        radius=generator.uniform(0.01, 0.1, (m, n)),
+        position=generator.uniform(-1.0, 1.0, (m, n, 2)),
+        velocity=generator.normal(size=(m, n, 2)),
+        wall_force=force,
+        gravity=generator.normal(size=(m, 2)) * (np.arange(m) > 0)[:, np.newaxis],
+        walls=Annulus(np.linspace(0.0, 0.4, m), np.full(m, 1.5)),
+    )
+    for name, of_runs in OF_A_SWEEP.items():
+        together = of_runs(grains)
+        assert together.shape == (m,)
+        for k in range(m):
+            one = Grains(*(array[k : k + 1].copy() for array in grains[:-1]), grains.walls)
+            walls = Annulus(*(radii[k : k + 1] for radii in grains.walls[:2]))
+            assert of_runs(one._replace(walls=walls)).item() == together[k], name
 
 
 def test_energies():

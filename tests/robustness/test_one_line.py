@@ -1,5 +1,6 @@
 """Input from hostile or unlucky hands is one line, or the right result, and writes nothing elsewhere."""
 
+import csv
 import io
 import os
 import signal
@@ -11,10 +12,12 @@ import zipfile
 import numpy as np
 import pytest
 from command import exit_code, require_refusal
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sweeps import batch, table
 
 from warpgrains import Scene, SceneError, Simulation
-from warpgrains.files import read_table, table_text
+from warpgrains.files import csv_line, read_table, table_text
 from warpgrains.scene.toml_text import toml_text, toml_value
 from warpgrains.simulation.checkpoint import read_checkpoint
 
@@ -172,6 +175,18 @@ class TestNames:
         assert scene.drag == 0.0
         cell = table(out / "results.csv")[0]["scene"]
         assert cell == ("'=cmd()+1" if name.startswith("=") else name)
+
+    @settings(max_examples=300, deadline=None)
+    @given(st.lists(st.text("-+=@'\",\n\r\t a9.eE_é１:/"), min_size=1))
+    def test_lines_are_those_of_csv(self, cells):
+        text = io.StringIO()
+        csv.writer(text).writerow(cells)
+        (found,) = csv.reader(io.StringIO(csv_line(cells).decode(), newline=""))
+        assert len(found) == len(cells)
+        for cell, seen in zip(cells, found, strict=True):
+            assert seen in (cell, f"'{cell}")
+        if found == cells:
+            assert csv_line(cells).decode() == f"{text.getvalue()[:-2]}\n"
 
     def test_cells(self, tmp_path):
         cells = ["=1", "+a", "-a", "@a", "'=1", "''=1", "'a", "-1.5", "+1e3", "-inf", "a=1", "", "\ta"]

@@ -176,7 +176,7 @@ def test_overlapping_pairs_are_those_of_all_pairs(sizes):
 def test_same_grains_with_other_settings():
     given = {"drag": 0.3, "dt": 0.02, "order": "color", "max_iterations": 7, "gravity": (1.0, 2.0)}
     before = scene(tolerance=1e-3, name="before")
-    changed, anew = before.with_settings(**given), scene(**given)
+    changed, anew = before.with_settings(**given), scene(tolerance=1e-3, name="before", **given)
     for name in Scene.__dataclass_fields__:
         assert np.array_equal(getattr(changed, name), getattr(anew, name)), name
     assert changed.position is before.position
@@ -184,3 +184,5 @@ def test_same_grains_with_other_settings():
         before.with_settings(drag=-1.0)
     with pytest.raises(SceneError, match="would turn round grain 0"):
         before.with_settings(drag=50.0)
+    with pytest.raises(SceneError, match="method 'exact' stops on the residual"):
+        before.with_settings(method="exact", stop="zeta")

@@ -6,6 +6,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.solver.ends import Grains
 
 
 def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
@@ -123,5 +124,22 @@ def force_distribution(of: Snapshot | HasState, bins: int = 40, most: float = 8.
 
 def wall_forces(of: Snapshot | HasState) -> tuple[float, float]:
     """Return how hard the grains push on the outer and on the inner wall: sums of normal forces [N]."""
-    force = snapshot(of).wall_force
-    return float(force[force > 0.0].sum()), float(np.abs(force[force < 0.0]).sum())
+    grains = snapshot(of).grains
+    return outer_wall_forces(grains).item(), inner_wall_forces(grains).item()
+
+
+def outer_wall_forces(grains: Grains) -> FloatArray:
+    """Return the sums of the forces on the outer wall of many runs [N], shape (m,)."""
+    return _sums_of_positive(grains.wall_force)
+
+
+def inner_wall_forces(grains: Grains) -> FloatArray:
+    """Return the sums of the forces on the inner wall of many runs [N], shape (m,)."""
+    return _sums_of_positive(-grains.wall_force)
+
+
+def _sums_of_positive(force: FloatArray) -> FloatArray:
+    sums, is_positive = np.zeros(len(force)), force > 0.0
+    for k in np.flatnonzero(is_positive.any(axis=-1)):
+        sums[k] = force[k][is_positive[k]].sum()
+    return sums

@@ -7,18 +7,27 @@ import numpy as np
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.scheme import kick_of
+from warpgrains.solver.ends import Grains
 
 
 def kinetic_energy(of: Snapshot | HasState) -> float:
     """Return the sum of m v^2 / 2 [J]; in the leapfrog scheme, half a step before the other quantities."""
-    moment = snapshot(of)
-    return float(0.5 * (moment.scene.mass * (moment.velocity**2).sum(axis=1)).sum())
+    return kinetic_energies(snapshot(of).grains).item()
+
+
+def kinetic_energies(grains: Grains) -> FloatArray:
+    """Return the kinetic energies of many runs [J], shape (m,)."""
+    return 0.5 * (grains.mass * (grains.velocity**2).sum(axis=-1)).sum(axis=-1)
 
 
 def potential_energy(of: Snapshot | HasState) -> float:
     """Return the sum of -m g . x [J], 0 at the origin."""
-    moment = snapshot(of)
-    return float(-(moment.scene.mass * (moment.position @ np.array(moment.scene.gravity))).sum())
+    return potential_energies(snapshot(of).grains).item()
+
+
+def potential_energies(grains: Grains) -> FloatArray:
+    """Return the potential energies of many runs [J], shape (m,)."""
+    return -(grains.mass * (grains.position @ grains.gravity[..., np.newaxis])[..., 0]).sum(axis=-1)
 
 
 def granular_temperature(of: Snapshot | HasState) -> float:

@@ -1,28 +1,39 @@
 """How high and how densely grains are packed."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.geometry import area_below
+from warpgrains.solver.ends import Grains
 
 
-def upwards(gravity: tuple[float, float]) -> FloatArray:
-    """Return the unit vector against gravity [m/s2]; without gravity, that of y."""
-    size = np.hypot(*gravity)
-    return -np.array(gravity) / size if size > 0.0 else np.array([0.0, 1.0])
+def upwards(gravity: ArrayLike) -> FloatArray:
+    """Return the unit vectors against gravity [m/s2], shape (..., 2); without gravity, that of y."""
+    g = np.array(gravity)
+    size, up = np.hypot(g[..., :1], g[..., 1:]), np.zeros_like(g)
+    up[..., 1] = 1.0
+    return np.divide(-g, size, out=up, where=size > 0.0)
 
 
 def heights(of: Snapshot | HasState) -> FloatArray:
     """Return how high the grains' centres are above the origin, against gravity [m], shape (n,)."""
-    moment = snapshot(of)
-    return moment.position @ upwards(moment.scene.gravity)
+    return _heights(snapshot(of).grains)[0]
+
+
+def _heights(grains: Grains) -> FloatArray:
+    return (grains.position @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
 
 
 def pile_height(of: Snapshot | HasState) -> float:
     """Return how far the highest point of a grain is above the lowest point of the walls [m]."""
-    moment = snapshot(of)
-    return float((heights(moment) + moment.scene.radius).max() + moment.scene.walls.depth)
+    return pile_heights(snapshot(of).grains).item()
+
+
+def pile_heights(grains: Grains) -> FloatArray:
+    """Return the heights of the piles of many runs [m], shape (m,)."""
+    return (_heights(grains) + grains.radius).max(axis=-1) + grains.walls.depth
 
 
 def packing_fraction(of: Snapshot | HasState) -> float:
@@ -31,10 +42,14 @@ def packing_fraction(of: Snapshot | HasState) -> float:
     Below the mean of the heights, weighted by area, a pile is dense; its loose surface does not count, nor
     does where the walls end. Grains and space are cut at that height exactly.
     """
-    moment = snapshot(of)
-    radius, height = moment.scene.radius, heights(moment)
-    mean = (radius**2 * height).sum() / (radius**2).sum()
-    return float(area_below(radius, mean - height).sum() / moment.scene.walls.area_below(mean))
+    return packing_fractions(snapshot(of).grains).item()
+
+
+def packing_fractions(grains: Grains) -> FloatArray:
+    """Return the packing fractions of many runs, shape (m,)."""
+    radius, height = grains.radius, _heights(grains)
+    mean = (radius**2 * height).sum(axis=-1) / (radius**2).sum(axis=-1)
+    return area_below(radius, mean[:, np.newaxis] - height).sum(axis=-1) / grains.walls.area_below(mean)
 
 
 def global_packing_fraction(of: Snapshot | HasState) -> float:

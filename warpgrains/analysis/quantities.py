@@ -7,7 +7,9 @@ import numpy as np
 
 from warpgrains.analysis import contacts, energy, packing, stress
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.arrays import FloatArray
 from warpgrains.scene import checks
+from warpgrains.solver.ends import Grains
 
 
 class Quantity(NamedTuple):
@@ -16,6 +18,12 @@ class Quantity(NamedTuple):
     unit: str
     """Empty for a pure number."""
     of: Callable[[Snapshot], float]
+    of_runs: Callable[[Grains], FloatArray] | None = None
+    """The same of many runs at once, shape (m,), where it is a column of every sweep's results."""
+
+
+def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray]) -> Quantity:
+    return Quantity(unit, lambda moment: of_runs(moment.grains).item(), of_runs)
 
 
 def _stress(a: int, b: int) -> Quantity:
@@ -28,14 +36,14 @@ def _power(loss: str) -> Quantity:
 
 
 QUANTITIES = {
-    "kinetic_energy": Quantity("J", energy.kinetic_energy),
-    "potential_energy": Quantity("J", energy.potential_energy),
+    "kinetic_energy": _of_runs("J", energy.kinetic_energies),
+    "potential_energy": _of_runs("J", energy.potential_energies),
     "contact_power": _power("contact_loss"),
     "drag_power": _power("drag_loss"),
-    "outer_wall_force": Quantity("N", lambda moment: contacts.wall_forces(moment)[0]),
-    "inner_wall_force": Quantity("N", lambda moment: contacts.wall_forces(moment)[1]),
-    "pile_height": Quantity("m", packing.pile_height),
-    "packing_fraction": Quantity("", packing.packing_fraction),
+    "outer_wall_force": _of_runs("N", contacts.outer_wall_forces),
+    "inner_wall_force": _of_runs("N", contacts.inner_wall_forces),
+    "pile_height": _of_runs("m", packing.pile_heights),
+    "packing_fraction": _of_runs("", packing.packing_fractions),
     "coordination_number": Quantity("", contacts.coordination_number),
     "rattlers": Quantity("", lambda moment: float(np.count_nonzero(contacts.rattlers(moment)))),
     "pressure": Quantity("N/m", stress.pressure),
@@ -62,8 +70,8 @@ GROUPS = {
 }
 """Names for several."""
 
-OF_A_SWEEP = ("kinetic_energy", "potential_energy", *GROUPS["walls"], *GROUPS["packing"])
-"""Those that every run of a sweep has in its result."""
+OF_A_SWEEP = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
+"""Those that every run of a sweep has in its result, of many runs at once."""
 
 
 def names_of(wanted: Iterable[str]) -> tuple[str, ...]:

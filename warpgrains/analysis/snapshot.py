@@ -10,7 +10,8 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene.geometry import pair_normals
-from warpgrains.scene.walls import outward
+from warpgrains.scene.walls import Annulus, outward
+from warpgrains.solver.ends import Grains
 from warpgrains.solver.forces import pair_contacts, wall_contacts
 
 if TYPE_CHECKING:
@@ -76,6 +77,21 @@ class Snapshot:
     def n(self) -> int:
         """Number of grains."""
         return self.scene.n
+
+    @property
+    def grains(self) -> Grains:
+        """The grains, as those of one run."""
+        scene = self.scene
+        radii: Any = np.array([[scene.radius_in], [scene.radius_out]])
+        return Grains(
+            mass=scene.mass[np.newaxis],
+            radius=scene.radius[np.newaxis],
+            position=self.position[np.newaxis],
+            velocity=self.velocity[np.newaxis],
+            wall_force=self.wall_force[np.newaxis],
+            gravity=np.array([scene.gravity]),
+            walls=Annulus(*radii),
+        )
 
     @cached_property
     def normal(self) -> FloatArray:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import warp as wp
 
+from warpgrains.arrays import IndexArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
 from warpgrains.solver.advance import OnProgress, advance
@@ -71,6 +72,14 @@ class ResidentSet:
         """Let the steps under way be the last, those that take long given up."""
         for engine in self._engines:
             engine.halt()
+
+    def alike(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
+        """Yield the scenes of an engine that have as many grains: the engine, their numbers and places."""
+        for engine, numbers in zip(self._engines, self._numbers, strict=True):
+            n = np.array([scene.n for scene in engine.scenes])
+            for count in np.unique(n):
+                places = np.flatnonzero(n == count)
+                yield engine, np.array(numbers)[places], places
 
     def done(self, k: int) -> Done:
         """Return what became of scene k."""

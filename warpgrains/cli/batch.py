@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from argparse import Namespace
 from pathlib import Path
 from time import perf_counter
@@ -39,6 +40,7 @@ def run(arguments: Namespace) -> bool:
         print(plot.draw(SweepFolder(path).results))
         return False
     sweep = Sweep.load(arguments.sweep)
+    gc.freeze()  # no run becomes garbage, and to look at a million of them again and again takes long
     folder = SweepFolder(path.absolute(), sweep.axes)
     if plot is not None:
         plot.require_columns(folder.columns)

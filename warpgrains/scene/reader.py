@@ -81,7 +81,7 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
     for override in overrides:
         _override(document, override)
         text += f"\n# --set {' '.join(override.split())}"
-    return {**_fields(document, path.parent), "name": path.stem, "text": text}
+    return {**document_fields(document, path.parent), "name": path.stem, "text": text}
 
 
 def read_document(name_or_path: str | os.PathLike[str]) -> Table:
@@ -155,12 +155,20 @@ def _override(document: Table, override: str) -> None:
         table[key] = parsed["value"]
 
 
-def _fields(document: Table, folder: Path) -> Table:
-    fields = settings(document)
-    return fields | grains(document, fields, folder)
+def document_fields(document: Table, folder: Path) -> Table:
+    """Return the fields of the scene in a document in a folder, but for its name and text.
+
+    Raises
+    ------
+    SceneError
+        It is no scene.
+    """
+    fields = _settings(document)
+    walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
+    return fields | _grains(document["grains"], walls, folder)
 
 
-def settings(document: Table) -> Table:
+def _settings(document: Table) -> Table:
     """Return the fields of the scene in a document, without those of its grains.
 
     Raises
@@ -182,12 +190,6 @@ def settings(document: Table) -> Table:
     if "grains" not in document:
         raise SceneError("section [grains] is missing")
     return fields
-
-
-def grains(document: Table, settings: Table, folder: Path) -> Table:
-    """Return position, radius, mass and velocity of the grains of the scene in a document in a folder."""
-    walls = Annulus.checked(settings.get("radius_in", 0.0), settings["radius_out"])
-    return _grains(document["grains"], walls, folder)
 
 
 def _grains(table: Table, walls: Annulus, folder: Path) -> Table:

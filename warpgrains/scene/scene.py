@@ -1,10 +1,10 @@
 """`Scene`: what is simulated, checked once and never changed."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from functools import cache, cached_property, lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -24,7 +24,6 @@ ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
-GEOMETRY = ("position", "velocity", "radius", "mass", "radius_in", "radius_out", "wall")
 MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
 
 
@@ -143,13 +142,11 @@ class Scene(Shown):
 
     def __post_init__(self) -> None:
         self._check_grains()
-        self._check_settings()
+        self._check_settings(_SETTINGS)
         self.walls.require_inside(self.position, self.radius)
         checks.require_distinct("position", self.position)
         self._check_digits()
-        self._check_drag_step()
-        if self.method == "exact" and self.stop == "zeta":
-            raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
+        self._check_together()
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -194,19 +191,12 @@ class Scene(Shown):
         }
 
     def with_settings(self, **settings: Any) -> Self:
-        """Return a scene of the same grains and walls, of which nothing else is checked again.
-
-        Parameters
-        ----------
-        settings
-            All other fields; by default not those of this scene, but those of any.
-        """
+        """Return the scene with fields changed, which are not of grains or walls: these are checked."""
         scene = object.__new__(type(self))
-        vars(scene).update(vars(self))
-        vars(scene).update(_defaults())
-        vars(scene).update(settings)
-        scene._check_settings()
-        scene._check_drag_step()
+        found = {"typical_radius": self.typical_radius, "has_equal_masses": self.has_equal_masses}
+        vars(scene).update(vars(self) | found | settings)
+        scene._check_settings(settings)
+        scene._check_together()
         return scene
 
     @property
@@ -278,23 +268,13 @@ class Scene(Shown):
         }
         vars(self).update(checked)
 
-    def _check_settings(self) -> None:
-        checked = {
-            "gravity": checks.vector("gravity", self.gravity),
-            "drag": checks.not_negative("drag", self.drag),
-            "dt": checks.positive("dt", self.dt),
-            "scheme": checks.one_of("scheme", self.scheme, SCHEMES),
-            "duration": checks.positive("duration", self.duration),
-            "tolerance": checks.not_negative("tolerance", self.tolerance),
-            "max_iterations": checks.whole_number("max_iterations", self.max_iterations),
-            "order": checks.one_of("order", self.order, ORDERS),
-            "method": checks.one_of("method", self.method, METHODS),
-            "stop": checks.one_of("stop", self.stop, STOPS),
-            "on_unconverged": checks.one_of("on_unconverged", self.on_unconverged, UNCONVERGED),
-            "name": checks.text("name", self.name),
-            "text": checks.text("text", self.text),
-        }
-        vars(self).update(checked)
+    def _check_settings(self, names: Iterable[str]) -> None:
+        vars(self).update({name: _SETTINGS[name](name, getattr(self, name)) for name in names})
+
+    def _check_together(self) -> None:
+        self._check_drag_step()
+        if self.method == "exact" and self.stop == "zeta":
+            raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
 
     def _check_digits(self) -> None:
         smallest = self.smallest_radius
@@ -307,6 +287,8 @@ class Scene(Shown):
     def _check_drag_step(self) -> None:
         mass = self.smallest_mass
         lost = self.drag * self.dt / mass  # of a velocity in a step of the text's scheme, as a share
+        if lost < 1.0:
+            return
         lightest = int(np.argmin(self.mass))
         if self.scheme == "text" and lost >= 1.0:
             raise SceneError(
@@ -325,10 +307,22 @@ def _range(values: FloatArray) -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-@cache
-def _defaults() -> dict[str, Any]:
-    """Return what the fields are that are not of grains or walls, if they are not given."""
-    return {field.name: field.default for field in fields(Scene) if field.name not in GEOMETRY}
+_SETTINGS: dict[str, Callable[[str, Any], Any]] = {
+    "gravity": checks.vector,
+    "drag": checks.not_negative,
+    "dt": checks.positive,
+    "scheme": partial(checks.one_of, known=SCHEMES),
+    "duration": checks.positive,
+    "tolerance": checks.not_negative,
+    "max_iterations": checks.whole_number,
+    "order": partial(checks.one_of, known=ORDERS),
+    "method": partial(checks.one_of, known=METHODS),
+    "stop": partial(checks.one_of, known=STOPS),
+    "on_unconverged": partial(checks.one_of, known=UNCONVERGED),
+    "name": checks.text,
+    "text": checks.text,
+}
+"""Checks of the fields that are not of grains or walls."""
 
 
 @lru_cache(1024)

@@ -120,10 +120,10 @@ class Annulus(NamedTuple):
             if bad.any():
                 raise SceneError(f"{checks.of_grain('position', position, bad)}: {reason}")
 
-    def area_below(self, level: float) -> float:
-        """Return how much of it is below a level [m2], measured from the origin [m]."""
-        outer, inner = area_below(np.array([self.radius_out, self.radius_in]), np.full(2, level))
-        return float(outer - inner)
+    def area_below(self, level: FloatArray | float) -> FloatArray:
+        """Return how much of it is below levels [m2], measured from the origin [m], shape (...)."""
+        outer, inner = (area_below(np.array(r), np.array(level)) for r in (self.radius_out, self.radius_in))
+        return outer - inner
 
 
 def outward(position: FloatArray) -> FloatArray:

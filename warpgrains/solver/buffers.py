@@ -218,6 +218,8 @@ class Block:
     ----------
     host : ndarray
         Bytes, in lines of their own: a line that two threads write to is slow for both.
+    pointer : int
+        Where the host has them.
     device : wp.Device
 
     Attributes
@@ -227,23 +229,22 @@ class Block:
         Where the device has them.
     """
 
-    def __init__(self, host: NDArray[np.uint8], device: wp.Device):
-        self.host = host
+    def __init__(self, host: NDArray[np.uint8], pointer: int, device: wp.Device):
+        self.host, self.pointer = host, pointer
         self._device = None
         if device.is_cuda:
             self._device = wp.array(host, dtype=wp.uint8, device=device)
-            self.pointer: int = self._device.ptr
-        else:
-            self.pointer = host.ctypes.data
+            self.pointer = self._device.ptr
 
     @classmethod
     def several(cls, sizes: Counts, device: wp.Device) -> list[Block]:
         """Return blocks of these sizes [bytes], all zero, which the host has in one piece of memory."""
         whole = (sizes // LINE + 1) * LINE
         memory = np.zeros(int(whole.sum()) + LINE, np.uint8)
-        first = np.cumsum(whole) - whole - memory.ctypes.data % LINE + LINE
+        begin = memory.ctypes.data
+        first = np.cumsum(whole) - whole - begin % LINE + LINE
         places = zip(first.tolist(), sizes.tolist(), strict=True)
-        return [cls(memory[start : start + size], device) for start, size in places]
+        return [cls(memory[start : start + size], begin + start, device) for start, size in places]
 
     def pull(self) -> None:
         """Let the host see what the device has written."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.arrays import IndexArray
 from warpgrains.errors import SimulationError, missing_extra
 from warpgrains.kernels import advance as kernels
 from warpgrains.kernels.gpu import Launcher
@@ -25,6 +25,7 @@ from warpgrains.kernels.record import (
 from warpgrains.kernels.step import step
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
+from warpgrains.solver.ends import Ends
 from warpgrains.solver.failures import beyond_wall, not_converged, not_finite
 from warpgrains.solver.infeasible import (
     InfeasibilityProof,
@@ -78,8 +79,8 @@ class Engine:
     Attributes
     ----------
     scenes : sequence of Scene
-    left, outcome : ndarray
-        Steps left, and what became of the last one, by scene.
+    left, outcome, seconds : ndarray
+        Steps left, what became of the last one, and what they took in all [s], by scene.
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, team: int = 1):
@@ -96,7 +97,7 @@ class Engine:
         self._queue.seconds = wp.zeros(count, dtype=wp.float64, device="cpu")
         self._queue.halt = wp.zeros(1, dtype=wp.int32, device="cpu")
         self.left, self.outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
-        self._seconds, self._halt = self._queue.seconds.numpy(), self._queue.halt.numpy()
+        self.seconds, self._halt = self._queue.seconds.numpy(), self._queue.halt.numpy()
         self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._most = np.array([float(scene.n * scene.max_iterations) for scene in scenes])
         self._proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
@@ -156,9 +157,10 @@ class Engine:
         """Return whether the velocities of scene k were half a step behind before its last good step."""
         return self._pulled(k).moment("last_staggered")
 
-    def wall_correction(self, k: int) -> FloatArray:
-        """Return the corrections dv_b of scene k [m/s], shape (n,); a copy."""
-        return self._pulled(k).wall_correction()
+    def ends(self, which: IndexArray) -> Ends:
+        """Return what some scenes of as many grains have come to since they were submitted; on a CPU."""
+        ends = Ends.of(self._records, which)
+        return ends._replace(done={**ends.done, "seconds": self.seconds[which]})
 
     def corrections(self, k: int) -> Corrections:
         """Return what the contacts of scene k carry after its last good step."""
@@ -172,7 +174,7 @@ class Engine:
         """Ask for so many steps of each scene, and start counting anew."""
         self.left[:] = self._submitted[:] = steps
         self.outcome[:] = SOLVED
-        self._seconds[:] = 0.0
+        self.seconds[:] = 0.0
         self._records.host["statistics"] = 0
         self._proofs = [[] for _ in self.scenes]
         self._errors.clear()
@@ -240,7 +242,7 @@ class Engine:
         """Solve the step of scene k where its sweeps are too slow."""
         start = perf_counter()
         self._exact[k].solve()
-        self._seconds[k] += perf_counter() - start
+        self.seconds[k] += perf_counter() - start
 
     def _grow(self) -> list[int]:
         """Make room where a list needs it; return for which scenes there is room now."""
@@ -330,7 +332,7 @@ class Engine:
         statistics = self._pulled(k).statistics()
         statistics.infeasible = len(self._proofs[k])
         statistics.infeasible_grains = self._proofs[k][0][1] if self._proofs[k] else ()
-        statistics.seconds = self._seconds[k].item()
+        statistics.seconds = self.seconds[k].item()
         return statistics
 
     def infeasible_steps(self, k: int) -> list[tuple[int, tuple[int, ...]]]:

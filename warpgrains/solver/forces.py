@@ -55,5 +55,10 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
 
 def wall_contacts(scene: Scene, corrections: Corrections) -> WallContacts:
     """Return the contacts with the walls, one entry a grain."""
-    force = scene.mass * corrections.wall_correction / scene.dt
+    force = wall_forces(scene.mass, corrections.wall_correction, scene.dt)
     return WallContacts(correction=corrections.wall_correction, force=force)
+
+
+def wall_forces(mass: FloatArray, correction: FloatArray, dt: FloatArray | float) -> FloatArray:
+    """Return m_i dv_b / dt [N], of corrections dv_b [m/s]; shapes (..., n)."""
+    return mass * correction / dt

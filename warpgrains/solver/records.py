@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.types import VerletNumbers
 from warpgrains.scene.scene import Scene
@@ -43,9 +45,12 @@ class SceneRecords:
         self.host = self.device.numpy()
         self._bytes = self.host.view(np.uint8)
         self._blocks: list[Block | None] = [None] * len(scenes)
+        self._memory: NDArray[np.uint8] | None = None
         self._length = np.zeros((len(fields()), len(scenes)), np.int64)
         self._offset = self._length.copy()
         self._place(np.arange(len(scenes)), self.sizes)
+        if device.is_cpu:
+            self._memory = self._block(0).host.base
         self._write_parameters()
 
     def _place(self, which: Counts, sizes: Sizes) -> None:
@@ -72,8 +77,9 @@ class SceneRecords:
             host["walls"][name] = [getattr(scene, name) for scene in scenes]
         host["walls"]["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
-        for name in ("room", "acceleration", "rounding", "tile", "monitor_threshold"):
+        for name in ("room", "rounding", "tile", "monitor_threshold"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
+        host["tuning"]["acceleration"] = np.hypot(*host["gravity"].T)
         host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE
         host["stopping"]["patience"] = [tuning.patience(scene) for scene in scenes]
@@ -92,7 +98,8 @@ class SceneRecords:
         if self.together("verlet.skin") is None:
             return False
         for name in ("radius", "mass", "position", "velocity"):
-            self._together(f"grains.{name}")[:] = [getattr(scene, name) for scene in self._scenes]
+            array = self._together(f"grains.{name}")
+            array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(array.shape)
         self._together("grains.last_position")[:] = self._together("grains.position")
         self._together("verlet.skin")[:] = tuning.NO_SKIN
         self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self._scenes]
@@ -108,14 +115,12 @@ class SceneRecords:
     def together(self, name: str) -> np.ndarray[Any, Any] | None:
         """Return an array of all scenes, a view (scenes, ...); None unless they are laid out alike."""
         number = self._number[name]
-        field, length, offset = fields()[number], self._length[number], self._offset[number]
-        blocks = [self._block(k) for k in range(len(self._scenes))]
-        start, memory = np.array([block.pointer for block in blocks]), blocks[0].host.base
-        step = np.diff(start + offset)
-        is_one = self._device.is_cpu and all(block.host.base is memory for block in blocks)
-        if not is_one or memory is None or (length != length[0]).any() or (step != step[:1]).any():
+        field, length = fields()[number], self._length[number]
+        start, memory = field.of(self.host)["data"].astype(np.int64), self._memory
+        step = np.diff(start)
+        if memory is None or (length != length[0]).any() or (step != step[:1]).any():
             return None
-        first = int(start[0] - memory.ctypes.data + offset[0])
+        first = int(start[0] - memory.ctypes.data)
         inner = np.empty((1, *field.shape), field.dtype).strides
         strides = (int(step[0]) if len(step) else field.bytes, *inner)
         shape = (len(start), int(length[0]), *field.shape)
@@ -125,6 +130,19 @@ class SceneRecords:
         array = self.together(name)
         assert array is not None
         return array
+
+    def stacked(self, name: str, which: IndexArray) -> np.ndarray[Any, Any]:
+        """Return an array of some scenes, as long in each of them, shape (m, ...); a copy."""
+        whole = self.together(name)
+        return np.stack([self.array(int(k), name) for k in which]) if whole is None else whole[which]
+
+    def wall_corrections(self, which: IndexArray) -> FloatArray:
+        """Return what grains of some scenes, as many in each, carry at the walls [m/s], shape (m, n)."""
+        walls, count = self.stacked("contacts.walls", which), self.host["contacts"]["count"]["walls"][which]
+        correction = np.zeros(walls.shape)
+        scene, place = np.nonzero(np.arange(walls.shape[1]) < count[:, np.newaxis])
+        correction[scene, walls["i"][scene, place]] = walls["dv"][scene, place]
+        return correction
 
     def _block(self, k: int) -> Block:
         block = self._blocks[k]
@@ -166,7 +184,7 @@ class SceneRecords:
         """Move scene k to where there is room for other sizes."""
         require_memory(int(bytes_needed(sizes.of(k))[0]), self._scenes[k].n, self._device)
         kept = {field.name: self.array(k, field.name) for field in fields()}
-        self.sizes = sizes
+        self.sizes, self._memory = sizes, None
         self._place(np.array([k]), sizes.of(k))
         for name, array in kept.items():
             moved = self.array(k, name)

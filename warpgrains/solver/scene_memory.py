@@ -65,9 +65,7 @@ class SceneMemory:
 
     def wall_correction(self) -> FloatArray:
         """Return what the grains carry at the walls [m/s], shape (n,)."""
-        correction, walls = np.zeros(self._scene.n), self.array("contacts.walls")[: self.walls]
-        correction[walls["i"]] = walls["dv"]
-        return correction
+        return self._records.wall_corrections(np.array([self._k]))[0]
 
     def state(self, steps: int) -> State:
         """Return the exact state, after so many steps."""

@@ -14,6 +14,7 @@ from warpgrains.solver.threads import cores
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
+EPS = float(np.finfo(np.float64).eps)
 BASE_SKIN = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
 NO_SKIN = -1.0  # of a scene without a list: the next step asks for one
 RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteration starts
@@ -43,14 +44,9 @@ def room(scene: Scene) -> float:
     return 0.5 * scene.typical_radius
 
 
-def acceleration(scene: Scene) -> float:
-    """Return the magnitude of the gravity [m/s2]."""
-    return float(np.hypot(*scene.gravity))
-
-
 def rounding(scene: Scene) -> float:
     """Return what may be lost in the digits of a position [m]."""
-    return 16.0 * float(np.finfo(float).eps) * scene.radius_out
+    return 16.0 * EPS * scene.radius_out
 
 
 def monitor_threshold(scene: Scene) -> float:

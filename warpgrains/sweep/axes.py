@@ -60,9 +60,9 @@ def _range(field: str, axis: dict[str, Any]) -> Values:
     _ends(f"{field}.range", axis["range"])
     first, last = (Fraction(str(end)) for end in axis["range"])
     steps = _count(f"{field}.count", axis["count"]) - 1
-    return _whole_if_written_so(
-        axis["range"], [float(first + (last - first) * k / steps) for k in range(steps + 1)]
-    )
+    (a, c), (b, d) = first.as_integer_ratio(), last.as_integer_ratio()
+    values = [(a * d * (steps - k) + b * c * k) / (c * d * steps) for k in range(steps + 1)]
+    return _whole_if_written_so(axis["range"], values)
 
 
 def _log_range(field: str, axis: dict[str, Any]) -> Values:

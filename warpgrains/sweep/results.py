@@ -5,10 +5,16 @@ Then those of `UNITS`, the same whenever, wherever and after however many interr
 last is `seconds`, its wall time, which the table of all results leaves out.
 """
 
+from collections.abc import Iterator
+from itertools import repeat
+
+import numpy as np
+
 from warpgrains.analysis.quantities import OF_A_SWEEP, QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import SceneError
 from warpgrains.files import Row
+from warpgrains.solver.ends import Ends
 from warpgrains.solver.statistics import RunStatistics
 
 UNITS = {
@@ -26,26 +32,38 @@ UNITS = {
 COUNTS = ("grains", "steps", "iterations_max", "unconverged")
 """Those that are whole numbers."""
 SECONDS = "seconds"
+COUNTED = ("steps", "iterations", "iterations_max", "unconverged", "overlap", SECONDS)
+"""What results need of `RunStatistics`."""
 
 
 def result(labels: Row, end: Snapshot, done: RunStatistics) -> Row:
     """Return the result of a run that has reached its end; its labels are the first columns."""
-    values = {
-        "grains": end.n,
-        "steps": done.steps,
-        "time": done.steps * end.scene.dt,
-        "iterations_mean": done.iterations / max(1, done.steps),
-        "iterations_max": done.iterations_max,
-        "unconverged": done.unconverged,
-        "worst_overlap": done.overlap,
-        **{name: QUANTITIES[name].of(end) for name in OF_A_SWEEP},
+    counted = {name: np.array([value]) for name, value in vars(done).items() if name in COUNTED}
+    (cells,) = results(Ends(end.grains, np.array([end.scene.dt]), counted))
+    return labels | dict(zip([*UNITS, SECONDS], cells, strict=True))
+
+
+def results(ends: Ends) -> Iterator[tuple[str, ...]]:
+    """Return the results of runs that have reached their ends, without labels."""
+    grains, dt, done = ends
+    steps = done["steps"]
+    numbers = {
+        "grains": np.full(len(steps), grains.mass.shape[1]),
+        "steps": steps,
+        "time": steps * dt,
+        "iterations_mean": done["iterations"] / np.maximum(1, steps),
+        "iterations_max": done["iterations_max"],
+        "unconverged": done["unconverged"],
+        "worst_overlap": done["overlap"],
+        **{name: of_runs(grains) for name, of_runs in OF_A_SWEEP.items()},
     }
-    return _row(labels, {name: repr(value) for name, value in values.items()}, done.seconds)
+    columns = [map(repr, numbers[name].tolist()) if name in numbers else repeat("") for name in UNITS]
+    return zip(*columns, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
 
 
 def failure(labels: Row, reason: str, seconds: float = 0.0) -> Row:
     """Return the result of a run that failed."""
-    return _row(labels, {"error": reason}, seconds)
+    return labels | dict.fromkeys(UNITS, "") | {"error": reason, SECONDS: f"{seconds:.3f}"}
 
 
 def require_result(rows: list[Row], labels: Row) -> Row:
@@ -63,7 +81,3 @@ def require_result(rows: list[Row], labels: Row) -> Row:
         except ValueError:
             raise SceneError(f"{name} is {row[name]!r}") from None
     return row
-
-
-def _row(labels: Row, values: Row, seconds: float) -> Row:
-    return labels | dict.fromkeys(UNITS, "") | values | {SECONDS: f"{seconds:.3f}"}
