@@ -50,9 +50,8 @@ class Reader:
         (Sweep if "axes" in tomllib.loads(block.text) else Scene).load(path)
 
     def _bash(self, block):
-        for line in block.lines:
-            expected = block.exit_code if line is block.lines[-1] else 0
-            assert _ended(line) == expected, (line, self._capfd.readouterr())
+        codes = [_ended(line) for line in block.lines]
+        assert codes == [0] * (len(codes) - 1) + [block.exit_code], self._capfd.readouterr()
 
 
 def _ended(line: str) -> int:

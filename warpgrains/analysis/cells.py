@@ -24,13 +24,24 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
     ------
     SceneError
         scipy is not installed; it comes with the extra ``[report]``.
+
+    Examples
+    --------
+    >>> bool(np.isclose(analysis.cell_areas(simulation).sum(), simulation.scene.walls.area))
+    True
     """
     moment = snapshot(of)
     return radical_cell_areas(moment.position, moment.scene.radius, moment.scene.walls)
 
 
 def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
-    """Return which share of its cell each grain fills, shape (n,); see `cell_areas`."""
+    """Return which share of its cell each grain fills, shape (n,); see `cell_areas`.
+
+    Examples
+    --------
+    >>> analysis.local_packing_fractions(simulation).shape
+    (15,)
+    """
     moment = snapshot(of)
     return np.pi * moment.scene.radius**2 / cell_areas(moment)
 

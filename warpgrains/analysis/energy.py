@@ -11,7 +11,13 @@ from warpgrains.solver.ends import Grains
 
 
 def kinetic_energy(of: Snapshot | HasState) -> float:
-    """Return the sum of m v^2 / 2 [J]; in the leapfrog scheme, half a step before the other quantities."""
+    """Return the sum of m v^2 / 2 [J]; in the leapfrog scheme, half a step before the other quantities.
+
+    Examples
+    --------
+    >>> f"{analysis.kinetic_energy(simulation):.3f} J"
+    '0.179 J'
+    """
     return kinetic_energies(snapshot(of).grains).item()
 
 
@@ -21,7 +27,13 @@ def kinetic_energies(grains: Grains) -> FloatArray:
 
 
 def potential_energy(of: Snapshot | HasState) -> float:
-    """Return the sum of -m g . x [J], 0 at the origin."""
+    """Return the sum of -m g . x [J], 0 at the origin.
+
+    Examples
+    --------
+    >>> f"{analysis.potential_energy(simulation):.3f} J"
+    '-24.643 J'
+    """
     return potential_energies(snapshot(of).grains).item()
 
 
@@ -31,18 +43,36 @@ def potential_energies(grains: Grains) -> FloatArray:
 
 
 def granular_temperature(of: Snapshot | HasState) -> float:
-    """Return ``<|v - <v>|^2> / 2`` [m2/s2], the mean square of a component of the velocity fluctuations."""
+    """Return ``<|v - <v>|^2> / 2`` [m2/s2], the mean square of a component of the velocity fluctuations.
+
+    Examples
+    --------
+    >>> f"{analysis.granular_temperature(simulation):.3f} m2/s2"
+    '0.111 m2/s2'
+    """
     velocity = snapshot(of).velocity
     return float(0.5 * ((velocity - velocity.mean(axis=0)) ** 2).sum(axis=1).mean())
 
 
 def mean_speed(of: Snapshot | HasState) -> float:
-    """Return the mean of ``|v|`` [m/s]."""
+    """Return the mean of ``|v|`` [m/s].
+
+    Examples
+    --------
+    >>> f"{analysis.mean_speed(simulation):.3f} m/s"
+    '0.153 m/s'
+    """
     return float(np.hypot(*snapshot(of).velocity.T).mean())
 
 
 def largest_speed(of: Snapshot | HasState) -> float:
-    """Return the largest ``|v|`` [m/s]."""
+    """Return the largest ``|v|`` [m/s].
+
+    Examples
+    --------
+    >>> f"{analysis.largest_speed(simulation):.3f} m/s"
+    '1.881 m/s'
+    """
     return float(np.hypot(*snapshot(of).velocity.T).max())
 
 
@@ -50,6 +80,12 @@ class EnergyBalance(NamedTuple):
     """What became of energy [J] over a step, or many.
 
     The kinetic energy has changed by gravity_work - drag_loss - contact_loss, up to rounding.
+
+    Examples
+    --------
+    >>> went = analysis.step_energy_balance(simulation)
+    >>> went._fields
+    ('gravity_work', 'drag_loss', 'contact_loss')
     """
 
     gravity_work: float
@@ -68,6 +104,12 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     From v before the step to v' after it, m (v' - v) = dt F, so the kinetic energy changes by
     dt F . (v + v') / 2: each force has its share. With the free velocity v* = v' - dt F_contacts / m, v
     follows from kernels/MODEL.md, eq. 2, or 16 and 17.
+
+    Examples
+    --------
+    >>> went = analysis.step_energy_balance(simulation)
+    >>> went.drag_loss > 0.0, went.contact_loss >= 0.0
+    (True, True)
     """
     moment = snapshot(of)
     if moment.steps == 0:
@@ -91,7 +133,16 @@ class Steps(HasState, Protocol):
 
 
 def energy_balance(simulation: Steps, steps: int) -> EnergyBalance:
-    """Advance a simulation by some steps, and return what became of energy in all of them [J]."""
+    """Advance a simulation by some steps, and return what became of energy in all of them [J].
+
+    Examples
+    --------
+    >>> other = wg.Simulation(simulation.scene)
+    >>> went = analysis.energy_balance(other, steps=100)
+    >>> kept = went.gravity_work - went.drag_loss - went.contact_loss
+    >>> bool(np.isclose(kept, analysis.kinetic_energy(other)))
+    True
+    """
     total = np.zeros(3)
     for _ in range(steps):
         simulation.step()
@@ -100,7 +151,13 @@ def energy_balance(simulation: Steps, steps: int) -> EnergyBalance:
 
 
 def contact_forces(of: Snapshot | HasState) -> FloatArray:
-    """Return the sum of the forces of all contacts on each grain [N], shape (n, 2)."""
+    """Return the sum of the forces of all contacts on each grain [N], shape (n, 2).
+
+    Examples
+    --------
+    >>> analysis.contact_forces(simulation).shape
+    (15, 2)
+    """
     moment = snapshot(of)
     grain, normal, force = moment.loads
     return np.stack([np.bincount(grain, -force * along, moment.n) for along in normal.T], axis=1)

@@ -18,7 +18,13 @@ def upwards(gravity: ArrayLike) -> FloatArray:
 
 
 def heights(of: Snapshot | HasState) -> FloatArray:
-    """Return how high the grains' centres are above the origin, against gravity [m], shape (n,)."""
+    """Return how high the grains' centres are above the origin, against gravity [m], shape (n,).
+
+    Examples
+    --------
+    >>> analysis.heights(simulation).shape
+    (15,)
+    """
     return _heights(snapshot(of).grains)[0]
 
 
@@ -27,7 +33,13 @@ def _heights(grains: Grains) -> FloatArray:
 
 
 def pile_height(of: Snapshot | HasState) -> float:
-    """Return how far the highest point of a grain is above the lowest point of the walls [m]."""
+    """Return how far the highest point of a grain is above the lowest point of the walls [m].
+
+    Examples
+    --------
+    >>> f"{analysis.pile_height(simulation):.3f} m"
+    '1.638 m'
+    """
     return pile_heights(snapshot(of).grains).item()
 
 
@@ -41,6 +53,11 @@ def packing_fraction(of: Snapshot | HasState) -> float:
 
     Below the mean of the heights, weighted by area, a pile is dense; its loose surface does not count, nor
     does where the walls end. Grains and space are cut at that height exactly.
+
+    Examples
+    --------
+    >>> round(analysis.packing_fraction(simulation), 3)
+    0.672
     """
     return packing_fractions(snapshot(of).grains).item()
 
@@ -53,6 +70,12 @@ def packing_fractions(grains: Grains) -> FloatArray:
 
 
 def global_packing_fraction(of: Snapshot | HasState) -> float:
-    """Return which share of the whole space between the walls the grains fill."""
+    """Return which share of the whole space between the walls the grains fill.
+
+    Examples
+    --------
+    >>> round(analysis.global_packing_fraction(simulation), 4)
+    0.04
+    """
     scene = snapshot(of).scene
     return float(np.pi * (scene.radius**2).sum() / scene.walls.area)

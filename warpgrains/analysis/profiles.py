@@ -12,7 +12,13 @@ from warpgrains.scene.walls import outward
 
 
 class Profile(NamedTuple):
-    """Means over slices; a grain counts in each by how much of its area is there. NaN where there is none."""
+    """Means over slices; a grain counts in each by how much of its area is there. NaN where there is none.
+
+    Examples
+    --------
+    >>> analysis.height_profile(simulation)._fields
+    ('edges', 'packing_fraction', 'velocity', 'temperature')
+    """
 
     edges: FloatArray
     """Edges of the slices [m], shape (bins + 1,)."""
@@ -29,6 +35,12 @@ def height_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
     """Return means over slices across gravity, from the lowest point of the walls to the highest.
 
     Heights are measured from the origin.
+
+    Examples
+    --------
+    >>> profile = analysis.height_profile(simulation, bins=8)
+    >>> profile.packing_fraction.round(2)
+    array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
     moment = snapshot(of)
     walls, up = moment.scene.walls, upwards(moment.scene.gravity)
@@ -40,7 +52,13 @@ def height_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
 
 
 def radial_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
-    """Return means over rings between the walls, by distance from the origin."""
+    """Return means over rings between the walls, by distance from the origin.
+
+    Examples
+    --------
+    >>> analysis.radial_profile(simulation, bins=6).packing_fraction.round(2)
+    array([0.01, 0.02, 0.  , 0.  , 0.03, 0.12])
+    """
     moment = snapshot(of)
     walls, rho = moment.scene.walls, distance(moment.position)
     edges = np.linspace(walls.radius_in, walls.radius_out, bins + 1)

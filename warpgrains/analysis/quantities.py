@@ -102,6 +102,11 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
     ------
     SceneError
         A name is unknown.
+
+    Examples
+    --------
+    >>> analysis.quantities(simulation, ["rattlers", "packing_fraction"])["rattlers"]
+    3.0
     """
     moment = snapshot(of)
     return {name: QUANTITIES[name].of(moment) for name in names_of(names)}

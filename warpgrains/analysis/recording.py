@@ -40,6 +40,14 @@ class Recording(Shown):
     ------
     SceneError
         The file is missing, is not USD, holds no frames of grains or what no recording does.
+
+    Examples
+    --------
+    >>> recording = wg.Recording("annulus.usdc")
+    >>> len(recording), recording.position.shape, recording.has_forces, recording.scene.n
+    (201, (201, 15, 2), True, 15)
+    >>> recording.frame(-1).force.shape  # of the contacts
+    (15,)
     """
 
     def __init__(self, path: str | Path) -> None:

@@ -61,6 +61,14 @@ class Series:
     SceneError
         A name is unknown, or the file cannot be written or continued; as an `OutputError`, if another process
         writes it, or it is no series.
+
+    Examples
+    --------
+    >>> series = analysis.Series("coordination", every=100)
+    >>> other = wg.Simulation(simulation.scene)
+    >>> summary = other.run(duration=2.0, observer=series)
+    >>> [row["step"] for row in series.rows], series.names
+    ([0, 100, 200], ('coordination_number', 'rattlers'))
     """
 
     def __init__(

@@ -62,6 +62,12 @@ class Snapshot:
         Force of each of these contacts [N], shape (m,), > 0.
     wall_force : ndarray
         Force of the walls on each grain [N], shape (n,): > 0 of the outer wall, < 0 of the inner one.
+
+    Examples
+    --------
+    >>> moment = analysis.snapshot(simulation)
+    >>> moment.pair.shape, moment.force.shape, moment.wall_force.shape
+    ((15, 2), (15,), (15,))
     """
 
     scene: Scene
@@ -126,6 +132,12 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         A simulation; a scene, together with a state of it; or a snapshot, which is returned.
     state : State, optional
         Such as `Batch.state` returns.
+
+    Examples
+    --------
+    >>> moment = analysis.snapshot(simulation.scene, simulation.state())
+    >>> analysis.kinetic_energy(moment) == analysis.kinetic_energy(simulation)
+    True
     """
     if isinstance(of, Snapshot):
         return of

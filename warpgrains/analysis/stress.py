@@ -27,6 +27,11 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     ------
     SceneError
         scipy is not installed; it comes with the extra ``[report]``.
+
+    Examples
+    --------
+    >>> analysis.grain_stresses(simulation).shape
+    (15, 2, 2)
     """
     moment = snapshot(of)
     area = cell_areas(moment) if area is None else area
@@ -34,13 +39,26 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
 
 
 def mean_stress(of: Snapshot | HasState) -> FloatArray:
-    """Return the stress averaged over the space between the walls [N/m], shape (2, 2)."""
+    """Return the stress averaged over the space between the walls [N/m], shape (2, 2).
+
+    Examples
+    --------
+    >>> analysis.mean_stress(simulation).round(4)
+    array([[0.2089, 0.0003],
+           [0.0003, 0.1808]])
+    """
     moment = snapshot(of)
     return _moments(moment).sum(axis=0) / moment.scene.walls.area
 
 
 def pressure(of: Snapshot | HasState) -> float:
-    """Return half the trace of the mean stress [N/m]."""
+    """Return half the trace of the mean stress [N/m].
+
+    Examples
+    --------
+    >>> f"{analysis.pressure(simulation):.4f} N/m"
+    '0.1948 N/m'
+    """
     return float(np.trace(mean_stress(of)) / 2.0)
 
 

@@ -40,6 +40,12 @@ def radial_distribution(
     ------
     SceneError
         scipy is not installed; it comes with the extra ``[report]``.
+
+    Examples
+    --------
+    >>> edges, pairs, g = analysis.radial_distribution(simulation, bins=10)
+    >>> edges.shape, pairs.shape, g.shape
+    ((11,), (10,), (10,))
     """
     try:
         from scipy.spatial import cKDTree

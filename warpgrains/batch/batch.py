@@ -20,7 +20,15 @@ from warpgrains.solver.tuning import find_device
 
 @dataclass(frozen=True, repr=False)
 class SceneSummary(Summary):
-    """What a run of a batch did with one of its scenes; `seconds` is what it took of one core's time."""
+    """What a run of a batch did with one of its scenes; `seconds` is what it took of one core's time.
+
+    Examples
+    --------
+    >>> scene = wg.Scene.load("annulus", ["solver.max_iterations=3"]).replace(on_unconverged="raise")
+    >>> (failed,) = wg.Batch([scene]).run()
+    >>> failed.steps, failed.error
+    (19, 'step 20, from t = 0.19 s: not converged after 3 iterations: ...')
+    """
 
     error: str | None = None
     """Why the scene stopped before its end, at its last good state."""
@@ -54,6 +62,15 @@ class Batch(Shown):
     Attributes
     ----------
     scenes : tuple of Scene
+
+    Examples
+    --------
+    >>> scene = wg.Scene.load("annulus")
+    >>> batch = wg.Batch([scene, scene.replace(drag=0.1)])
+    >>> [summary.steps for summary in batch.run(duration=4.0)]
+    [400, 400]
+    >>> bool((batch.position(0) == simulation.position).all())  # as alone
+    True
     """
 
     def __init__(self, scenes: Iterable[Scene], device: str = "cpu", threads: int | None = None):

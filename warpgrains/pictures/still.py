@@ -23,6 +23,10 @@ class Picture:
     Attributes
     ----------
     figure : matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> simulation.plot(color_by="pressure", forces=True).save("annulus.png")
     """
 
     def __init__(self, simulation: Simulation, color_by: str, forces: bool) -> None:

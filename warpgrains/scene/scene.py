@@ -90,6 +90,16 @@ class Scene(Shown):
     ------
     SceneError
         A value is not what it must be: one line names the field, the grain and the value.
+
+    Examples
+    --------
+    >>> scene = wg.Scene(position=[[0.9, 0.1], [-0.8, 0.4]], radius=0.1, mass=0.1, radius_out=2.0)
+    >>> scene.n, scene.radius.shape, scene.count_overlaps().pairs
+    (2, (2,), 0)
+    >>> scene.replace(drag=0.5).drag
+    0.5
+    >>> wg.Scene.load("annulus", ["physics.drag=0.1"]).drag
+    0.1
     """
 
     position: FloatArray

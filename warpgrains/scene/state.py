@@ -30,6 +30,12 @@ class Corrections:
         Their corrections dv_c [m/s], shape (m,).
     wall_correction : ndarray
         Wall corrections dv_b of all grains [m/s], shape (n,).
+
+    Examples
+    --------
+    >>> kept = simulation.state().corrections
+    >>> kept.pair.shape, kept.pair_correction.shape, kept.wall_correction.shape
+    ((15, 2), (15,), (15,))
     """
 
     pair: IntArray
@@ -83,6 +89,14 @@ class State:
         Whether velocities are half a step behind positions: those of the middle of the last step, as after
         any step of the leapfrog scheme, which goes on from them by a whole kick, and from others by half of
         one. The text's scheme takes them as they are.
+
+    Examples
+    --------
+    >>> state = simulation.state()
+    >>> state.steps, state.position.shape, len(state.corrections.pair), state.staggered
+    (400, (15, 2), 15, False)
+    >>> other = wg.Simulation(simulation.scene)
+    >>> other.restore(state)  # and goes on with the same bits
     """
 
     steps: int

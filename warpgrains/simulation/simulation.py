@@ -33,7 +33,15 @@ if TYPE_CHECKING:
 
 
 class StepStart(NamedTuple):
-    """Where a step began."""
+    """Where a step began.
+
+    Examples
+    --------
+    >>> start = simulation.last_start()
+    >>> moved = simulation.position - start.position
+    >>> bool(np.allclose(moved, simulation.scene.dt * simulation.velocity))
+    True
+    """
 
     position: FloatArray
     """Centres [m], shape (n, 2)."""
@@ -63,6 +71,19 @@ class Simulation(Shown):
         The device is unknown, the number of threads is not positive, or a change makes no scene.
     SimulationError
         The scene does not fit in memory.
+
+    Examples
+    --------
+    >>> simulation = wg.Simulation(wg.Scene.load("annulus"), tolerance=1e-8)
+    >>> summary = simulation.run(duration=4.0)
+    >>> simulation.steps, simulation.time, simulation.position.shape
+    (400, 4.0, (15, 2))
+    >>> f"{simulation.contacts().force.max():.4f} N"
+    '2.0263 N'
+    >>> simulation.save("annulus.npz")
+    >>> again = wg.Simulation.load("annulus.npz")
+    >>> bool((again.position == simulation.position).all())
+    True
     """
 
     def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None, **overrides: Any):
@@ -142,7 +163,7 @@ class Simulation(Shown):
 
     @property
     def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:
-        """Steps of the last `advance` that have no solution: their numbers, and grains that cannot fit."""
+        """Steps of the last `advance` that have no solution, by number, and the grains that cannot fit."""
         return self._engine.infeasible_steps(0)
 
     def run(

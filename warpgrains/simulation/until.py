@@ -50,6 +50,11 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
     ------
     SceneError
         It is none of these; or there is no gravity, and the bounds that it sets are not given.
+
+    Examples
+    --------
+    >>> criterion("rest,speed=1e-3,time=0.5", simulation.scene).steps
+    50
     """
     if until is None:
         return None

@@ -16,7 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PairContacts(Tabular):
-    """Contacts between grains during the last step: the pairs that carry a correction."""
+    """Contacts between grains during the last step: the pairs that carry a correction.
+
+    Examples
+    --------
+    >>> contacts = simulation.contacts()
+    >>> contacts.pair.shape, contacts.normal.shape, f"{contacts.force.max():.4f} N"
+    ((15, 2), (15, 2), '2.0264 N')
+    """
 
     pair: IntArray
     """Grains i < j, in lexicographic order, shape (m, 2)."""
@@ -32,7 +39,14 @@ class PairContacts(Tabular):
 
 @dataclass(frozen=True, eq=False)
 class WallContacts(Tabular):
-    """Contacts with the walls during the last step, one entry a grain."""
+    """Contacts with the walls during the last step, one entry a grain.
+
+    Examples
+    --------
+    >>> force = simulation.wall_contacts().force
+    >>> force.shape, int((force > 0.0).sum())  # grains that the outer wall carries
+    ((15,), 10)
+    """
 
     correction: FloatArray
     """Accumulated corrections dv_b [m/s], shape (n,), > 0 at the outer wall, < 0 at the inner one."""

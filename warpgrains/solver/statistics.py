@@ -19,7 +19,16 @@ def named(grains: tuple[int, ...]) -> str:
 
 
 class StepHistory(NamedTuple):
-    """How the contact iteration of a step went on; entry k - 1 is of iteration k >= 1."""
+    """How the contact iteration of a step went on; entry k - 1 is of iteration k >= 1.
+
+    Examples
+    --------
+    >>> simulation = wg.Simulation(wg.Scene.load("annulus"))
+    >>> statistics = simulation.advance(60)
+    >>> history = simulation.step(history=True).history
+    >>> history.zeta.shape, f"{history.zeta[-1]:.1e} m/s"
+    ((13,), '8.6e-07 m/s')
+    """
 
     zeta: FloatArray
     """Largest change of a correction in the iteration [m/s], shape (iterations,)."""
@@ -63,6 +72,12 @@ class StepReport(Tabular):
         How often the method "exact" factored a matrix.
     history : StepHistory, optional
         Zeta and residual of every iteration, of ``step(history=True)``.
+
+    Examples
+    --------
+    >>> report = wg.Simulation(wg.Scene.load("annulus")).step()
+    >>> report.iterations, report.zeta, report.converged, report.contacts, report.infeasible
+    (1, 0.0, True, 0, ())
     """
 
     iterations: int
@@ -108,6 +123,13 @@ class Summary(Shown, Tabular):
         The recording, if there is one.
     met : bool
         Whether the run has ended at what it was to run until.
+
+    Examples
+    --------
+    >>> summary.steps, summary.iterations_max, summary.unconverged, summary.output
+    (400, 129, 0, 'annulus.usdc')
+    >>> f"{summary.overlap:.1e} m, {summary.residual:.1e} m/s"
+    '5.3e-05 m, 9.3e-07 m/s'
     """
 
     steps: int
