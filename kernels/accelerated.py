@@ -29,7 +29,7 @@ from .access import (
 from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Floats, Grains, Vectors
-from .verlet import monitor
+from .verlet import least_monitored_correction, monitor, monitor_pair
 from .walls import has_inner, rounded_wall, wall_cost, wall_projection
 
 f64 = wp.float64
@@ -126,9 +126,9 @@ def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
 def sweep_pairs_ahead(team: Team, s: Scene, k: int):
     """Correct the pairs of a set."""
     zeta = f64(0.0)
+    large = least_monitored_correction(s)
     grains, contacts, pair_last = s.grains, s.contacts, s.momentum.pair_last
     momentum = wp.vec2d(s.momentum.state.beta, relaxation_factor(s))
-    monitored = s.verlet.flags.monitored
     weighted = contacts.weights.shape[0] > 0
     shares = wp.vec3d(f64(0.5), f64(0.5), f64(0.5))  # by unit mass where all masses are equal
     start = s.contacts.set_start[k]
@@ -142,11 +142,10 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
             if weighted:
                 shares = shares_of(grains, contacts, c)
             result = correct_pair(grains.next_velocity, contacts, pair_last, c, shares, momentum)
-            zeta = wp.max(zeta, result[0])
             part = part + wp.vec2d(result[1], result[2])
-            if monitored != 0:
-                monitor(s, contacts.pairs[c].i)
-                monitor(s, contacts.pairs[c].j)
+            zeta = wp.max(zeta, result[0])
+            if result[0] > large:
+                monitor_pair(s, contacts.pairs[c])
             c += 1
         s.momentum.pair_part[chunk + k] = part
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
@@ -156,6 +155,7 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
 def sweep_walls_ahead(team: Team, s: Scene):
     """Correct the grains that may reach a wall."""
     zeta = f64(0.0)
+    large = least_monitored_correction(s)
     beta = s.momentum.state.beta
     relaxation = relaxation_factor(s)
     begin, end = thread_range(team, 0, chunks_in(wall_count(s)))
@@ -163,9 +163,9 @@ def sweep_walls_ahead(team: Team, s: Scene):
         part = wp.vec2d(f64(0.0), f64(0.0))
         for c in range(chunk * CHUNK, wp.min(wall_count(s), (chunk + 1) * CHUNK)):
             result = correct_wall(s, c, beta, relaxation)
-            zeta = wp.max(zeta, result[0])
             part = part + wp.vec2d(result[1], result[2])
-            if s.verlet.flags.monitored != 0:
+            zeta = wp.max(zeta, result[0])
+            if result[0] > large:
                 monitor(s, s.contacts.walls[c].i)
         s.momentum.wall_part[chunk] = part
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)

@@ -20,7 +20,7 @@ from .segments import pairs_of, walls_of
 from .stopping import decide_to_stop
 from .threads import Team, partial_index
 from .types import Contacts, Vectors
-from .verlet import monitor, monitor_next
+from .verlet import add_unmonitored, least_monitored_correction, monitor, monitor_pair
 from .walls import WallContact, has_inner, rounded_wall, wall_projection
 
 f64 = wp.float64
@@ -61,26 +61,22 @@ def sweep_pairs(team: Team, s: Scene, k: int):
     velocity = s.grains.next_velocity
     contacts = s.contacts
     begin, end = pairs_of(team, s, k)
+    large = least_monitored_correction(s)
     equal = wp.vec2d(f64(0.5), f64(0.5))
     c = begin
-    if s.verlet.flags.monitored != 0:
+    if contacts.weights.shape[0] > 0:
         while c < end:
-            weight = equal
-            if contacts.weights.shape[0] > 0:
-                weight = contacts.weights[c]
-            change = correct_pair(velocity, contacts, c, weight)
-            if change > f64(0.0):
-                zeta = wp.max(zeta, change)
-                monitor(s, contacts.pairs[c].i)
-                monitor(s, contacts.pairs[c].j)
-            c += 1
-    elif contacts.weights.shape[0] > 0:
-        while c < end:
-            zeta = wp.max(zeta, correct_pair(velocity, contacts, c, vector_at(contacts.weights, c)))
+            change = correct_pair(velocity, contacts, c, vector_at(contacts.weights, c))
+            zeta = wp.max(zeta, change)
+            if change > large:
+                monitor_pair(s, contacts.pairs[c])
             c += 1
     else:
         while c < end:
-            zeta = wp.max(zeta, correct_pair(velocity, contacts, c, equal))
+            change = correct_pair(velocity, contacts, c, equal)
+            zeta = wp.max(zeta, change)
+            if change > large:
+                monitor_pair(s, contacts.pairs[c])
             c += 1
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 
@@ -94,21 +90,18 @@ def sweep_walls(team: Team, s: Scene):
     inner = has_inner(s.walls)
     begin, end = walls_of(team, s)
     wall = WallContact()
+    large = least_monitored_correction(s)
+    round = s.walls.round != 0
     c = begin
-    if s.walls.round != 0:
-        while c < end:
-            read_wall(contacts.walls, c, wall)
+    while c < end:
+        read_wall(contacts.walls, c, wall)
+        if round:
             wall = rounded_wall(wall, vector_at(velocity, wall.i), s.walls)
-            zeta = wp.max(zeta, correct_wall(velocity, contacts, c, wall, inner))
-            c += 1
-    else:
-        while c < end:
-            read_wall(contacts.walls, c, wall)
-            zeta = wp.max(zeta, correct_wall(velocity, contacts, c, wall, inner))
-            c += 1
-    if s.verlet.flags.monitored != 0:
-        for k in range(begin, end):
-            monitor(s, contacts.walls[k].i)
+        change = correct_wall(velocity, contacts, c, wall, inner)
+        zeta = wp.max(zeta, change)
+        if change > large:
+            monitor(s, wall.i)
+        c += 1
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 
 
@@ -116,4 +109,4 @@ def sweep_walls(team: Team, s: Scene):
 def decide(s: Scene):
     """What follows on a sweep."""
     decide_to_stop(s)
-    monitor_next(s, s.verlet.numbers.max_row_sum * s.step.zeta)
+    add_unmonitored(s, f64(0.0))

@@ -17,7 +17,7 @@ from .access import set_vector, vector_at
 from .record import Scene, grain_count, wall_count
 from .stopping import decide_to_stop
 from .threads import Team, thread_range
-from .verlet import monitor, monitor_next
+from .verlet import add_unmonitored, least_monitored, monitor
 
 f64 = wp.float64
 ROUNDING = wp.constant(f64(2.0e-15))
@@ -67,7 +67,7 @@ def decide_ahead(s: Scene):
     if s.control.rejected == 0 and s.step.iterations % REBUILD_EVERY == 0:
         s.control.measuring = 1
         s.control.rebuilding = 1
-    monitor_next(s, s.verlet.numbers.max_row_sum * s.step.zeta + change)
+    add_unmonitored(s, change)
 
 
 @wp.func
@@ -104,7 +104,7 @@ def extrapolate(team: Team, s: Scene):
     grains, contacts = s.grains, s.contacts
     last_velocity = s.momentum.last_velocity
     beta = s.momentum.state.beta
-    monitored = s.verlet.flags.monitored
+    large = least_monitored(s)
     begin, end = thread_range(team, 0, chunks_in(n))
     for k in range(begin, end):
         energy = f64(0.0)
@@ -121,8 +121,9 @@ def extrapolate(team: Team, s: Scene):
             m = mass_in_phi(grains, contacts, i)
             energy = energy + m * wp.dot(change, v + y)
             size = size + m * wp.dot(v, v)
-            farthest = wp.max(farthest, wp.dot(change, change))
-            if monitored != 0:
+            square = wp.dot(change, change)
+            farthest = wp.max(farthest, square)
+            if beta * beta * square > large * large:
                 monitor(s, i)
             i += 1
         s.momentum.grain_part[k] = wp.vec3d(energy, size, farthest)

@@ -106,7 +106,6 @@ class VerletNumbers:
 class VerletFlags:
     """What the check of the list asks for, and what it has found."""
 
-    monitored: wp.int32  # whether the next sweep looks at every velocity that it changes
     list_expired: wp.int32  # whether a contact may be missing
     missed: wp.int32  # whether one that was missing may have acted
     bad_grain: wp.int32  # a grain that is no longer finite, or leaves a round wall, or -1

@@ -14,25 +14,27 @@ an absent pair has gap >= dt (|w_i - w_j| + p_i + p_j) >= dt (v_i - v_j) . n at 
 leaving it out gives the same bits (MODEL.md, eq. 11). The walls do not move with the frame: for them the path
 of the frame itself is added.
 
-p_i is seen after every single correction of a monitored sweep. A sweep that is not monitored changes no
-velocity by more than max_row_sum * zeta, where max_row_sum is the largest sum of a grain's shares of its
+p_i is seen after every correction that is large. The small ones of a sweep change no velocity by more than
+max_row_sum times the largest of them, where max_row_sum is the largest sum of a grain's shares of its
 contacts; these changes add up to `unmonitored_change`, with which all grains are sampled from time to time.
 """
 
 import warp as wp
 
 from . import law
-from .access import vector_at
+from .access import number_at, set_number, vector_at
 from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
+from .types import Pair
 from .walls import is_near_wall
 
 f64 = wp.float64
+LARGE = wp.constant(f64(0.25))  # part of what need not be monitored in a step, that one change may be
 
 
 @wp.func
 def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
     """v_i - w_i - u [m/s]."""
-    return velocity - s.verlet.reference_velocity[i] - s.verlet.numbers.frame_velocity
+    return velocity - vector_at(s.verlet.reference_velocity, i) - s.verlet.numbers.frame_velocity
 
 
 @wp.func
@@ -51,13 +53,32 @@ def is_finite(x: wp.vec2d) -> bool:
 
 
 @wp.func
+def least_monitored(s: Scene) -> f64:
+    """The change of a grain's velocity from which it is looked at [m/s]."""
+    return LARGE * s.tuning.monitor_threshold * s.verlet.numbers.base_skin
+
+
+@wp.func
+def least_monitored_correction(s: Scene) -> f64:
+    """The correction from which both grains are looked at [m/s]."""
+    return least_monitored(s) / s.verlet.numbers.max_row_sum
+
+
+@wp.func
 def monitor(s: Scene, i: int):
     """Keep the peak deviation of grain i, and see whether its skin still allows it."""
     peak = wp.length_sq(deviation(s, vector_at(s.grains.next_velocity, i), i))
-    if peak > s.verlet.peak_deviation[i]:
-        s.verlet.peak_deviation[i] = peak
+    if peak > number_at(s.verlet.peak_deviation, i):
+        set_number(s.verlet.peak_deviation, i, peak)
         if peak > s.verlet.peak_limit[i]:
             s.verlet.flags.list_expired = 1
+
+
+@wp.func
+def monitor_pair(s: Scene, pair: Pair):
+    """Monitor both grains."""
+    monitor(s, pair.i)
+    monitor(s, pair.j)
 
 
 @wp.func
@@ -92,9 +113,8 @@ def sample(s: Scene, i: int):
 
 @wp.func
 def clear_check(s: Scene):
-    """Forget what was seen; the first iteration is monitored."""
+    """Forget what was seen."""
     s.verlet.numbers.unmonitored_change = f64(0.0)
-    s.verlet.flags.monitored = 1
     s.verlet.flags.list_expired = 0
     s.verlet.flags.bad_grain = -1
 
@@ -182,18 +202,18 @@ def outcome_of_check(s: Scene) -> int:
 
 
 @wp.func
-def monitor_next(s: Scene, change: f64):
-    """Monitor the next sweep if the last was not calm; sample all grains when unmonitored ones have added up.
+def add_unmonitored(s: Scene, ahead: f64):
+    """Add the most that a sweep may have changed a velocity by unseen; sample all when it has added up.
 
-    The change is the most that the velocity of a grain has changed by [m/s].
+    `ahead` is the largest change before the sweep, on the way to its start [m/s].
     """
-    threshold = s.tuning.monitor_threshold * s.verlet.numbers.base_skin
-    if s.verlet.flags.monitored == 0:
-        s.verlet.numbers.unmonitored_change = s.verlet.numbers.unmonitored_change + change
-    s.verlet.flags.monitored = 1 if change > threshold else 0
-    s.control.sampling = 1 if s.verlet.numbers.unmonitored_change > threshold else 0
+    numbers = s.verlet.numbers
+    in_sweep = numbers.max_row_sum * wp.min(s.step.zeta, least_monitored_correction(s))
+    change = numbers.unmonitored_change + wp.min(ahead, least_monitored(s)) + in_sweep
+    s.verlet.numbers.unmonitored_change = change
+    s.control.sampling = 1 if change > s.tuning.monitor_threshold * numbers.base_skin else 0
     if s.control.sampling != 0:
-        s.verlet.numbers.sampled_change = s.verlet.numbers.unmonitored_change
+        s.verlet.numbers.sampled_change = change
         s.verlet.numbers.unmonitored_change = f64(0.0)
 
 
