@@ -11,7 +11,7 @@ import warp as wp
 
 from .conditions import sweeping
 from .record import Scene, SceneRecord
-from .stages import OPTIONS, Each, If, Serial, Sets, Shared, Stage, While, fuse
+from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 from .threads import TeamRecord, member
 
 GPU_THREADS = 1 << 16
@@ -74,7 +74,7 @@ class Launcher:
     Parameters
     ----------
     module : wp.Module
-        Where the kernels of the stages are compiled.
+        Where the kernels of the stages are compiled, with the options of stages.py.
     records : array of SceneRecord
     k : int
         The scene.
@@ -92,7 +92,6 @@ class Launcher:
         threads: int = GPU_THREADS,
     ):
         self._module, self._records, self._k = module, records, k
-        wp.set_module_options(OPTIONS, module)
         for leaf in leaves(stages):
             stage_kernel(leaf, module)
         self._team = TeamRecord()

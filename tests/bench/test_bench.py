@@ -8,6 +8,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 COLUMNS = "name,n,order,threads,median,unit,compared with,its median,ratio,ratio is,target,repeats"
+QUICK = ["sweeps", "steps", "course", "solo", "lists", "threads", "costs", "memory", "accelerated"]
 
 
 def command(module: str, *arguments: object) -> str:
@@ -19,12 +20,15 @@ def command(module: str, *arguments: object) -> str:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the benchmark reads /proc")
-def test_benchmark_of_a_step(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("parts", "count"), [(QUICK, 23), pytest.param(["compiling"], 1, marks=pytest.mark.slow)]
+)
+def test_benchmark_of_a_step(parts: list[str], count: int, tmp_path: Path) -> None:
     file = tmp_path / "step.csv"
-    command("step", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "-o", file)
+    command("step", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "--only", *parts, "-o", file)
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
-    assert len(rows) == 24
+    assert len(rows) == count
     table = command("table", file).splitlines()
     assert len(table) == 2 + len(rows)
     assert len({text.count("|") for text in table}) == 1

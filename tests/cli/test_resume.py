@@ -274,7 +274,7 @@ class TestKilled:
         while process.poll() is None and not (
             kept.exists() and read_checkpoint(kept).statistics.steps >= step
         ):
-            time.sleep(0.001)
+            time.sleep(0.005)
 
     @pytest.mark.parametrize("order", ORDERS)
     def test_resumed(self, tmp_path, undisturbed, order):

@@ -2,22 +2,16 @@
 
 from pathlib import Path
 
-import pytest
 import warp as wp
-
-from warpgrains.kernels.gpu import leaves, stage_kernel
-from warpgrains.kernels.stages import OPTIONS
-from warpgrains.kernels.step import METHODS, step
+from launched import every_stage
 
 HOPPER = 90
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_compiles_for_cuda(method: str, tmp_path: Path) -> None:
-    """Every kernel that a GPU would launch."""
-    module = wp.get_module(f"compiled_for_cuda_{method}")
-    wp.set_module_options(OPTIONS, module)
-    kernels = [stage_kernel(leaf, module) for leaf in leaves(step(method))]
-    assert len(kernels) > 40
+def test_compiles_for_cuda(tmp_path: Path) -> None:
+    """Every kernel that a GPU would launch, by any method."""
+    module, kernels = every_stage("compiled_for_cuda")
+    assert len(kernels) > 50
+    assert len({kernel.key for kernel in kernels}) == len(kernels)
     wp.compile_aot_module(module, arch=HOPPER, module_dir=tmp_path, use_ptx=False)
     assert list(tmp_path.glob("*.cubin"))

@@ -16,7 +16,7 @@ IN_A_FRESH_PROCESS = "import sys, test_determinism as t; print(t.golden_hash(sys
 def golden_hash(order: str, threads: int) -> str:
     """Hash all that a run leaves behind, and all that it reports."""
     simulation = Simulation(Scene.load("polydisperse"), threads=threads, order=order)
-    reports = [simulation.step() for _ in range(80)]
+    reports = [simulation.step() for _ in range(50)]
     state = simulation.state()
     told = [(r.iterations, r.zeta, r.contacts, r.overlap) for r in reports]
     digest = hashlib.sha256(np.array(told).tobytes())

@@ -12,7 +12,7 @@ from warpgrains import Scene, Simulation, State
 from warpgrains.scene.scene import METHODS, ORDERS
 from warpgrains.solver import tuning
 
-STEPS = 60
+STEPS = 40
 
 
 def scene(order: str, method: str = "gauss-seidel") -> Scene:

@@ -1,13 +1,32 @@
 """A scene advanced as on a GPU: every stage and every independent set a launch, here by one CPU thread."""
 
+from functools import cache
+
 import warp as wp
+from stages import load
 
 from warpgrains import Scene, State
-from warpgrains.kernels.gpu import Launcher
+from warpgrains.kernels.gpu import Launcher, leaves, stage_kernel
 from warpgrains.kernels.record import SLOW, SOLVED, UNPROVED, WITHOUT_ROOM
-from warpgrains.kernels.step import step
+from warpgrains.kernels.stages import OPTIONS
+from warpgrains.kernels.step import METHODS, step
 from warpgrains.scene.state import first_state
 from warpgrains.solver.engine import Engine
+
+
+def every_stage(name: str) -> tuple[wp.Module, list[wp.Kernel]]:
+    """Put the stages of all methods into one module: what methods share is compiled once."""
+    module = wp.get_module(name)
+    wp.set_module_options(OPTIONS, module)
+    stages = dict.fromkeys(leaf for method in METHODS for leaf in leaves(step(method)))
+    return module, [stage_kernel(stage, module) for stage in stages]
+
+
+@cache
+def launched_module() -> wp.Module:
+    module, _ = every_stage("launched")
+    load(module)
+    return module
 
 
 def launched_state(scene: Scene, steps: int) -> State:
@@ -16,8 +35,7 @@ def launched_state(scene: Scene, steps: int) -> State:
     engine.load(0, first_state(scene))
     records = engine._records
     records.host["merge"] = 0
-    module = wp.get_module(f"launched_{scene.method}")
-    launcher = Launcher(module, records.device, 0, step(scene.method), threads=1)
+    launcher = Launcher(launched_module(), records.device, 0, step(scene.method), threads=1)
     with wp.ScopedCapture(device="cpu") as capture:
         launcher(step(scene.method))
     while steps > 0:

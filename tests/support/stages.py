@@ -7,9 +7,11 @@ import warp as wp
 
 from warpgrains import Scene
 from warpgrains.arrays import IntArray
+from warpgrains.console import start_warp
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import OPTIONS, Stage, fuse
 from warpgrains.kernels.threads import TeamRecord
+from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.threads import team_of
@@ -17,10 +19,21 @@ from warpgrains.solver.threads import team_of
 KERNELS: dict[str, wp.Kernel] = {}
 
 
+def load(module: wp.Module) -> None:
+    """Compile what only tests run, many modules in a process: Warp's own headers once for all of them."""
+    start_warp()
+    wp.config.use_precompiled_headers = True
+    try:
+        module.load(wp.get_device("cpu"), CPU_BLOCK)
+    finally:
+        wp.config.use_precompiled_headers = False
+
+
 def kernel_of(*stages: Stage) -> wp.Kernel:
     """Return the kernel that runs stages for the first record."""
     if repr(stages) not in KERNELS:
         KERNELS[repr(stages)] = new_kernel(*stages)
+        load(KERNELS[repr(stages)].module)
     return KERNELS[repr(stages)]
 
 

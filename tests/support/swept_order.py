@@ -6,7 +6,7 @@ from same_bits import assert_same_bits
 
 from warpgrains import Simulation
 from warpgrains.arrays import IntArray
-from warpgrains.reference.reference import Reference
+from warpgrains.reference.reference import Reference, pair_index
 
 
 def swept_pairs(simulation: Simulation) -> IntArray:
@@ -22,10 +22,10 @@ def swept_pairs(simulation: Simulation) -> IntArray:
 def full_order(simulation: Simulation) -> IntArray:
     """The pairs as swept, then all pairs that were left out, which must stay silent, then all walls."""
     n, swept = simulation.scene.n, swept_pairs(simulation)
-    listed = {tuple(pair) for pair in swept.tolist()}
-    silent = [pair for pair in complete(n).tolist() if tuple(pair) not in listed]
-    walls = [(i, -1) for i in range(n)]
-    return np.array([*swept.tolist(), *silent, *walls], np.int32)
+    is_silent = np.ones(n * (n - 1) // 2, bool)
+    is_silent[pair_index(swept, n)] = False
+    walls = np.stack([np.arange(n), np.full(n, -1)], axis=1)
+    return np.concatenate([swept, complete(n)[is_silent], walls]).astype(np.int32)
 
 
 def step_both(simulation: Simulation, reference: Reference, steps: int) -> None:

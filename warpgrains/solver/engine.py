@@ -22,6 +22,7 @@ from warpgrains.kernels.record import (
     UNPROVED,
     WITHOUT_ROOM,
 )
+from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import step
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
@@ -208,6 +209,7 @@ class Engine:
         if k not in self._graphs:
             stages = step(self.scenes[k].method)
             module = wp.get_module(f"warpgrains.kernels_gpu_{self.scenes[k].method}")
+            wp.set_module_options(OPTIONS, module)
             launcher = Launcher(module, self._records.device, k, stages)
             with wp.ScopedCapture(device=self._device) as capture:
                 launcher(stages)
