@@ -9,8 +9,7 @@ from functools import cache
 import warp as wp
 
 from .record import SOLVED, Scene, SceneRecord
-from .stages import OPTIONS, fuse
-from .step import step
+from .stages import OPTIONS
 from .threads import Team, TeamRecord, barrier
 
 f64 = wp.float64
@@ -108,20 +107,18 @@ def slice_goes_on(queue: Queue, k: int, begun: f64) -> int:
 
 
 @cache
-def kernel(method: str, strips: bool) -> wp.Kernel:
+def kernel(name: str, solve: wp.Function) -> wp.Kernel:
     """Return the kernel that advances scenes, in a module of its own: one thread's launch.
 
     Parameters
     ----------
-    method : str
-        By which the steps are solved.
-    strips : bool
-        Whether threads have strips of their own.
+    name : str
+        Of the module.
+    solve : wp.Function
+        A thread's part in one step of a scene, `(team, scene)`.
     """
-    name = f"warpgrains.kernels_{method.replace('-', '_')}{'_strips' if strips else ''}"
     module = wp.get_module(name)
     wp.set_module_options(OPTIONS, module)
-    solve = fuse(step(method, strips))
 
     @wp.func(inline=False)
     def advance_scene(team: Team, s: Scene, queue: Queue, k: int):

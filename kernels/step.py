@@ -5,6 +5,8 @@ that its sweeps do not converge, and tells it the outcome.
 A scene without a list begins as one whose list has expired: no skin suffices, so nothing is iterated.
 """
 
+from functools import cache
+
 import warp as wp
 
 from . import (
@@ -45,7 +47,7 @@ from .conditions import (
     unsolved,
 )
 from .record import grain_count, pair_count, wall_count
-from .stages import Each, If, Serial, Sets, Shared, Stage, While
+from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 SEARCH = [
     Each(neighbors.bucket_count, neighbors.clear_cell),
@@ -216,3 +218,9 @@ def step(method: str, dealt: bool = False) -> list[Stage]:
             ],
         ),
     ]
+
+
+@cache
+def fused_step(method: str, dealt: bool) -> wp.Function:
+    """Return the function that takes one step, `(team, scene)`."""
+    return fuse(step(method, dealt))

@@ -26,7 +26,7 @@ from warpgrains import Scene, Simulation, State
 from warpgrains.analysis.exact import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
-from warpgrains.scene.reader import shipped_scenes
+from warpgrains.scene.document import shipped_scenes
 
 from .rows import SPEEDUP, Subject, Table, row
 from .timing import say

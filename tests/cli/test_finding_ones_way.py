@@ -8,9 +8,9 @@ import pytest
 from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation, console
+from warpgrains.scene.document import shipped
 from warpgrains.scene.keys import REQUIRED, keys, parameters_of
 from warpgrains.scene.layouts import LAYOUTS
-from warpgrains.scene.reader import shipped
 
 
 def test_nothing_at_all_prints_help(capfd):

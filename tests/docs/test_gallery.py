@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pages import PAGES, ROOT
 
-from warpgrains.scene.reader import shipped_scenes
+from warpgrains.scene.document import shipped_scenes
 from warpgrains.scenes import gallery
 
 

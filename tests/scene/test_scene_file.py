@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, SceneError
-from warpgrains.scene.reader import shipped_scenes
+from warpgrains.scene.document import shipped_scenes
 
 FILE = """
 [domain]

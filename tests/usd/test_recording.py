@@ -9,7 +9,7 @@ from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, recor
 
 import warpgrains
 from warpgrains.errors import SceneError
-from warpgrains.scene.keys import read_parameters
+from warpgrains.scene.document import read_parameters
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.colors import speed_scale
 from warpgrains.usd.recorder import Recorder, recording_rate, recording_stride

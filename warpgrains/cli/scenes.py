@@ -8,8 +8,8 @@ from pathlib import Path
 from warpgrains.console import in_columns
 from warpgrains.errors import OutputError
 from warpgrains.files import require_place, write_whole
+from warpgrains.scene.document import parse_toml, read_document, read_text, shipped
 from warpgrains.scene.keys import commented, keys
-from warpgrains.scene.reader import parse_toml, read_document, read_text, shipped
 
 KINDS = {"scene": "warpgrains run NAME", "sweep": "warpgrains batch NAME -o DIR"}
 NARROWEST, WIDTH = 90, 110

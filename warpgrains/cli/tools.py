@@ -60,7 +60,7 @@ def export(arguments: Namespace) -> bool:
 
 def report(arguments: Namespace) -> bool:
     """Measure speed against error of scenes, and print the names of the files that tell of it."""
-    from warpgrains.scene.reader import shipped_scenes
+    from warpgrains.scene.document import shipped_scenes
     from warpgrains.scene.scene import Scene
 
     try:

@@ -21,11 +21,11 @@ from warpgrains.locks import Lock
 from warpgrains.pictures.canvas import Canvas
 from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
-from warpgrains.scene.scene import Scene
 from warpgrains.usd.colors import Frame
 from warpgrains.usd.frame_rate import recording_rate, recording_stride
 
 if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
     from warpgrains.usd.reader import RecordingReader
 

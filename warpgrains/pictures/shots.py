@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.scene import Scene
 from warpgrains.usd.chains import Chains, ChainScale, chains_of
 from warpgrains.usd.colors import ColorScale, Frame, GrainColors
 from warpgrains.usd.rings import rings
 
 if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.usd.reader import RecordingReader
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import MISSING, fields
 from typing import Any, NamedTuple
 
+from warpgrains.scene.document import SECTIONS, Table
 from warpgrains.scene.layouts import COMMON, LAYOUTS
-from warpgrains.scene.reader import PROPERTIES, SECTIONS, SOURCES, Table, own_parameters, parse_toml
+from warpgrains.scene.reader import PROPERTIES, SOURCES, own_parameters
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.toml_text import toml_text, toml_value
+from warpgrains.scene.toml_text import toml_value
 
 REQUIRED = object()
 """Default of a key that has none."""
@@ -38,7 +39,7 @@ class Key(NamedTuple):
             return "none"
         if self.default is REQUIRED:
             return "required"
-        return toml_value(_as_toml(self.default))
+        return toml_value(self.default)
 
 
 def keys(layout: str | None) -> Iterator[Key]:
@@ -74,24 +75,6 @@ def commented(document: Table) -> str:
             value = "..." if key.default in (None, REQUIRED) else key.shown_default
             lines.append(f"# {key.name} = {value}")
     return "\n".join(lines) + "\n"
-
-
-def parameters_text(scene: Scene) -> str:
-    """Return all of a scene as TOML that is not its grains."""
-    tables: Table = {}
-    for section, names in SECTIONS.items():
-        tables[section] = {name: _as_toml(getattr(scene, name)) for name in names}
-    return toml_text(tables)
-
-
-def read_parameters(text: str) -> dict[str, Any]:
-    """Return the fields of a scene that `parameters_text` has written."""
-    document = parse_toml(text, "the recording's scene")
-    return {name: value for table in document.values() for name, value in table.items()}
-
-
-def _as_toml(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
 
 
 def parameters_of(documented: Callable[..., Any]) -> dict[str, str]:

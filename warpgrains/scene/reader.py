@@ -17,11 +17,8 @@ grains   layout and the keys of that layout    see `layouts`
 
 import inspect
 import os
-import tomllib
 from collections.abc import Callable, Iterable
 from functools import cache
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -29,19 +26,11 @@ import numpy as np
 
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.document import SECTIONS, Table, override_key, parse_toml, read_text
 from warpgrains.scene.grain_file import read_grains, read_radii
 from warpgrains.scene.layouts import LAYOUTS, Placement
-from warpgrains.scene.toml_text import require_toml_numbers
 from warpgrains.scene.walls import Annulus
 
-Table = dict[str, Any]
-
-SECTIONS = {
-    "domain": Annulus._fields,
-    "physics": ("gravity", "drag"),
-    "time": ("dt", "duration", "scheme"),
-    "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
-}
 SOURCES = {
     "layout": f"Where grains start: the name of a layout, one of {', '.join(LAYOUTS)}. Or:",
     "position": "centres of the grains [m], a list of pairs; or:",
@@ -54,19 +43,6 @@ PROPERTIES = {
     "velocity": "Velocity of all grains at the start, or a list [m/s]. By default all rest.",
 }
 """What grains have beside them."""
-SHIPPED = {"scene": "", "sweep": "sweeps"}
-"""Where the shipped files of each kind are, seen from the folder of the scenes."""
-
-
-def shipped_scenes() -> list[str]:
-    """Return the names of the scenes that come with the package."""
-    return shipped("scene")
-
-
-def shipped(kind: str) -> list[str]:
-    """Return the names of the scenes, or of the sweeps, that come with the package."""
-    names = (entry.name for entry in _folder(kind).iterdir())
-    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
 def read_scene(name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
@@ -79,38 +55,9 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
     """Return the fields of the scene in a text, which is or could be that of the file `path`."""
     document = parse_toml(text, path)
     for override in overrides:
-        _override(document, override)
+        override_key(document, override)
         text += f"\n# --set {' '.join(override.split())}"
     return {**document_fields(document, path.parent), "name": path.stem, "text": text}
-
-
-def read_document(name_or_path: str | os.PathLike[str]) -> Table:
-    """Return the sections of a scene in a file, or of a shipped scene, as they are written there."""
-    return parse_toml(read_text(Path(name_or_path), "scene"), name_or_path)
-
-
-def read_text(path: Path, kind: str) -> str:
-    """Return the text of a scene or a sweep, a file or the name of a shipped one; SceneError if none."""
-    source: Path | Traversable = path
-    if not _is_there(path):
-        known = shipped(kind)
-        if str(path) not in known:
-            raise checks.unknown(f"{kind}, neither a file nor a shipped one,", str(path), known)
-        source = _folder(kind) / f"{path}.toml"
-    try:
-        return source.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path} cannot be read: {error}") from None
-
-
-def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
-    """Return what a TOML text of the file `path` holds."""
-    try:
-        document = tomllib.loads(text)
-        require_toml_numbers(document)
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"{path} is not TOML: {error}") from None
-    return document
 
 
 def require_key(section: str, key: str) -> None:
@@ -121,38 +68,9 @@ def require_key(section: str, key: str) -> None:
     _refuse_unknown_keys(section, {key: None}, known)
 
 
-def _is_there(path: Path) -> bool:
-    try:
-        return path.exists() and not path.is_dir()
-    except (OSError, ValueError):  # no file can have such a name
-        return False
-
-
-def _folder(kind: str) -> Traversable:
-    return files("warpgrains.scenes") / SHIPPED[kind]
-
-
 def _require_section(section: str) -> None:
     if section not in SECTIONS and section != "grains":
         raise checks.unknown("section", section, [*SECTIONS, "grains"])
-
-
-def _override(document: Table, override: str) -> None:
-    """Put the value of "section.key=value" in its place; a bare word stands for itself."""
-    target, equals, value = override.partition("=")
-    section, dot, key = target.strip().partition(".")
-    if not (equals and dot and key):
-        raise SceneError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
-    try:
-        parsed = tomllib.loads(f"value = {value}")
-        require_toml_numbers(parsed)
-    except (ValueError, RecursionError):
-        parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
-    if parsed.keys() != {"value"}:
-        raise SceneError(f"override {override!r}: {value!r} is not a TOML value")
-    table = document.setdefault(section, {})
-    if isinstance(table, dict):
-        table[key] = parsed["value"]
 
 
 def document_fields(document: Table, folder: Path) -> Table:

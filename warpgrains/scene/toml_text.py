@@ -32,7 +32,7 @@ def toml_value(value: Any) -> str:
             return repr(value)
         case str():
             return _quoted(value)
-        case list():
+        case list() | tuple():
             return f"[{', '.join(map(toml_value, value))}]"
         case dict():
             pairs = (f"{_key(key)} = {toml_value(item)}" for key, item in value.items())

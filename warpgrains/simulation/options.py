@@ -1,15 +1,19 @@
 """What a run is to do beside simulating its scene, which a resumed run must know again, and by what means."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.errors import SceneError
 from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
 from warpgrains.scene import checks
-from warpgrains.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 OnProgress = Callable[[float], None]
 """Hears of progress, in runs."""

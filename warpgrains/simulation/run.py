@@ -14,7 +14,6 @@ from warpgrains.console import progress_bar
 from warpgrains.files import require_place
 from warpgrains.pictures.kinds import STILLS, require_drawing
 from warpgrains.pictures.shots import Painter
-from warpgrains.scene.scene import Scene
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import EVERY, Criterion
@@ -22,6 +21,7 @@ from warpgrains.solver.statistics import RunStatistics, Summary, named
 
 if TYPE_CHECKING:
     from warpgrains.pictures.film import Film
+    from warpgrains.scene.scene import Scene
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.usd.recorder import Recorder
 

@@ -1,9 +1,11 @@
 """Engine: scenes of one method in memory, and the launches that advance them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -23,8 +25,7 @@ from warpgrains.kernels.record import (
     WITHOUT_ROOM,
 )
 from warpgrains.kernels.stages import OPTIONS
-from warpgrains.kernels.step import step
-from warpgrains.scene.scene import Scene
+from warpgrains.kernels.step import fused_step, step
 from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.solver.ends import Ends
 from warpgrains.solver.failures import beyond_wall, not_converged, not_finite
@@ -37,6 +38,9 @@ from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.threads import side_by_side, team_of
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 CPU_BLOCK = 1  # threads in which Warp compiles a kernel for a CPU
 BRIEF = 2e7  # iterations of grains: some tenths of a second
@@ -109,7 +113,9 @@ class Engine:
     @property
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes on a CPU."""
-        return kernels.kernel(self.scenes[0].method, self._records.sizes.has_strips)
+        method, dealt = self.scenes[0].method, self._records.sizes.has_strips
+        name = f"warpgrains.kernels_{method.replace('-', '_')}{'_strips' if dealt else ''}"
+        return kernels.kernel(name, fused_step(method, dealt))
 
     @property
     def is_compiled(self) -> bool:

@@ -1,9 +1,11 @@
 """The records of scenes of one method, and the memory that they point to."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -12,10 +14,12 @@ from numpy.typing import NDArray
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.types import VerletNumbers
-from warpgrains.scene.scene import Scene
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Counts, Layout, Sizes, bytes_needed, fields, grid_width
 from warpgrains.solver.memory import require_memory
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 
 class SceneRecords:

@@ -1,17 +1,21 @@
 """One scene in memory: a state written to it, and what it has come to read from it."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.record import RunStatistics as Sums
 from warpgrains.kernels.record import StepState
-from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList
 from warpgrains.solver import tuning
-from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.statistics import RunStatistics, StepHistory, StepReport
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.solver.records import SceneRecords
 
 STEP = tuple(StepState.vars)  # names of its fields
 SUMS = tuple(Sums.vars)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.scene.scene import Scene
 from warpgrains.scene.walls import outward
 from warpgrains.usd.colors import Frame, pressure_scale
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 CHAIN_COLOR = (0.78, 0.10, 0.12)
 """sRGB; no color of a scale is near it."""

@@ -10,10 +10,10 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SceneError
-from warpgrains.scene.scene import Scene
 from warpgrains.usd.colormaps import PALETTE, colormap
 
 if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
 
 UNITS = {"radius": "m", "speed": "m/s", "pressure": "N/m"}

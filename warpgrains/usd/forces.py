@@ -1,13 +1,19 @@
 """Force chains in a recording."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from warpgrains.scene.scene import Scene
 from warpgrains.usd.chains import CHAIN_COLOR, ChainScale, chains_of
 from warpgrains.usd.colors import Frame
 from warpgrains.usd.looks import bind_look
 from warpgrains.usd.values import covering_extent, floats, triples
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 FORCES = Sdf.Path("/World/Forces")
 

@@ -1,15 +1,21 @@
 """Grains in a recording: instances of colored discs or spheres, or points."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import IndexArray
-from warpgrains.scene.scene import Scene
 from warpgrains.usd.colormaps import linear
 from warpgrains.usd.colors import Frame, GrainColors, pressure
 from warpgrains.usd.looks import bind_look
 from warpgrains.usd.shapes import Shape
 from warpgrains.usd.values import covering_extent, floats, triples
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 GRAINS = Sdf.Path("/World/Grains")
 

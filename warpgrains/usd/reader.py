@@ -11,7 +11,7 @@ from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.scene.keys import read_parameters
+from warpgrains.scene.document import read_parameters
 from warpgrains.usd.chains import Chains, ChainScale
 from warpgrains.usd.colormaps import PALETTE, encoded
 from warpgrains.usd.colors import ColorScale

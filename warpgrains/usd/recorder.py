@@ -11,7 +11,6 @@ from pxr import Sdf
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.scene.scene import Scene
 from warpgrains.usd.chains import ChainScale
 from warpgrains.usd.chunks import ChunkFolder
 from warpgrains.usd.colors import Frame, GrainColors
@@ -24,6 +23,7 @@ from warpgrains.usd.shapes import disc, sphere
 from warpgrains.usd.stage import Drawing, static_layer
 
 if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
 
 DRAWN_AS = ("discs", "spheres", "points", "light")

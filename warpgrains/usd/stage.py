@@ -1,17 +1,21 @@
 """What a recording shows: the grains and force chains of every frame, and what stands still around them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 import warpgrains
-from warpgrains.scene.keys import parameters_text
-from warpgrains.scene.scene import Scene
+from warpgrains.scene.document import parameters_text
 from warpgrains.usd.colors import Frame
 from warpgrains.usd.looks import CAMERA, define_looks
 from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import define_walls, reach_of
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 
 class Drawing(Protocol):

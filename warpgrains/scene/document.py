@@ -1,0 +1,113 @@
+"""Scene files as TOML: where they are, what their sections hold, keys put in place of theirs."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from warpgrains.errors import SceneError
+from warpgrains.scene import checks
+from warpgrains.scene.toml_text import require_toml_numbers, toml_text
+from warpgrains.scene.walls import Annulus
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+Table = dict[str, Any]
+
+SECTIONS = {
+    "domain": Annulus._fields,
+    "physics": ("gravity", "drag"),
+    "time": ("dt", "duration", "scheme"),
+    "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
+}
+"""The sections of a scene, but for its grains, and their keys."""
+SHIPPED = {"scene": "", "sweep": "sweeps"}
+"""Where the shipped files of each kind are, seen from the folder of the scenes."""
+
+
+def shipped_scenes() -> list[str]:
+    """Return the names of the scenes that come with the package."""
+    return shipped("scene")
+
+
+def shipped(kind: str) -> list[str]:
+    """Return the names of the scenes, or of the sweeps, that come with the package."""
+    names = (entry.name for entry in _folder(kind).iterdir())
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
+def read_document(name_or_path: str | os.PathLike[str]) -> Table:
+    """Return the sections of a scene in a file, or of a shipped scene, as they are written there."""
+    return parse_toml(read_text(Path(name_or_path), "scene"), name_or_path)
+
+
+def read_text(path: Path, kind: str) -> str:
+    """Return the text of a scene or a sweep, a file or the name of a shipped one; SceneError if none."""
+    source: Path | Traversable = path
+    if not _is_there(path):
+        known = shipped(kind)
+        if str(path) not in known:
+            raise checks.unknown(f"{kind}, neither a file nor a shipped one,", str(path), known)
+        source = _folder(kind) / f"{path}.toml"
+    try:
+        return source.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{path} cannot be read: {error}") from None
+
+
+def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
+    """Return what a TOML text of the file `path` holds."""
+    try:
+        document = tomllib.loads(text)
+        require_toml_numbers(document)
+    except (ValueError, RecursionError) as error:
+        raise SceneError(f"{path} is not TOML: {error}") from None
+    return document
+
+
+def parameters_text(scene: Scene) -> str:
+    """Return all of a scene as TOML that is not its grains."""
+    tables: Table = {}
+    for section, names in SECTIONS.items():
+        tables[section] = {name: getattr(scene, name) for name in names}
+    return toml_text(tables)
+
+
+def read_parameters(text: str) -> dict[str, Any]:
+    """Return the fields of a scene that `parameters_text` has written."""
+    document = parse_toml(text, "the recording's scene")
+    return {name: value for table in document.values() for name, value in table.items()}
+
+
+def override_key(document: Table, override: str) -> None:
+    """Put the value of "section.key=value" in its place; a bare word stands for itself."""
+    target, equals, value = override.partition("=")
+    section, dot, key = target.strip().partition(".")
+    if not (equals and dot and key):
+        raise SceneError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+        require_toml_numbers(parsed)
+    except (ValueError, RecursionError):
+        parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
+    if parsed.keys() != {"value"}:
+        raise SceneError(f"override {override!r}: {value!r} is not a TOML value")
+    table = document.setdefault(section, {})
+    if isinstance(table, dict):
+        table[key] = parsed["value"]
+
+
+def _is_there(path: Path) -> bool:
+    try:
+        return path.exists() and not path.is_dir()
+    except (OSError, ValueError):  # no file can have such a name
+        return False
+
+
+def _folder(kind: str) -> Traversable:
+    return files("warpgrains.scenes") / SHIPPED[kind]
