@@ -9,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # In a checkout `kernels/` and `scenes/` stand beside this package, in a wheel inside it (pyproject.toml).
 _checkout = Path(__file__).resolve().parent.parent
