@@ -16,6 +16,16 @@ grains.count = [5, 15]
 """
 """Six runs of 40 steps, some not converged; the third and the fourth have too much drag to be a scene."""
 
+LONG = """
+scene = "annulus"
+[set]
+solver.order = "color"
+[axes]
+physics.drag = {range = [0.1, 0.9], count = 3}
+grains.shift = {log_range = [1e-9, 1e-6], count = 4}
+"""
+"""Twelve runs of 800 steps."""
+
 
 def write(folder: Path, text: str = SMALL) -> Path:
     """Write a sweep file."""

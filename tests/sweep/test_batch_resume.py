@@ -1,52 +1,15 @@
 """`warpgrains batch --resume` and shares: the same tables whatever happens on the way."""
 
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
-from pathlib import Path
 
-import numpy as np
 import pytest
 from same_bits import contents
-from sweeps import SMALL, batch, results, table, write
-from trimmed import trimmed
+from sweeps import LONG, SMALL, batch, results, table, write
 
-from warpgrains.batch.batch import Batch
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine
-from warpgrains.sweep import runner as run_groups
 from warpgrains.sweep import short
-
-
-class Interrupted(KeyboardInterrupt):
-    """What stands for a killed process."""
-
-
-class Slices:
-    """Interrupts the slice after `left` more, as a killed process would be; keeps the steps of those done."""
-
-    def __init__(self):
-        self.left, self.steps = 0, []
-
-    def run(self, batch, steps, run=Batch.run):
-        if self.left == 0:
-            raise Interrupted
-        self.left -= 1
-        self.steps.append(steps)
-        return run(batch, steps)
-
-
-@pytest.fixture
-def slices(monkeypatch):
-    """Slices of equal length, after each of which the runs are kept."""
-    slices = Slices()
-    monkeypatch.setattr(run_groups, "BETWEEN_CHECKPOINTS", 0.0)
-    monkeypatch.setattr(run_groups, "GROWTH", 1)
-    monkeypatch.setattr(Batch, "run", lambda batch, steps: slices.run(batch, steps))
-    return slices
 
 
 def test_what_failed_once_stays_failed(tmp_path, slices):
@@ -65,7 +28,7 @@ def test_what_failed_once_stays_failed(tmp_path, slices):
 
 
 class TestResume:
-    @pytest.mark.parametrize("options", [["--folders"], ["--usd"]])
+    @pytest.mark.parametrize("options", [["--folders"], ["--usd"], ["--measure", "packing", "--every", "7"]])
     def test_same_results_after_interruptions(self, tmp_path, kept, slices, options):
         sweep, out = write(tmp_path), tmp_path / "out"
         for number, left in enumerate((4, 3, 1_000)):
@@ -80,6 +43,7 @@ class TestResume:
             assert contents(ends[0].state) == contents(ends[1].state)
             assert not (out / "runs" / number / "recording.usdc.chunks").exists()
             assert (out / "runs" / number / "recording.usdc").exists() == (options == ["--usd"])
+            assert (out / "runs" / number / "series.csv").exists() == ("--every" in options)
 
     def test_finished_runs_are_not_repeated(self, tmp_path, kept, capfd):
         shutil.copytree(kept, tmp_path / "out")
@@ -195,109 +159,3 @@ class TestShares:
         monkeypatch.setattr(sweep_folder, "write_whole", write_as_another_run_finishes)
         assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume", "--index", 0, "--count", 6) == 0
         assert results(tmp_path / "out") == results(kept)
-
-
-DRIVER = """
-import sys
-from warpgrains.cli.main import main
-from warpgrains.sweep import runner, short
-short.SHORT, short.WIDTH, short.FIRST_WIDTH = 0.1, 4, 4
-runner.WIDTH, runner.SLICE, runner.BETWEEN_CHECKPOINTS = 4, 0.02, 0.05
-sys.exit(main(sys.argv[1:]))
-"""
-LONG = """
-scene = "annulus"
-[set]
-solver.order = "color"
-[axes]
-physics.drag = {range = [0.1, 0.9], count = 3}
-grains.shift = {log_range = [1e-9, 1e-6], count = 4}
-"""
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("undisturbed")
-    assert batch(write(folder, LONG), "-o", folder / "out") == 0
-    return folder / "out"
-
-
-class TestKilled:
-    """kill -9 in the middle, then --resume: the same table as without."""
-
-    def kill_and_resume(self, folder, undisturbed, options, moments):
-        sweep, out = write(folder, LONG), folder / "out"
-        process = self.start(sweep, "-o", out, *options)
-        for steps in moments:
-            while process.poll() is None and self.steps_kept(out) < steps:
-                time.sleep(0.005)
-            process.send_signal(signal.SIGKILL)
-            process.wait(timeout=60)
-            process = self.start(sweep, "-o", out, "--resume", *options)
-        assert process.wait(timeout=120) == 0
-        assert results(out) == results(undisturbed)
-        assert len(table(out / "timing.csv")) == 12
-
-    def start(self, *arguments):
-        command = [sys.executable, "-c", DRIVER, "batch", *map(str, arguments)]
-        return subprocess.Popen(command, stdout=subprocess.DEVNULL)
-
-    def steps_kept(self, out: Path) -> int:
-        kept = (out / "runs").glob("*/checkpoint.npz")
-        return sum(read_checkpoint(path).statistics.steps for path in kept)
-
-    def test_resumed(self, tmp_path, undisturbed):
-        self.kill_and_resume(tmp_path, undisturbed, [], [1_000, 5_000])
-
-    @pytest.mark.slow
-    def test_resumed_from_many_moments(self, tmp_path, undisturbed):
-        rng = np.random.default_rng(5)
-        for number in range(2):
-            folder = tmp_path / str(number)
-            folder.mkdir()
-            moments = sorted(rng.integers(1, 12 * 800, size=rng.integers(1, 4)).tolist())
-            self.kill_and_resume(folder, undisturbed, ["--usd"] * (number % 2), moments)
-            shutil.rmtree(folder)
-
-
-MANY = """
-scene = "annulus"
-[set]
-time.duration = 0.05
-[axes]
-physics.drag = {range = [0.1, 0.9], count = 600}
-"""
-MANY_DRIVER = """
-import sys
-from warpgrains.cli.main import main
-from warpgrains.sweep import short
-short.WIDTH, short.FIRST_WIDTH = 32, 32
-sys.exit(main(sys.argv[1:]))
-"""
-
-
-class TestKilledShortRuns:
-    """kill -9 while parts are written: no run that is in one is done again."""
-
-    def killed(self, folder, moments):
-        sweep, out = write(folder, MANY), folder / "out"
-        assert batch(sweep, "-o", folder / "undisturbed") == 0
-        command = [sys.executable, "-c", MANY_DRIVER, "batch", str(sweep), "-o", str(out), "--resume"]
-        for parts in moments:
-            process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-            while process.poll() is None and len(list(out.glob("parts/[0-9]*.csv"))) < parts:
-                time.sleep(0.001)
-            time.sleep(0.002 * (parts % 5))
-            process.kill()
-            process.wait(timeout=60)
-        assert subprocess.run(command, stdout=subprocess.DEVNULL, timeout=120).returncode == 0
-        assert results(out) == results(folder / "undisturbed")
-        runs = [row["run"] for part in out.glob("parts/[0-9]*.csv") for row in table(part)]
-        assert sorted(map(int, runs)) == list(range(600))
-
-    def test_resumed(self, tmp_path):
-        self.killed(tmp_path, [3])
-
-    @pytest.mark.slow
-    def test_resumed_from_twenty_moments(self, tmp_path):
-        self.killed(tmp_path, range(1, 1 + trimmed(20)))

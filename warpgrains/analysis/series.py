@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
 
 from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
-from warpgrains.analysis.snapshot import HasState
+from warpgrains.analysis.snapshot import HasState, Snapshot
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.files import Row, read_table, require_place, table_text, write_whole
 from warpgrains.locks import Lock
@@ -105,7 +105,7 @@ class Series:
     ) -> None:
         self.close()
 
-    def observe(self, simulation: Measured) -> None:
+    def observe(self, simulation: Measured | Snapshot) -> None:
         """Measure, unless this step is measured already."""
         if not self.rows or self.rows[-1]["step"] < simulation.steps:
             found = quantities(simulation, self.names)

@@ -85,6 +85,11 @@ class Snapshot:
         return self.scene.n
 
     @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.steps * self.scene.dt
+
+    @property
     def grains(self) -> Grains:
         """The grains, as those of one run."""
         scene = self.scene

@@ -41,7 +41,7 @@ def run(arguments: Namespace) -> bool:
         return False
     sweep = Sweep.load(arguments.sweep)
     gc.freeze()  # no run becomes garbage, and to look at a million of them again and again takes long
-    folder = SweepFolder(path.absolute(), sweep.axes)
+    folder = SweepFolder(path.absolute(), sweep.axes, _measured(arguments))
     if plot is not None:
         plot.require_columns(folder.columns)
     share = _share(sweep, arguments)
@@ -68,6 +68,19 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
     except ModuleNotFoundError as error:
         raise missing_extra("--plot", error) from error
     return SweepPlot.parse(arguments.plot)
+
+
+def _measured(arguments: Namespace) -> tuple[str, ...]:
+    """Return which quantities are to be measured."""
+    if arguments.every is not None:
+        checks.whole_number("--every", arguments.every)
+    if arguments.measure is None:
+        if arguments.every is not None:
+            raise SceneError("--every needs --measure")
+        return ()
+    from warpgrains.analysis.quantities import names_of
+
+    return names_of(name.strip() for name in arguments.measure.split(","))
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
@@ -139,7 +152,13 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
         raise SceneError("--fps needs --usd")
     fps = DEFAULT_FPS if arguments.fps is None else checks.positive("--fps", arguments.fps)
     fps_or_none = fps if arguments.usd else None
-    return ExecutionOptions(arguments.device, arguments.threads, fps_or_none, arguments.folders)
+    return ExecutionOptions(
+        device=arguments.device,
+        threads=arguments.threads,
+        fps=fps_or_none,
+        folders=arguments.folders,
+        measure_every=arguments.every,
+    )
 
 
 def _lines(

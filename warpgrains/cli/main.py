@@ -175,6 +175,9 @@ def _add_batch(parser: ArgumentParser) -> None:
     add("--resume", action="store_true", help="go on with the runs that are not finished")
     axes = "x=COLUMN,y=COLUMN[,color=COLUMN]"
     add("--plot", metavar=axes, help="draw the results; without SWEEP, those that are there")
+    measure = "measure quantities, such as coordination,stress: results.csv has those at the end of each run"
+    add("--measure", metavar="WHAT,...", help=measure)
+    add("--every", type=int, metavar="K", help="and a series.csv in the folder of each, a row every K steps")
     add("--usd", action="store_true", help="record every run to its recording.usdc")
     add("--folders", action="store_true", help="keep the scene, the end and the result of every run")
     add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")

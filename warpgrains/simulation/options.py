@@ -168,3 +168,10 @@ class ExecutionOptions:
     """Frames recorded a second of simulated time [1/s], if runs are to be recorded."""
     folders: bool = False
     """Whether runs of a sweep are to have a folder each, even if they are short."""
+    measure_every: int | None = None
+    """Steps between two rows of the series of a run, if runs are to have one."""
+
+    @property
+    def needs_folders(self) -> bool:
+        """Whether each run of a sweep has a folder."""
+        return self.folders or self.fps is not None or self.measure_every is not None

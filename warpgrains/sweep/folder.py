@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from warpgrains.errors import OutputError
 from warpgrains.files import csv_line, write_whole
 from warpgrains.sweep.parts import Parts
-from warpgrains.sweep.results import SECONDS, UNITS
+from warpgrains.sweep.results import SECONDS, columns_of
 from warpgrains.sweep.run_folder import RESULT, RunFolder
 from warpgrains.sweep.sweep import Run, Sweep, copy_name
 
@@ -29,7 +29,6 @@ TIMING = "timing.csv"
 GRAINS = "grains"
 
 _RUNS, _PARTS, _SCENES = "runs", "parts", "scenes"
-_AFTER_UNCONVERGED = len(UNITS) - list(UNITS).index("unconverged")  # columns, the seconds among them
 
 
 class Tables(NamedTuple):
@@ -51,14 +50,16 @@ class SweepFolder:
         The folder.
     axes
         Keys of the axes of the sweep.
+    measured
+        Names of quantities that are measured.
     """
 
-    def __init__(self, path: Path, axes: Iterable[str] = ()):
-        self.path, self.axes = path, tuple(axes)
+    def __init__(self, path: Path, axes: Iterable[str] = (), measured: Iterable[str] = ()):
+        self.path, self.axes, self.measured = path, tuple(axes), tuple(measured)
         self.parts = Parts(path / _PARTS, [*self.columns, SECONDS])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.path, self.axes)
+        return type(self), (self.path, self.axes, self.measured)
 
     @property
     def results(self) -> Path:
@@ -73,11 +74,11 @@ class SweepFolder:
     @property
     def columns(self) -> list[str]:
         """The columns of the results."""
-        return ["run", "scene", *self.axes, *UNITS]
+        return ["run", "scene", *self.axes, *columns_of(self.measured)]
 
     def of(self, run: Run) -> RunFolder:
         """Return the folder of a run, which need not be there."""
-        return RunFolder(self._path(run.number), run.labels(), run.text(f"../../{GRAINS}"))
+        return RunFolder(self._path(run.number), run.labels(), run.text(f"../../{GRAINS}"), self.measured)
 
     def prepare(self, sweep: Sweep) -> None:
         """Write what the runs have in common, so that the folder holds all that they are.
@@ -147,7 +148,7 @@ class SweepFolder:
                 self._write(self.timing, ["run", SECONDS], seconds)
             if self.finished(sweep.runs) == finished:
                 good = [(run, line) for run, line in zip(order, lines, strict=True) if run not in failed]
-                return Tables(finished, failed, {run for run, line in good if _is_unconverged(line)})
+                return Tables(finished, failed, {run for run, line in good if self._is_unconverged(line)})
 
     def _lines(self, sweep: Sweep, finished: set[int]) -> tuple[list[bytes], dict[int, str]]:
         """Return the lines of finished runs in order, and why some failed."""
@@ -166,14 +167,13 @@ class SweepFolder:
         if not table.is_file() or table.read_bytes() != content:
             write_whole(table, content, writer())
 
+    def _is_unconverged(self, line: bytes) -> bool:
+        """Whether the line of a run that has not failed tells of a step that stopped short."""
+        after = len(self.columns) - self.columns.index("unconverged")  # columns, the seconds among them
+        return line.rsplit(b",", after + 1)[1] not in (b"0", b"")
+
     def _path(self, number: int) -> Path:
         return self.path / _RUNS / f"{number:05}"
-
-
-def _is_unconverged(line: bytes) -> bool:
-    """Whether the line of a run that has not failed tells of a step that stopped short."""
-    cells = line.rsplit(b",", _AFTER_UNCONVERGED + 1)
-    return cells[1] not in (b"0", b"")
 
 
 def writer() -> str:

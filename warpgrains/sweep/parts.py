@@ -19,6 +19,8 @@ DIGITS = 16  # of a part's hash
 
 _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
 
+OTHERWISE = "measures something else: choose another -o, or the same --measure"
+
 Lines = dict[int, bytes]
 """Lines of a table, by the number of their run."""
 
@@ -76,7 +78,7 @@ class Parts:
     def _lines_of(self, name: str) -> Lines:
         content = (self.path / name).read_bytes()
         if not content.startswith(self.head):
-            raise SceneError(f"'{self.path / name}' is of another sweep: choose another -o")
+            raise SceneError(f"'{self.path / name}' is of another sweep, or {OTHERWISE}")
         lines = content[len(self.head) :].splitlines(keepends=True)
         return {int(line.partition(b",")[0]): line for line in lines}
 

@@ -1,11 +1,12 @@
 """The result of a run, a row of a table.
 
 First come the number of the run, the scene, and what it takes from the axes of the sweep, a column an axis.
-Then those of `UNITS`, the same whenever, wherever and after however many interruptions the run is done. The
-last is `seconds`, its wall time, which the table of all results leaves out.
+Then those of `UNITS`, and before the last of them what else is measured: the same whenever, wherever and
+after however many interruptions the run is done. The last is `seconds`, its wall time, which the table of all
+results leaves out.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import repeat
 
 import numpy as np
@@ -36,15 +37,32 @@ COUNTED = ("steps", "iterations", "iterations_max", "unconverged", "overlap", SE
 """What results need of `RunStatistics`."""
 
 
-def result(labels: Row, end: Snapshot, done: RunStatistics) -> Row:
+def columns_of(measured: Iterable[str]) -> list[str]:
+    """Return the columns of results after the labels, where some quantities are measured as well."""
+    *common, error = UNITS
+    return [*common, *(name for name in measured if name not in UNITS), error]
+
+
+def result(labels: Row, end: Snapshot, done: RunStatistics, measured: Iterable[str] = ()) -> Row:
     """Return the result of a run that has reached its end; its labels are the first columns."""
     counted = {name: np.array([value]) for name, value in vars(done).items() if name in COUNTED}
-    (cells,) = results(Ends(end.grains, np.array([end.scene.dt]), counted))
-    return labels | dict(zip([*UNITS, SECONDS], cells, strict=True))
+    columns = columns_of(measured)
+    (cells,) = results(Ends(end.grains, np.array([end.scene.dt]), counted), [end], columns)
+    return labels | dict(zip([*columns, SECONDS], cells, strict=True))
 
 
-def results(ends: Ends) -> Iterator[tuple[str, ...]]:
-    """Return the results of runs that have reached their ends, without labels."""
+def results(ends: Ends, each: Iterable[Snapshot], columns: Iterable[str]) -> Iterator[tuple[str, ...]]:
+    """Return the results of runs that have reached their ends, without labels.
+
+    Parameters
+    ----------
+    ends
+        The runs.
+    each
+        Their ends one by one, which are asked for only where something more is measured.
+    columns
+        See `columns_of`.
+    """
     grains, dt, done = ends
     steps = done["steps"]
     numbers = {
@@ -57,18 +75,22 @@ def results(ends: Ends) -> Iterator[tuple[str, ...]]:
         "worst_overlap": done["overlap"],
         **{name: of_runs(grains) for name, of_runs in OF_A_SWEEP.items()},
     }
-    columns = [map(repr, numbers[name].tolist()) if name in numbers else repeat("") for name in UNITS]
-    return zip(*columns, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
+    measured = [name for name in columns if name not in UNITS]
+    if measured:
+        moments = list(each)
+        numbers |= {name: np.array([QUANTITIES[name].of(moment) for moment in moments]) for name in measured}
+    cells = [map(repr, numbers[name].tolist()) if name in numbers else repeat("") for name in columns]
+    return zip(*cells, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
 
 
-def failure(labels: Row, reason: str, seconds: float = 0.0) -> Row:
+def failure(labels: Row, reason: str, seconds: float = 0.0, measured: Iterable[str] = ()) -> Row:
     """Return the result of a run that failed."""
-    return labels | dict.fromkeys(UNITS, "") | {"error": reason, SECONDS: f"{seconds:.3f}"}
+    return labels | dict.fromkeys(columns_of(measured), "") | {"error": reason, SECONDS: f"{seconds:.3f}"}
 
 
-def require_result(rows: list[Row], labels: Row) -> Row:
+def require_result(rows: list[Row], labels: Row, measured: Iterable[str] = ()) -> Row:
     """Return the one row of a run's table; raise SceneError unless it is a result with these labels."""
-    columns = [*labels, *UNITS, SECONDS]
+    columns = [*labels, *columns_of(measured), SECONDS]
     if len(rows) != 1 or list(rows[0]) != columns or None in rows[0].values():
         raise SceneError("it is not one row of these columns")
     row = rows[0]

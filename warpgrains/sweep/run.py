@@ -6,22 +6,21 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self
 
+from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.arrays import FloatArray
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.locks import Lock
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
-from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.simulation.run import open_outputs
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.folder import SweepFolder
-from warpgrains.sweep.results import failure, result
 from warpgrains.sweep.run_folder import AGAIN, RunFolder
 from warpgrains.sweep.sweep import Run
 
 if TYPE_CHECKING:
-    from warpgrains.batch.batch import SceneSummary
+    from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.pictures.film import Film
     from warpgrains.usd.recorder import Recorder
 
@@ -37,7 +36,7 @@ class Start(NamedTuple):
     """Why it failed meanwhile, if it did."""
 
 
-def begin(sweep: SweepFolder, start: Start, fps: float | None) -> SweepRun | str:
+def begin(sweep: SweepFolder, start: Start, execution: ExecutionOptions) -> SweepRun | str:
     """Return a run where it is, see `RunFolder.begin`, or why it goes no further: left, or failed."""
     folder = sweep.of(start.run)
     try:
@@ -45,7 +44,7 @@ def begin(sweep: SweepFolder, start: Start, fps: float | None) -> SweepRun | str
     except (OutputError, OSError) as error:
         return str(error)
     try:
-        run = SweepRun(folder, folder.begin(fps), lock)
+        run = SweepRun(folder, folder.begin(execution), lock)
         if start.error is not None:
             raise SceneError(start.error)
         if start.state is not None and start.statistics is not None and run.statistics.steps == 0:
@@ -55,7 +54,7 @@ def begin(sweep: SweepFolder, start: Start, fps: float | None) -> SweepRun | str
         left = str(error)
     except SceneError as error:
         left = str(error)
-        folder.finish(failure(folder.labels, left))
+        folder.fail(left)
     lock.release()
     return left
 
@@ -70,6 +69,7 @@ class SweepRun:
         self.error: str | None = None
         self._lock, self._outputs = lock, ExitStack()
         self._recorder: Recorder | Film | None = None
+        self._series: Series | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -96,11 +96,14 @@ class SweepRun:
         return self._recorder is not None and self.error is None
 
     @property
-    def until_frame(self) -> int:
-        """Steps until the next frame is due; those to the end, if none is."""
-        if self._recorder is None or self.error is not None:
-            return self.options.steps
-        return self.statistics.frames * self._recorder.stride - self.statistics.steps
+    def until_look(self) -> int:
+        """Steps until the next frame or row of the series is due, or the run ends."""
+        ends = [self.options.steps]
+        if self._recorder is not None and self.error is None:
+            ends.append(self.statistics.frames * self._recorder.stride)
+        if self._series is not None and self.error is None:
+            ends.append((self.statistics.steps // self._series.every + 1) * self._series.every)
+        return min(ends) - self.statistics.steps
 
     def open(self) -> str | None:
         """Open what the run writes to; return why it goes no further, if so: it is left, or has failed."""
@@ -108,6 +111,12 @@ class SweepRun:
             self._recorder = self._outputs.enter_context(
                 open_outputs(self.options, self.scene, self.statistics)
             )
+            if self.options.measure is not None:
+                resume_at = self.statistics.steps or None
+                series = Series(
+                    self.options.measure, self.options.measure_every, self.options.series, resume_at
+                )
+                self._series = self._outputs.enter_context(series)
         except (OutputError, OSError) as error:
             return str(error)
         except SceneError as error:
@@ -130,11 +139,16 @@ class SweepRun:
             self.statistics.add(RunStatistics.of_summary(summary))
             self.error = summary.error
 
-    def record(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Record a frame."""
-        assert self._recorder is not None
-        self._recorder.record(position, velocity)
-        self.statistics.frames += 1
+    def look(self, batch: Batch, k: int) -> None:
+        """Record a frame and measure where it is time to; the run is scene k of a batch."""
+        if self.error is not None:
+            return
+        steps = self.statistics.steps
+        if self._recorder is not None and steps == self.statistics.frames * self._recorder.stride:
+            self._recorder.record(batch.position(k), batch.velocity(k))
+            self.statistics.frames += 1
+        if self._series is not None and steps % self._series.every == 0:
+            self._series.observe(snapshot(self.scene, batch.state(k)))
 
     def reach(self, state: State) -> None:
         """Take the state that the run has reached; the frames it counts are on the disk."""
@@ -143,16 +157,17 @@ class SweepRun:
             self._recorder.flush()
 
     def keep(self) -> None:
-        """Save where the run is."""
+        """Save where the run is; the rows of its series are on the disk before that."""
+        if self._series is not None:
+            self._series.flush()
         self.folder.keep(self._reached())
 
     def finish(self) -> None:
         """Save the result."""
         if self.error is None:
-            end = snapshot(self.scene, self.state)
-            self.folder.finish(result(self.folder.labels, end, self.statistics))
+            self.folder.finish(snapshot(self.scene, self.state), self.statistics)
         else:
-            self.folder.finish(failure(self.folder.labels, self.error, self.statistics.seconds))
+            self.folder.fail(self.error, self.statistics.seconds)
 
     def _reached(self) -> Checkpoint:
         return Checkpoint(self.scene, self.state, self.options, self.statistics)

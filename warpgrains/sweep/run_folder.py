@@ -4,14 +4,19 @@
 scene.toml         what is simulated; alone it gives the run again
 checkpoint.npz     its state, now and then and at the end: ``warpgrains run --resume`` takes it on from there
 recording.usdc     its frames, if they are wanted
+series.csv         what is measured as it goes, if that is wanted
 result.csv         a line of names and a line of values; it appears last: a run that has it is finished
 ================== ==========================================================================================
 """
 
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+from warpgrains.analysis.quantities import QUANTITIES
+from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.files import Row, read_table, table_text, write_whole
 from warpgrains.locks import Lock
@@ -19,9 +24,10 @@ from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.sweep.results import failure, require_result
+from warpgrains.sweep.parts import OTHERWISE
+from warpgrains.sweep.results import SECONDS, columns_of, failure, require_result, result
 
 RESULT = "result.csv"
 AGAIN = "delete the run's folder to do it again"
@@ -37,6 +43,8 @@ class RunFolder:
     """What tells it from others: the first columns of its result, "run" and "scene" among them."""
     text: str
     """Its scene file."""
+    measured: tuple[str, ...] = ()
+    """Names of quantities that are measured."""
 
     @property
     def scene_file(self) -> Path:
@@ -52,6 +60,11 @@ class RunFolder:
     def recording(self) -> Path:
         """The frames."""
         return self.path / "recording.usdc"
+
+    @property
+    def series(self) -> Path:
+        """What is measured."""
+        return self.path / "series.csv"
 
     @property
     def result(self) -> Path:
@@ -80,17 +93,18 @@ class RunFolder:
             raise OutputError(
                 f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
             )
+        if self.is_finished and self._measures_otherwise():
+            raise OutputError(f"'{self.result}' {OTHERWISE}")
 
     def lock(self) -> Lock:
         """Return the lock on the run, that on its checkpoint: no sweep and no ``run --resume`` shares it."""
         self.path.mkdir(parents=True, exist_ok=True)
         return Lock(self.checkpoint)
 
-    def begin(self, fps: float | None) -> Checkpoint:
+    def begin(self, execution: ExecutionOptions) -> Checkpoint:
         """Return where the run, which is locked, is: at its start, or where another process left it.
 
-        If it is to be recorded, then with `fps` frames a second of simulated time [1/s]; but a run that is
-        resumed keeps to what it was begun with.
+        What it records is as `execution` tells; but a run that is resumed keeps to what it was begun with.
 
         Raises
         ------
@@ -105,11 +119,14 @@ class RunFolder:
             return self._kept()
         scene = Scene(**{**scene_fields(self.text, self.scene_file), "name": self.labels["scene"]})
         options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint))
-        if fps is not None:
+        if execution.fps is not None:
             from warpgrains.usd.recorder import chunks_of
 
             shutil.rmtree(chunks_of(self.recording), ignore_errors=True)
-            options = replace(options, record=str(self.recording), fps=fps)
+            options = replace(options, record=str(self.recording), fps=execution.fps)
+        if execution.measure_every is not None:
+            series: dict[str, Any] = {"measure": ",".join(self.measured), "series": str(self.series)}
+            options = replace(options, **series, measure_every=execution.measure_every)
         return Checkpoint(scene, first_state(scene), options, RunStatistics())
 
     def _kept(self) -> Checkpoint:
@@ -119,24 +136,41 @@ class RunFolder:
         if options is None or kept.scene.text != self.text or options.steps != kept.scene.steps:
             raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
         record = None if options.record is None else str(self.recording)
-        return replace(kept, options=replace(options, record=record, checkpoint=str(self.checkpoint)))
+        series = None if options.series is None else str(self.series)
+        places: dict[str, Any] = {"record": record, "series": series, "checkpoint": str(self.checkpoint)}
+        return replace(kept, options=replace(options, **places))
 
     def keep(self, reached: Checkpoint) -> None:
         """Save where the run is."""
         self._write_scene()
         write_checkpoint(self.checkpoint, reached)
 
-    def finish(self, row: Row) -> None:
-        """Save the result: from then on the run is finished."""
-        self._write_scene()
-        write_whole(self.result, table_text([row]).encode())
+    def finish(self, end: Snapshot, done: RunStatistics) -> None:
+        """Save the result of the run, which is at its end: from then on it is finished."""
+        self._finish(result(self.labels, end, done, self.measured))
+
+    def fail(self, reason: str, seconds: float = 0.0) -> None:
+        """Save that the run has failed: from then on it is finished."""
+        self._finish(failure(self.labels, reason, seconds, self.measured))
 
     def row(self) -> Row:
         """Return the result; if it cannot be read, that the run has failed for this reason."""
         try:
-            return require_result(read_table(self.result), self.labels)
+            return require_result(read_table(self.result), self.labels, self.measured)
         except SceneError:
-            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}")
+            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}", measured=self.measured)
+
+    def _measures_otherwise(self) -> bool:
+        """Whether the result has good columns, but not those of this sweep."""
+        with suppress(OSError), self.result.open("rb") as lines:
+            names = lines.readline().decode(errors="replace").rstrip("\n").split(",")
+            columns = columns_of(name for name in names if name in QUANTITIES)
+            return names == [*self.labels, *columns, SECONDS] and columns != columns_of(self.measured)
+        return False
+
+    def _finish(self, row: Row) -> None:
+        self._write_scene()
+        write_whole(self.result, table_text([row]).encode())
 
     def _write_scene(self) -> None:
         if not self.is_begun:

@@ -51,7 +51,7 @@ def finish_runs(
     """
     left: dict[str, str] = {}
     starts: Iterable[Start] = map(Start, runs)
-    if execution.fps is None and not execution.folders and execution.device == "cpu":
+    if not execution.needs_folders and execution.device == "cpu":
         short = ShortRuns(folder, execution, on_progress)
         short.finish(runs)
         left, starts = short.left, short.long
@@ -70,7 +70,7 @@ def _groups(
     """Gather runs with as many steps left."""
     waiting: dict[int, list[SweepRun]] = {}
     width, widest = FIRST_WIDTH, WIDTH if execution.fps is None else RECORDED_WIDTH
-    with closing(_ahead(folder, starts, execution.fps)) as begun, ExitStack() as held:
+    with closing(_ahead(folder, starts, execution)) as begun, ExitStack() as held:
         held.callback(lambda: [held.push(run) for group in waiting.values() for run in group])
         for number, future in begun:
             run = future.result()
@@ -90,14 +90,14 @@ def _groups(
 
 
 def _ahead(
-    folder: SweepFolder, starts: Iterable[Start], fps: float | None
+    folder: SweepFolder, starts: Iterable[Start], execution: ExecutionOptions
 ) -> Generator[tuple[int, Future[SweepRun | str]]]:
     """Begin runs on another thread, while groups before them are carried out: some layouts take long."""
     begun: deque[tuple[int, Future[SweepRun | str]]] = deque()
     executor = ThreadPoolExecutor(1)
     try:
         for start in starts:
-            begun.append((start.run.number, executor.submit(begin, folder, start, fps)))
+            begun.append((start.run.number, executor.submit(begin, folder, start, execution)))
             if len(begun) == WIDTH:
                 yield begun.popleft()
         while begun:
@@ -150,19 +150,19 @@ def _advance(group: list[SweepRun], execution: ExecutionOptions, on_progress: On
 
 
 def _run(group: list[SweepRun], batch: Batch, on_progress: OnProgress) -> None:
-    """Run a batch in slices, record its frames and save where its runs are."""
+    """Run a batch in slices, record and measure, and save where its runs are."""
     left, pace, kept_at = group[0].left, FIRST_SLICE, perf_counter()
+    _look(group, batch)
     if any(run.is_recorded for run in group):
-        _record(group, batch)
         _keep(group, batch)
     while left > 0:
         start = perf_counter()
-        steps = min(pace, left, *(run.until_frame for run in group))
+        steps = min(pace, left, *(run.until_look for run in group))
         for run, summary in zip(group, batch.run(steps), strict=True):
             run.count(summary)
             on_progress(steps / run.options.steps)
         left -= steps
-        _record(group, batch)
+        _look(group, batch)
         now = perf_counter()
         pace = max(1, min(GROWTH * pace, int(SLICE / (now - start) * steps)))
         if left == 0 or now - kept_at > BETWEEN_CHECKPOINTS:
@@ -170,10 +170,9 @@ def _run(group: list[SweepRun], batch: Batch, on_progress: OnProgress) -> None:
             kept_at = now
 
 
-def _record(group: list[SweepRun], batch: Batch) -> None:
+def _look(group: list[SweepRun], batch: Batch) -> None:
     for k, run in enumerate(group):
-        if run.until_frame == 0:
-            run.record(batch.position(k), batch.velocity(k))
+        run.look(batch, k)
 
 
 def _keep(group: list[SweepRun], batch: Batch) -> None:

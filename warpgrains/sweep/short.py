@@ -14,6 +14,7 @@ from itertools import islice
 from time import perf_counter
 from typing import Any, NamedTuple
 
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSet
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.files import csv_line
@@ -25,7 +26,7 @@ from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
 from warpgrains.sweep.folder import GRAINS, SweepFolder, writer
 from warpgrains.sweep.parts import Lines
-from warpgrains.sweep.results import results
+from warpgrains.sweep.results import columns_of, results
 from warpgrains.sweep.run import Start
 from warpgrains.sweep.sweep import Base, Run
 
@@ -172,8 +173,11 @@ class ShortRuns:
             for k in numbers[~ended].tolist():
                 self._go_on(group.members[k], resident, k)
             if ended.any():
-                members = (group.members[k] for k in numbers[ended].tolist())
-                for (run, head, _), cells in zip(members, results(engine.ends(places[ended])), strict=True):
+                which = numbers[ended].tolist()
+                each = (snapshot(group.members[k].scene, resident.state(k)) for k in which)
+                rows = results(engine.ends(places[ended]), each, columns_of(self._folder.measured))
+                for k, cells in zip(which, rows, strict=True):
+                    run, head, _ = group.members[k]
                     lines[run.number] = b"%b,%b\n" % (head, ",".join(cells).encode())
         self._folder.parts.write(lines, writer())
         self._claims.give_back(lines)

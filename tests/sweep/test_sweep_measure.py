@@ -1,0 +1,126 @@
+"""`warpgrains batch --measure`: columns of results and series of runs are what is measured by hand."""
+
+import pickle
+import shutil
+
+import pytest
+from command import exit_code
+from matplotlib.axes import Axes
+from sweeps import batch, results, table, write
+
+from warpgrains import Scene, Simulation, analysis
+from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.plot import SweepPlot
+
+MEASURED = ("--measure", "energy,coordination,largest_force")
+NEW = ["contact_power", "drag_power", "coordination_number", "rattlers", "largest_force"]
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """The small sweep, with more columns."""
+    folder = tmp_path_factory.mktemp("measured")
+    assert batch(write(folder), "-o", folder / "out", *MEASURED) == 1
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory):
+    """The same, with a series for each run."""
+    folder = tmp_path_factory.mktemp("followed")
+    assert batch(write(folder), "-o", folder / "out", *MEASURED, "--every", 9) == 1
+    return folder / "out"
+
+
+def test_columns_are_the_ends(measured, done):
+    """Beside those that are there without."""
+    rows, others = table(measured / "results.csv"), table(done / "results.csv")
+    assert list(rows[0]) == [*list(others[0])[:-1], *NEW, "error"]
+    assert [{name: row[name] for name in others[0]} for row in rows] == others
+    for row in rows:
+        if not row["error"]:
+            overrides = [f"{key}={row[key]}" for key in ("physics.drag", "grains.count")]
+            simulation = Simulation(Scene.load(measured / "scenes" / "annulus.toml", overrides))
+            simulation.run()
+            found = analysis.quantities(simulation, NEW)
+            assert [row[name] for name in NEW] == list(map(repr, found.values()))
+    assert not (measured / "runs" / "00000").exists()
+
+
+def test_same_results_with_folders(measured, followed):
+    assert results(measured) == results(followed)
+
+
+@pytest.mark.parametrize("number", [0, 5])
+def test_series_is_that_of_the_run_alone(tmp_path, followed, number):
+    folder = followed / "runs" / f"{number:05}"
+    alone = ("run", folder / "scene.toml", *MEASURED, "--every", 9, "--series", tmp_path / "alone.csv")
+    assert exit_code(*alone) == 0
+    assert (folder / "series.csv").read_bytes() == (tmp_path / "alone.csv").read_bytes()
+    assert [row["step"] for row in table(folder / "series.csv")] == ["0", "9", "18", "27", "36"]
+
+
+@pytest.mark.parametrize("left", [1, 4, 6])
+def test_same_series_after_an_interruption(tmp_path, followed, slices, left):
+    out = tmp_path / "out"
+    for slices.left, code, more in ((left, 130, []), (1_000, 1, ["--resume"])):
+        assert batch(write(tmp_path), "-o", out, *MEASURED, "--every", 9, *more) == code
+        if not more:
+            series = out / "runs" / "00000" / "series.csv"
+            series.write_text(f"{series.read_text()}99,0.99,1,1,1,1,1,1,1\n")  # beyond the checkpoint
+    assert results(out) == results(followed)
+    for series in followed.glob("runs/*/series.csv"):
+        assert (out / series.relative_to(followed)).read_bytes() == series.read_bytes()
+
+
+def test_series_that_is_gone_is_named(tmp_path, slices):
+    out, slices.left = tmp_path / "out", 2
+    assert batch(write(tmp_path), "-o", out, *MEASURED, "--every", 9) == 130
+    (out / "runs" / "00001" / "series.csv").unlink()
+    slices.left = 1_000
+    assert batch(write(tmp_path), "-o", out, *MEASURED, "--every", 9, "--resume") == 1
+    errors = [row["error"] for row in table(out / "results.csv")]
+    assert "does not hold the rows before step" in errors[1]
+    assert errors[0] == errors[5] == ""
+
+
+def test_what_measures_otherwise_is_refused(tmp_path, measured, followed, capfd):
+    for name, done in (("short", measured), ("kept", followed)):
+        out = tmp_path / name
+        shutil.copytree(done, out)
+        for options in ([], ["--measure", "stress"]):
+            assert batch(write(tmp_path), "-o", out, "--resume", *options) == 2
+            assert "measures something else: choose another -o" in capfd.readouterr().err
+        assert results(out) == results(done)
+        assert batch(write(tmp_path), "-o", out, "--resume", *MEASURED) == 1
+        assert results(out) == results(done)
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        (["--every", 5], "--every needs --measure"),
+        (["--measure", "energy", "--every", 0], "--every is 0"),
+        (["--measure", "enrgy"], "unknown quantity 'enrgy': did you mean 'energy'?"),
+        (["--measure", ""], "unknown quantity ''"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, options, complaint, capfd):
+    assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 2
+    said = capfd.readouterr().err
+    assert complaint in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_drawn_with_its_unit(measured, monkeypatch):
+    labels = []
+    monkeypatch.setattr(Axes, "set_ylabel", lambda axes, label, **options: labels.append(label))
+    SweepPlot.parse("x=physics.drag,y=drag_power").draw(measured / "results.csv")
+    assert labels == ["drag_power [W]"]
+
+
+def test_other_processes_know_what_is_measured(tmp_path):
+    folder = SweepFolder(tmp_path, ["physics.drag"], ["rattlers"])
+    assert pickle.loads(pickle.dumps(folder)).columns == folder.columns
+    assert "rattlers" in folder.columns
