@@ -19,7 +19,8 @@ import sys
 from warpgrains.cli.main import main
 from warpgrains.sweep import runner, short
 short.SHORT, short.WIDTH, short.FIRST_WIDTH = 0.1, 4, 4
-runner.WIDTH, runner.SLICE, runner.BETWEEN_CHECKPOINTS = 4, 0.02, 0.05
+runner.WIDTH, runner.SLICE = 4, 0.02
+runner.BETWEEN_CHECKPOINTS = 0.5 if "--usd" in sys.argv else 0.05
 sys.exit(main(sys.argv[1:]))
 """
 
