@@ -127,3 +127,15 @@ def test_what_is_named_is_there(name):
         assert (ROOT / path).exists(), path
     for link in re.findall(r"\]\((?!https?:)([^)#]+)", text):
         assert (PAGES[name].parent / link).exists(), link
+
+
+def test_the_developers_tour_names_what_there_is():
+    """Every name in it that looks like code is a word of the source, or of its own examples."""
+    places = [*ROOT.glob("warpgrains/**/*.py"), *ROOT.glob("kernels/*.py"), *ROOT.glob("scenes/*.toml")]
+    source = "".join(path.read_text() for path in places) + program("developer")
+    words = set(re.findall(r"\w+", source))
+    named = re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", PAGES["developer"].read_text())
+    named = [name for name in named if not (ROOT / name).exists()]
+    assert len(named) > 50
+    for name in named:
+        assert {*name.split(".")} <= words, name
