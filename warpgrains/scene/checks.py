@@ -10,7 +10,6 @@ import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.scene.geometry import distance
 
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
 MOST_THREADS = 1024  # more than any machine has cores: each of them takes a stack and a start
@@ -123,16 +122,6 @@ def require_finite(field: str, array: FloatArray) -> None:
     if not np.isfinite(array).all():
         bad = np.logical_not(np.isfinite(array.reshape(len(array), -1)).all(axis=1))
         raise SceneError(f"{of_grain(field, array, bad)}: it must be finite")
-
-
-def require_distinct(field: str, position: FloatArray) -> None:
-    """Raise SceneError if two grains have the same centre."""
-    in_order = np.lexsort(position.T)
-    same = distance(np.diff(position[in_order], axis=0)) == 0.0
-    if same.any():
-        first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
-        place = tuple(position[second].tolist())
-        raise SceneError(f"{field} of grain {second} is {place}: grain {first} has the same centre")
 
 
 def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.errors import SceneError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """A gap within this share of the size of the coordinates is a touch, not an overlap."""
@@ -16,6 +17,16 @@ def distance(vectors: FloatArray) -> FloatArray:
     """Return the lengths of vectors, shape (m, 2) to (m,), in the arithmetic of the solver."""
     with np.errstate(over="ignore"):
         return np.sqrt(vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1])
+
+
+def require_distinct(field: str, position: FloatArray) -> None:
+    """Raise SceneError if two grains have the same centre."""
+    in_order = np.lexsort(position.T)
+    same = distance(np.diff(position[in_order], axis=0)) == 0.0
+    if same.any():
+        first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
+        place = tuple(position[second].tolist())
+        raise SceneError(f"{field} of grain {second} is {place}: grain {first} has the same centre")
 
 
 def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) -> FloatArray:

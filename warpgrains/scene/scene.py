@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import overlapping_pairs
+from warpgrains.scene.geometry import overlapping_pairs, require_distinct
 from warpgrains.scene.reader import read_scene
 from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.walls import Annulus
@@ -154,7 +154,7 @@ class Scene(Shown):
         self._check_grains()
         self._check_settings(_SETTINGS)
         self.walls.require_inside(self.position, self.radius)
-        checks.require_distinct("position", self.position)
+        require_distinct("position", self.position)
         self._check_digits()
         self._check_together()
 

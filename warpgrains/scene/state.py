@@ -13,6 +13,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.geometry import require_distinct
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -121,7 +122,7 @@ def require_state(state: State, n: int) -> None:
     for name in ("position", "velocity"):
         _require_array(name, getattr(state, name), np.float64, (n, 2))
         checks.require_finite(f"{name} of the state, that", getattr(state, name))
-    checks.require_distinct("position of the state, that", state.position)
+    require_distinct("position of the state, that", state.position)
     _require_corrections(state.corrections, n)
     if state.lists is not None:
         _require_lists(state.lists, n)

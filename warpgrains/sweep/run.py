@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from types import TracebackType
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
@@ -16,24 +16,12 @@ from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.simulation.run import open_outputs
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.folder import SweepFolder
-from warpgrains.sweep.run_folder import AGAIN, RunFolder
-from warpgrains.sweep.sweep import Run
+from warpgrains.sweep.run_folder import AGAIN, RunFolder, Start
 
 if TYPE_CHECKING:
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.pictures.film import Film
     from warpgrains.usd.recorder import Recorder
-
-
-class Start(NamedTuple):
-    """Where a run with a folder begins."""
-
-    run: Run
-    state: State | None = None
-    """Where it is if it has been carried out without a folder so far."""
-    statistics: RunStatistics | None = None
-    error: str | None = None
-    """Why it failed meanwhile, if it did."""
 
 
 def begin(sweep: SweepFolder, start: Start, execution: ExecutionOptions) -> SweepRun | str:

@@ -13,7 +13,7 @@ import shutil
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
@@ -22,15 +22,27 @@ from warpgrains.files import Row, read_table, table_text, write_whole
 from warpgrains.locks import Lock
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import first_state
+from warpgrains.scene.state import State, first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.parts import OTHERWISE
 from warpgrains.sweep.results import SECONDS, columns_of, failure, require_result, result
+from warpgrains.sweep.sweep import Run
 
 RESULT = "result.csv"
 AGAIN = "delete the run's folder to do it again"
+
+
+class Start(NamedTuple):
+    """Where a run with a folder begins."""
+
+    run: Run
+    state: State | None = None
+    """Where it is if it has been carried out without a folder so far."""
+    statistics: RunStatistics | None = None
+    error: str | None = None
+    """Why it failed meanwhile, if it did."""
 
 
 @dataclass(frozen=True)

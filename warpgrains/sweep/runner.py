@@ -18,7 +18,8 @@ from warpgrains.batch.batch import Batch
 from warpgrains.errors import SimulationError
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import SweepFolder
-from warpgrains.sweep.run import Start, SweepRun, begin
+from warpgrains.sweep.run import SweepRun, begin
+from warpgrains.sweep.run_folder import Start
 from warpgrains.sweep.short import ShortRuns
 from warpgrains.sweep.sweep import Run
 

@@ -27,7 +27,7 @@ from warpgrains.solver.tuning import find_device, paying_threads
 from warpgrains.sweep.folder import GRAINS, SweepFolder, writer
 from warpgrains.sweep.parts import Lines
 from warpgrains.sweep.results import columns_of, results
-from warpgrains.sweep.run import Start
+from warpgrains.sweep.run_folder import Start
 from warpgrains.sweep.sweep import Base, Run
 
 SHORT = 20.0  # s; a run that is not done by then gets a folder and checkpoints
