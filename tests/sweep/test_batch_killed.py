@@ -40,7 +40,7 @@ class TestKilled:
         process = self.start(sweep, "-o", out, *options)
         for steps in moments:
             while process.poll() is None and self.steps_kept(out) < steps:
-                time.sleep(0.005)
+                time.sleep(0.02)
             process.send_signal(signal.SIGKILL)
             process.wait(timeout=60)
             process = self.start(sweep, "-o", out, "--resume", *options)

@@ -14,6 +14,7 @@ import lightusd
 import numpy as np
 import pytest
 from recordings import GRAINS
+from trimmed import trimmed
 
 import warpgrains
 from warpgrains.errors import SceneError
@@ -103,8 +104,9 @@ def test_killed_run_loses_at_most_a_chunk(tmp_path, wanted):
 @pytest.mark.slow
 def test_killed_at_random_moments(tmp_path):
     random = np.random.default_rng(3)
-    recorded = [kill_at(tmp_path, random.integers(2_001), random.uniform(0, 0.02)) for _ in range(40)]
-    assert len(set(recorded)) > 20
+    moments = [(random.integers(2_001), random.uniform(0, 0.02)) for _ in range(trimmed(40))]
+    recorded = [kill_at(tmp_path, *moment) for moment in moments]
+    assert len(set(recorded)) > len(moments) // 2
 
 
 def fill(tmp_path, folder, **limits):
@@ -144,7 +146,7 @@ def test_full_disk_at_random_fills(tmp_path):
     folder.mkdir()
     random = np.random.default_rng(4)
     left = []
-    for _ in range(20):
+    for _ in range(trimmed(20)):
         size = f"size={random.integers(100, 10_000)}k"
         mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", size, "tmpfs", folder], capture_output=True)
         if mounted.returncode:
@@ -153,7 +155,7 @@ def test_full_disk_at_random_fills(tmp_path):
             left.append(fill(tmp_path, folder)[1])
         finally:
             subprocess.run(["umount", folder], check=True)
-    assert len(set(left)) >= 5
+    assert len(set(left)) >= len(left) // 4
 
 
 def test_recover_needs_frames(tmp_path):
