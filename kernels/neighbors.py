@@ -80,16 +80,9 @@ def fill_cell(s: Scene, i: int):
     path = s.verlet.numbers.lifetime * wp.length(w)
     s.grid.grain[k] = i
     s.grid.position[k] = x
-    s.grid.extent[k] = s.grains.radius[i] + s.verlet.skin[i] + path
-
-
-@wp.func
-def is_within_reach(s: Scene, a: int, b: int) -> bool:
-    """The criterion of verlet.py."""
-    distance = wp.length(s.grains.position[b] - s.grains.position[a])
-    w = s.verlet.reference_velocity[b] - s.verlet.reference_velocity[a]
-    reach = s.verlet.skin[a] + s.verlet.skin[b] + s.verlet.numbers.lifetime * wp.length(w)
-    return distance <= (s.grains.radius[a] + s.grains.radius[b] + reach) * TOO_WIDE
+    s.grid.velocity[k] = w
+    s.grid.skin[k] = s.grains.radius[i] + s.verlet.skin[i]
+    s.grid.extent[k] = s.grid.skin[k] + path
 
 
 @wp.func
@@ -108,6 +101,8 @@ def find_pairs_among(s: Scene, k: int, begin: int, end: int):
     Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first.
     """
     position, extent = s.grid.position, s.grid.extent
+    velocity, skin, grain = s.grid.velocity, s.grid.skin, s.grid.grain
+    lifetime = s.verlet.numbers.lifetime
     x = vector_at(position, k)
     own = number_at(extent, k)
     other = begin
@@ -116,10 +111,11 @@ def find_pairs_among(s: Scene, k: int, begin: int, end: int):
         its = number_at(extent, other)
         reach = (own + its) * TOO_WIDE
         if wp.dot(d, d) <= reach * reach and (its < own or (its == own and other > k)):
-            a = s.grid.grain[k]
-            b = s.grid.grain[other]
-            if is_within_reach(s, a, b):
-                note_pair(s, a, b)
+            w = vector_at(velocity, other) - vector_at(velocity, k)
+            path = lifetime * wp.length(w)
+            reach = (number_at(skin, k) + number_at(skin, other) + path) * TOO_WIDE
+            if wp.dot(d, d) <= reach * reach:
+                note_pair(s, grain[k], grain[other])
         other += 1
 
 

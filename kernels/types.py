@@ -82,6 +82,8 @@ class CellGrid:
     cell_cursor: Ints
     grain: Ints
     position: Vectors  # [m]
+    velocity: Vectors  # w_i beside their mean [m/s]
+    skin: Floats  # with the radius [m]
     extent: Floats  # [m]
 
 

@@ -104,7 +104,10 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "pair_part": ahead * (pairs + pairs // CHUNK + 1),
             **dict.fromkeys(("wall_last", "wall_part", "last_velocity", "grain_part"), ahead * n),
         },
-        "grid": {"cell_start": cells, "cell_cursor": cells, "grain": n, "position": n, "extent": n},
+        "grid": {
+            **dict.fromkeys(("cell_start", "cell_cursor"), cells),
+            **dict.fromkeys(("grain", "position", "velocity", "skin", "extent"), n),
+        },
         "neighbors": rows,
         "workspace": {
             "old": rows | {"cursor": 0, "found": 0, "total": 0},
