@@ -143,7 +143,8 @@ class TestFile:
         """Written by commit e8ad350 in the middle of a run: it is read, and goes on with the same bits."""
         kept = read_checkpoint(VERSION_2)
         scene = Scene.load("annulus", ["solver.max_iterations=50"])
-        assert contents(kept.scene) == contents(scene)
+        text = kept.scene.text  # the comments of its file have changed since then
+        assert contents(kept.scene) == contents(scene.replace(text=text))
         assert (kept.options.steps, kept.options.every, kept.options.record) == (200, 150, None)
         assert (kept.statistics.steps, kept.statistics.iterations) == (150, 1574)
         assert kept.state.steps == 150
