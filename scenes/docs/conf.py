@@ -4,7 +4,7 @@ import warpgrains
 
 project = "warpgrains"
 version = release = warpgrains.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinxarg.ext", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_heading_anchors = 3
 html_theme = "furo"
 html_title = f"warpgrains {release}"
