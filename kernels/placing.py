@@ -37,6 +37,9 @@ class DiscsRecord:
     first: wp.array(dtype=wp.int32)  # cell of a level
     walls: Walls
     box: Box
+    places: wp.array(dtype=wp.vec2d)  # that are to be tried [m]
+    placed: wp.int32  # discs that have a place
+    tries: wp.int32  # in a row, of the next one
 
 
 Discs = wp.ref[DiscsRecord]
@@ -101,18 +104,22 @@ def put(x: wp.vec2d, discs: Discs, i: int):
     discs.newest[cell] = i
 
 
-@wp.kernel
-def place(discs: DiscsRecord, places: wp.array(dtype=wp.vec2d), progress: wp.array(dtype=wp.int32)):
-    """Try places [m] one after the other; progress counts the discs placed, and tries of the next one."""
-    i, tries = int(progress[0]), int(progress[1])
-    for k in range(places.shape[0]):
-        if i == discs.radius.shape[0]:
-            break
-        if fits(places[k], discs, i):
-            put(places[k], discs, i)
-            i = i + 1
-            tries = 0
+@wp.func
+def try_places(discs: Discs):
+    """Try places one after the other."""
+    for k in range(discs.places.shape[0]):
+        if discs.placed == discs.radius.shape[0]:
+            return
+        x = discs.places[k]
+        if fits(x, discs, discs.placed):
+            put(x, discs, discs.placed)
+            discs.placed = discs.placed + 1
+            discs.tries = 0
         else:
-            tries = tries + 1
-    progress[0] = i
-    progress[1] = tries
+            discs.tries = discs.tries + 1
+
+
+@wp.kernel
+def place(records: wp.array(dtype=DiscsRecord)):
+    """Try the places of each record."""
+    try_places(records[wp.tid()])

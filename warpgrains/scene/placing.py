@@ -37,44 +37,66 @@ def place_at_random(region: Region, radius: FloatArray, generator: np.random.Gen
         Positions [m], shape (n, 2); NaN for those that were left when one had found no place in a million.
     """
     order = np.argsort(-radius, kind="stable")
-    discs, position = _discs(region, radius[order])
+    discs = _Discs(region, radius[order])
     low, high = region.box
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    progress, tries = np.zeros(2, np.int32), FIRST_TRIES * len(radius)
-    while progress[0] < len(radius) and progress[1] < MOST_TRIES:
+    tries = FIRST_TRIES * len(radius)
+    while discs.placed < len(radius) and discs.tries < MOST_TRIES:
         tries = min(tries, MOST_AT_ONCE)
-        _try(discs, middle + half * (2.0 * generator.random((tries, 2)) - 1.0), progress)
+        discs.try_places(middle + half * (2.0 * generator.random((tries, 2)) - 1.0))
         tries *= 2
-    placed = np.empty_like(position)
-    placed[order] = position
+    placed = np.empty_like(discs.position)
+    placed[order] = discs.position
     return placed
 
 
-def _discs(region: Region, radius: FloatArray) -> tuple[Any, FloatArray]:
-    """Return discs of descending radii for the kernel, and where it writes their positions."""
-    import warp as wp
+class _Discs:
+    """Discs of descending radii: a record of arrays for the kernel."""
 
-    walls = region.ring
-    _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
-    cell = np.maximum(2.0 * radius[start], walls.radius_out / np.ceil(np.sqrt(count)))
-    width = (2.0 * (walls.radius_out / cell)).astype(np.int32) + 1
-    cells = width * width
-    position = np.full((len(radius), 2), np.nan)
-    arrays = {
-        "radius": radius,
-        "level": np.repeat(np.arange(len(start), dtype=np.int32), count),
-        "follower": np.empty(len(radius), np.int32),
-        "newest": np.full(cells.sum(), -1, np.int32),
-        "cell": cell,
-        "width": width,
-        "first": (np.cumsum(cells) - cells).astype(np.int32),
-    }
-    discs = _kernels().DiscsRecord()
-    discs.walls, discs.box = limits(region)
-    discs.position = shared(position, wp.vec2d)
-    for name, array in arrays.items():
-        setattr(discs, name, shared(array, wp.dtype_from_numpy(array.dtype)))
-    return discs, position
+    def __init__(self, region: Region, radius: FloatArray) -> None:
+        self._arrays: dict[str, np.ndarray[Any, Any]] = {}
+        self._record = np.zeros(1, _record_dtype())
+        walls = region.ring
+        self._record["walls"]["radius_in"], self._record["walls"]["radius_out"] = walls[:2]
+        self._record["box"]["low"], self._record["box"]["high"] = region.low, region.high
+        _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
+        cell = np.maximum(2.0 * radius[start], walls.radius_out / np.ceil(np.sqrt(count)))
+        width = (2.0 * (walls.radius_out / cell)).astype(np.int32) + 1
+        cells = width * width
+        self.position = np.full((len(radius), 2), np.nan)
+        self._set("position", self.position)
+        self._set("radius", radius)
+        self._set("level", np.repeat(np.arange(len(start), dtype=np.int32), count))
+        self._set("follower", np.empty(len(radius), np.int32))
+        self._set("newest", np.full(cells.sum(), -1, np.int32))
+        self._set("cell", cell)
+        self._set("width", width)
+        self._set("first", (np.cumsum(cells) - cells).astype(np.int32))
+
+    @property
+    def placed(self) -> int:
+        """How many have a place."""
+        return int(self._record["placed"][0])
+
+    @property
+    def tries(self) -> int:
+        """How many places the next one has tried in vain."""
+        return int(self._record["tries"][0])
+
+    def try_places(self, places: FloatArray) -> None:
+        """Try places [m], shape (m, 2), one after the other."""
+        import warp as wp
+
+        self._set("places", places)
+        record = wp.array(ptr=self._record.ctypes.data, shape=1, dtype=_kernels().DiscsRecord, device="cpu")
+        wp.launch(_kernels().place, dim=1, inputs=[record], device="cpu")
+
+    def _set(self, name: str, array: np.ndarray[Any, Any]) -> None:
+        """Let the kernel see an array: arrays of Warp's own, eight a scene, take longer than all the rest."""
+        self._arrays[name] = array
+        field = self._record[name]
+        field["data"], field["ndim"] = array.ctypes.data, 1
+        field["shape"][:, 0], field["strides"][:, 0] = len(array), array.strides[0]
 
 
 def limits(region: Region) -> tuple[Any, Any]:
@@ -85,14 +107,6 @@ def limits(region: Region) -> tuple[Any, Any]:
     walls.radius_in, walls.radius_out = region.ring.radius_in, region.ring.radius_out
     box.low, box.high = region.low, region.high
     return walls, box
-
-
-def _try(discs: Any, places: FloatArray, progress: np.ndarray[Any, Any]) -> None:
-    """Let discs try places [m], shape (m, 2), one after the other."""
-    import warp as wp
-
-    inputs = [discs, shared(places, wp.vec2d), shared(progress, wp.int32)]
-    wp.launch(_kernels().place, dim=1, inputs=inputs, device="cpu")
 
 
 def shared(array: np.ndarray[Any, Any], dtype: Any) -> Any:
@@ -109,3 +123,8 @@ def _kernels() -> ModuleType:
     from warpgrains.kernels import placing
 
     return placing
+
+
+@cache
+def _record_dtype() -> np.dtype[Any]:
+    return np.dtype(_kernels().DiscsRecord.numpy_dtype())

@@ -33,7 +33,7 @@ from warpgrains.sweep.sweep import Base, Run
 SHORT = 20.0  # s; a run that is not done by then gets a folder and checkpoints
 GROUP = 1.0  # s that a group is to take
 FIRST_WIDTH, WIDTH, GROWTH = 16, 4096, 8  # runs in a group, and by how much the next one may be wider
-MOST_GRAINS = 400_000  # in a group
+MOST_GRAINS = 200_000  # in a group
 ALIKE = 256  # scenes kept for others with the same grains
 
 
