@@ -14,14 +14,11 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.arrays import FloatArray
-from warpgrains.scenes import drum
+from warpgrains.scenes import bowl, drum
 from warpgrains.solver.statistics import RunStatistics
 
 Numbers = dict[str, float]
 
-SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}
-FIRST_ORDER = {"scheme": "text", "wall": "tangent"}
 COUNT = 1000
 """Scenes of the batch."""
 
@@ -100,56 +97,6 @@ def drums(path: Path) -> Numbers:
     settled = [drum.settle(drag) for drag in drum.DRAGS]
     drum.draw(settled, str(path))
     return drum.measure(settled[0])
-
-
-def bowl(path: Path) -> Numbers:
-    """Let one grain slide at several dt, by both schemes, beside the pendulum that it is."""
-    from matplotlib.figure import Figure
-
-    scene = wg.Scene.load("bowl")
-    steps = scene.dt * 2.0 ** -np.arange(-3, 4)
-    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
-    swings, errors = figure.subplots(1, 2)
-    numbers = {}
-    for label, changes in {"text, tangent": FIRST_ORDER, "leapfrog, round wall": SECOND_ORDER}.items():
-        worst = []
-        for dt in steps:
-            time, angle = swing(scene.replace(dt=dt, **changes))
-            worst.append(float(np.abs(angle - pendulum(scene, time)).max()))
-            if dt == steps[0]:
-                swings.plot(time, np.degrees(angle), label=f"{label}, dt {dt:g} s")
-        errors.loglog(steps, worst, "o-", label=label)
-        numbers[f"order, {label}"] = float(np.log2(worst[-2] / worst[-1]))
-    swings.plot(time, np.degrees(pendulum(scene, time)), "k:", label="pendulum")
-    swings.set(xlabel="t [s]", ylabel="angle [degrees]")
-    errors.set(xlabel="dt [s]", ylabel="worst error of the angle [rad]")
-    errors.set_xticks(steps, [f"{dt:g}" for dt in steps], rotation=30.0)
-    errors.minorticks_off()
-    for axes in (swings, errors):
-        axes.legend(fontsize="small")
-    figure.savefig(path, dpi=90)
-    return numbers
-
-
-def swing(scene: wg.Scene) -> tuple[FloatArray, FloatArray]:
-    """Return time [s] and angle [rad] of the first grain after every step."""
-    simulation = wg.Simulation(scene)
-    places = []
-    for _ in range(scene.steps):
-        simulation.step()
-        places.append(simulation.position[0])
-    x, y = np.transpose(places)
-    return scene.dt * np.arange(1, scene.steps + 1), np.arctan2(x, -y)
-
-
-def pendulum(scene: wg.Scene, time: FloatArray) -> FloatArray:
-    """Return the angle [rad] at some times [s] of the pendulum that the first grain is, let go at rest."""
-    from scipy.special import ellipj, ellipk
-
-    x, y = scene.position[0]
-    k = np.sin(np.arctan2(x, -y) / 2.0)  # sin(angle / 2) = k sn(w t + K, k)
-    rate = np.sqrt(np.hypot(*scene.gravity) / np.hypot(x, y))
-    return np.asarray(2.0 * np.arcsin(k * ellipj(rate * time + ellipk(k**2), k**2)[0]))
 
 
 def bidisperse(path: Path) -> Numbers:
@@ -234,7 +181,7 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "no_inner_wall": lambda path: shipped("no_inner_wall", 0.1, 0.4, 0.8, 1.6, path=path),
     "polydisperse": lambda path: shipped("polydisperse", 0.1, 0.3, 0.6, 3.0, path=path),
     "pile": lambda path: shipped("pile", 0.2, 0.5, 0.8, 2.0, path=path),
-    "bowl": bowl,
+    "bowl": bowl.draw,
     "bullet": bullet,
     "bidisperse": bidisperse,
     "drum": drums,
