@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from functools import partial
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -15,8 +16,8 @@ from scipy import sparse
 from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError
 from warpgrains.accuracy import certify
 from warpgrains.analysis.exact import StepProblem
-from warpgrains.solver import exact
-from warpgrains.solver.interior_point import NormalMatrix, Projection, solve
+from warpgrains.solver import active_set, exact, interior_point
+from warpgrains.solver.projection import NormalMatrix, Projection, Solution
 
 TOLERANCE = 1e-10  # m/s
 EPS = np.finfo(float).eps
@@ -121,6 +122,54 @@ def test_every_step_of_a_shipped_scene_converges(name: str) -> None:
     assert summary.residual <= 1e-9
 
 
+def asked_of_the_host(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> list[tuple[Projection, np.ndarray, float]]:
+    """The problems that the host is given in some steps, and where it starts."""
+    asked, real = [], exact.solve
+
+    def solve(problem: Projection, matrix: NormalMatrix, q: np.ndarray, tolerance: float) -> Solution:
+        asked.append((problem, q, tolerance))
+        return real(problem, matrix, q, tolerance)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(exact, "solve", solve)
+        Simulation(scene).advance(12)
+    return asked
+
+
+@pytest.mark.parametrize("name", ["a heap", "masses 1:10,000", "a column struck"])
+@pytest.mark.parametrize(("start", "kept"), [("nothing", 100), ("nothing", 3), ("all", 100), ("sweeps", 3)])
+def test_contacts_that_change_lead_where_the_interior_point_method_does(
+    name: str, start: str, kept: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Contacts join and let go by dozens, beside one matrix or with new factors after every third change."""
+    monkeypatch.setattr(active_set, "KEPT", kept)
+    monkeypatch.setattr(active_set, "MOST", 2000)
+    asked = asked_of_the_host(SCENES[name]().replace(**SOON), monkeypatch)
+    for problem, swept, tolerance in asked[-3:]:
+        q = {"nothing": np.zeros_like(swept), "all": problem.unit, "sweeps": swept}[start]
+        found = active_set.solve(problem, NormalMatrix(problem.rows), q, tolerance)
+        other = interior_point.solve(problem, NormalMatrix(problem.rows), swept, tolerance)
+        assert found.residual <= tolerance
+        assert other.residual <= tolerance
+        assert found.factorizations > 1 or kept == 100 or start == "sweeps"
+        # |u - u'|^2 <= sum_c (|q_c - q'_c|) residual: each satisfies what the other is short of
+        apart = problem.rows.T @ (found.q - other.q)
+        bound = 2.0 * tolerance * problem.unit.max() * np.abs(found.q - other.q).sum()
+        assert apart @ apart <= bound + (100.0 * EPS * np.abs(problem.free).max()) ** 2
+
+
+def test_where_too_many_contacts_change_the_interior_point_method_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(active_set, "MOST", -1)
+    simulation = Simulation(heap(60, spacing=2.0, **SOON))
+    for _ in range(5):
+        assert simulation.step().factorizations > 1
+        assert_optimal(simulation)
+
+
 def run_of(scene: Scene, steps: int, **options) -> Simulation:
     simulation = Simulation(scene, **options)
     simulation.advance(steps)
@@ -195,13 +244,14 @@ def test_factors_solve_what_they_are_of() -> None:
     assert np.abs(matrix.solve(right) - expected).max() <= 100.0 * EPS * np.abs(right).max()
 
 
+@pytest.mark.parametrize("method", [active_set, interior_point])
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
-def test_one_bound_in_closed_form(scale: float) -> None:
+def test_one_bound_in_closed_form(scale: float, method: ModuleType) -> None:
     """min |u - u0|^2 / 2 under n . u <= b is u0 - max(0, n . u0 - b) n, in any unit of mass and speed."""
     n, free, bound = np.array([0.6, 0.8]), scale * np.array([3.0, 1.0]), scale * 0.5
     rows = sparse.csr_array((n, [0, 1], [0, 2]), shape=(1, 2))
     problem = Projection(rows, np.array([bound]), free, np.array([1.0]))
-    found = solve(problem, NormalMatrix(rows), np.zeros(1), 1e-12 * scale)
+    found = method.solve(problem, NormalMatrix(rows), np.zeros(1), 1e-12 * scale)
     assert abs(found.q[0] - (n @ free - bound)) <= 1e-12 * scale
     assert found.residual <= 1e-12 * scale
 
@@ -215,7 +265,7 @@ def test_stop_on_zeta_is_refused() -> None:
 def test_without_the_library_the_extra_is_named(
     make: Callable[[Scene], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("exact", "interior_point"):
+    for module in ("active_set", "exact", "interior_point", "projection"):
         monkeypatch.delitem(sys.modules, f"warpgrains.solver.{module}")
     monkeypatch.delattr("warpgrains.solver.exact")
     monkeypatch.setitem(sys.modules, "qdldl", None)

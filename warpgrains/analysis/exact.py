@@ -31,6 +31,7 @@ from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.solver import interior_point
+from warpgrains.solver.projection import NormalMatrix, Projection
 
 TOLERANCE = 1e-14  # asked of the library, which stops where rounding does not let it go further
 REGULARIZATION = 1e-12  # of its matrix: with its default, 1e-8, it stops at a gap of some 1e-6
@@ -201,7 +202,7 @@ def own_witness(projection: _Projection) -> tuple[FloatArray, FloatArray]:
     """Return y and z by the interior point method of the package, from nothing."""
     rows = sparse.csr_array(projection.rows)
     count, unknowns = rows.shape
-    problem = interior_point.Projection(rows, projection.bound, np.zeros(unknowns), np.ones(count))
-    matrix = interior_point.NormalMatrix(rows)
+    problem = Projection(rows, projection.bound, np.zeros(unknowns), np.ones(count))
+    matrix = NormalMatrix(rows)
     z = interior_point.solve(problem, matrix, np.zeros(count), TOLERANCE).q
     return -(rows.T @ z), z

@@ -1,8 +1,8 @@
 """The host's part of the method "exact": a step that sweeps do not converge, solved by factorizations.
 
 It takes the contacts as the kernels have frozen them, with what the sweeps have made of their corrections,
-and puts those of `interior_point` in their place. The kernels then rebuild velocities, measure the residual
-and check the list (kernels/exact.py).
+and puts those of `active_set` in their place, or of `interior_point` where this does not get there. The
+kernels then rebuild velocities, measure the residual and check the list (kernels/exact.py).
 """
 
 from typing import Any
@@ -12,11 +12,22 @@ from scipy import sparse
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.scene import Scene
-from warpgrains.solver.interior_point import NormalMatrix, Projection, solve
+from warpgrains.solver import active_set, interior_point
+from warpgrains.solver.projection import NormalMatrix, Projection, Solution
 from warpgrains.solver.scene_memory import SceneMemory
 
 ASKED = 0.5  # of the tolerance, so that the kernels' rounding does not undo it
 BETTER = 0.01  # of the sweeps' residual: what an answer must come to
+
+
+def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
+    """Solve a step from corrections that some sweeps have left, as closely as either method can."""
+    found = active_set.solve(problem, matrix, q, tolerance)
+    if found.residual <= tolerance:
+        return found
+    start = found.q if found.residual < problem.residual(q) else q
+    inner = interior_point.solve(problem, matrix, start, tolerance)
+    return inner._replace(factorizations=found.factorizations + inner.factorizations)
 
 
 class ExactSolver:

@@ -21,11 +21,7 @@ RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteratio
 MONITOR_THRESHOLD = 0.3  # of a base skin: what a grain may stray in a step without being monitored
 TILE = {"sequential": 32768, "color": 4096}  # pairs interleaved: many hide latency, few fit in cache
 STRIP_GRAINS = 20_000  # from which threads with strips of their own gain far more than they wait
-FACTORIZATIONS = 12  # of a step
-FACTORIZATION_FEW, FACTORIZATION_MANY = (
-    40.0,
-    1.5,
-)  # sweeps that one takes as long as, of n grains: a + b sqrt(n)
+HOST_FEW, HOST_MANY = 150.0, 0.2  # sweeps that the host takes as long as for a step of n grains: a + b n
 SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gain more than they wait
 
 
@@ -71,10 +67,10 @@ def paying_threads(scene: Scene) -> int:
 
 
 def patience(scene: Scene) -> int:
-    """Return how many sweeps take as long as the factorizations of a step; 0 where the host does none."""
+    """Return how many sweeps take as long as the host's part of a step; 0 where it has none."""
     if scene.method != "exact":
         return 0
-    return int(FACTORIZATIONS * (FACTORIZATION_FEW + FACTORIZATION_MANY * np.sqrt(scene.n)))
+    return int(HOST_FEW + HOST_MANY * scene.n)
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:

@@ -1,0 +1,129 @@
+"""A step's convex problem (projection.py), from corrections of which nearly the right ones are positive.
+
+Its dual is to minimise 1/2 |u0 - A^T q|^2 + b . q over q >= 0, nonnegative least squares, and this is the
+method of Lawson and Hanson (1974). The contacts W that carry meet their bounds as equations,
+
+    u = u0 - A_W^T z,   A_W u = b_W + (z - q*) / rho,
+
+q* what q was when they did last (the method of multipliers: a contact too many makes no singular matrix).
+The way from q to z ends where a correction becomes 0, and its contact lets go; at z, contacts join whose
+bounds are violated. Each of this lowers the dual, so that no W comes back.
+
+After sweeps, few contacts of thousands are wrong. One matrix is factored, for the first W. Each change of W
+is a column and a row beside it, and costs one more solution, about a tenth of factors.
+"""
+
+import numpy as np
+import qdldl
+from scipy import sparse
+
+from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.solver.projection import PROXIMITY, NormalMatrix, Projection, Solution
+
+KEPT = 100  # changes of W until a matrix is factored anew
+MOST = 400  # changes
+CENTRES = 8  # q* for one W, at most
+MET = 0.1  # of the tolerance: what bounds that are met are short of
+NEGLIGIBLE = 1e-12  # [m/s]: a correction of a contact that lets go
+
+
+class _Equations:
+    """The solutions for W, by factors for another one, the base."""
+
+    def __init__(self, problem: Projection, matrix: NormalMatrix):
+        self._problem, self._matrix = problem, matrix
+        self._columns = np.empty(
+            (KEPT, len(problem.bound))
+        )  # A u of a force on each contact that has changed
+        self.factorizations = 0
+
+    def factor(self, carrying: BoolArray) -> None:
+        """Take a W as the base."""
+        self.factorizations += 1
+        self._matrix.factor(np.where(carrying, PROXIMITY, 0.0))
+        self._base = self._carrying = carrying
+        self._changed: list[int] = []
+
+    def centre(self, q: FloatArray) -> None:
+        """Take q*, and what the base makes of it: u moves by what closes the gaps that W leaves open."""
+        rows, b, free, _ = self._problem
+        self._q, short = q, np.where(self._carrying, b - rows @ (free - rows.T @ q), 0.0)
+        self._push = q - PROXIMITY * short
+        self._closing = rows @ self._matrix.solve(PROXIMITY * (rows.T @ np.where(self._base, short, 0.0)))
+
+    def change(self, carrying: BoolArray) -> None:
+        """Take another W, for the same q*; if a contact has joined, `centre` is next."""
+        wanted = carrying != self._base
+        if wanted.sum() > KEPT:
+            self.factor(carrying)
+            self.centre(self._q)
+            return
+        self._carrying = carrying
+        kept = [k for k, c in enumerate(self._changed) if wanted[c]]
+        if len(kept) < len(self._changed):
+            self._columns[: len(kept)] = self._columns[kept]
+            self._changed = [self._changed[k] for k in kept]
+        wanted[self._changed] = False
+        for c in np.flatnonzero(wanted).tolist():
+            self._columns[len(self._changed)] = self._column(c)
+            self._changed.append(c)
+
+    def _column(self, c: int) -> FloatArray:
+        rows, force = self._problem.rows, np.zeros(len(self._problem.free))
+        entries = slice(rows.indptr[c], rows.indptr[c + 1])
+        force[rows.indices[entries]] = rows.data[entries]
+        return rows @ self._matrix.solve(force)
+
+    def solve(self) -> FloatArray:
+        """Return z, 0 where no contact carries.
+
+        A contact that has joined adds an equation to the base's, for its z. One that has let go adds a force,
+        which takes its z away.
+        """
+        changed, columns = self._changed, self._columns[: len(self._changed)]
+        joined, push = ~self._base[changed], self._push
+        if not changed:
+            return np.where(self._carrying, push + PROXIMITY * self._closing, 0.0)
+        small = columns[:, changed] + np.diag(np.where(joined, 1.0, -1.0) / PROXIMITY)
+        own = push[changed] - np.where(joined, self._q[changed], 0.0)
+        force = qdldl.Solver(sparse.csc_matrix(small)).solve(self._closing[changed] + own / PROXIMITY)
+        closing = self._closing - np.einsum("k,km->m", force, columns)
+        z = np.where(self._carrying, push + PROXIMITY * closing, 0.0)
+        z[changed] = np.where(joined, self._q[changed] + force, 0.0)
+        return z
+
+
+def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
+    """Solve a step from corrections that some sweeps have left, to a natural residual of the tolerance [m/s].
+
+    Where too many contacts would have to change, the last corrections are returned.
+    """
+    rows, b, free, unit = problem
+    matrix.take(rows)
+    carrying, equations = q > 0.0, _Equations(problem, matrix)
+    equations.factor(carrying)
+    equations.centre(q)
+    changes = centres = 0
+    while changes <= MOST:
+        z = equations.solve()
+        leaving = carrying & (z < -NEGLIGIBLE * unit)
+        if leaving.any():
+            a = float((q[leaving] / (q - z)[leaving]).min())
+            q = np.maximum(q + a * (z - q), 0.0)
+            leaving &= q <= NEGLIGIBLE * unit
+            q[leaving] = 0.0
+            changes, carrying = changes + int(leaving.sum()), carrying & ~leaving
+            equations.change(carrying)
+            continue
+        q = np.maximum(z, 0.0)
+        slack = (b - rows @ (free - rows.T @ q)) / unit
+        if np.abs(slack[carrying]).max(initial=0.0) > MET * tolerance and centres < CENTRES:
+            centres += 1
+        else:
+            joining = ~carrying & (slack < -tolerance)
+            if not joining.any():
+                break
+            changes, centres, carrying = changes + int(joining.sum()), 0, carrying | joining
+            equations.change(carrying)
+        equations.centre(q)
+    return Solution(q, problem.residual(q), equations.factorizations)
