@@ -13,7 +13,7 @@ from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError, St
 from warpgrains.batch import resident
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.scene import METHODS, ORDERS
-from warpgrains.solver import buffers, tuning
+from warpgrains.solver import sizes, tuning
 from warpgrains.solver.statistics import RunStatistics
 
 STEPS = 25
@@ -133,7 +133,7 @@ def test_lists_grow_amid_a_step(
     expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(buffers, "first_pairs", np.ones_like)
+    monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
     batch = Batch(scenes, threads=2)
     batch.run(steps=STEPS)
     assert_as_alone(batch, list(range(len(scenes))), expected)
@@ -271,7 +271,7 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     expected: list[tuple[State, RunStatistics, StepReport]],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(buffers, "first_pairs", np.ones_like)
+    monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
     batch = Batch(scenes, threads=2)
 
     def interrupt(_: int) -> None:

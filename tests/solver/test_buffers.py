@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from warpgrains.kernels.record import SceneRecord
-from warpgrains.solver.buffers import ALIGNMENT, Layout, Sizes, bytes_needed, fields
+from warpgrains.solver.buffers import ALIGNMENT, Layout, bytes_needed, fields
+from warpgrains.solver.sizes import Sizes
 
 PAIRS = 11
 GRAINS = np.array([1, 2, 7, 60])

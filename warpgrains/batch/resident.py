@@ -10,9 +10,10 @@ from warpgrains.arrays import IndexArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
 from warpgrains.solver.advance import OnProgress, advance
-from warpgrains.solver.buffers import Counts, Sizes, bytes_needed
+from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine, exact_solver
 from warpgrains.solver.memory import free_memory, require_memory
+from warpgrains.solver.sizes import Counts, Sizes
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import paying_threads
 

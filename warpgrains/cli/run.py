@@ -10,7 +10,7 @@ import warnings
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,8 @@ from tqdm import tqdm
 
 from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
-from warpgrains.console import in_columns, start_warp, stdout_kept_clean
+from warpgrains.cli.summary import results_of, summary_lines, true_rate
+from warpgrains.console import start_warp, stdout_kept_clean
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -27,8 +28,8 @@ from warpgrains.simulation import run as runs
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import criterion
-from warpgrains.solver.statistics import RunStatistics, Summary, named
-from warpgrains.usd.frame_rate import recording_rate, recording_stride
+from warpgrains.solver.statistics import RunStatistics
+from warpgrains.usd.frame_rate import recording_stride
 
 # What a resumed run takes from its checkpoint: the option of each argument.
 KEPT = {
@@ -63,12 +64,8 @@ def run(arguments: Namespace) -> bool:
             _carry_out(start, options, arguments)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(*_how_to_go_on(options)) from None
-    results = _results(start.scene, start.statistics.summary(options.record))
-    if options.until is not None:
-        results["until"] = options.until
-    if options.record is not None and options.shows != "still":
-        results |= {"frames": start.statistics.frames, "fps": _rate(start.scene, options.rate)}
-    print(json.dumps(results) if arguments.json else _lines(results))
+    results = results_of(start.scene, start.statistics, options)
+    print(json.dumps(results) if arguments.json else summary_lines(results))
     return False
 
 
@@ -215,59 +212,9 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
     tqdm.write(f"warpgrains: warning: {message}", file=sys.stderr)
 
 
-def _results(scene: Scene, summary: Summary) -> dict[str, Any]:
-    overlaps = scene.count_overlaps()
-    return {
-        "scene": scene.name,
-        "grains": scene.n,
-        **asdict(summary),
-        "overlap_in_radii": summary.overlap / scene.radius.min().item(),
-        "overlaps_at_start": {"pairs": overlaps.pairs, "walls": overlaps.walls},
-    }
-
-
-def _lines(results: dict[str, Any]) -> str:
-    start = results["overlaps_at_start"]
-    rows = {
-        "scene": f"{results['scene']}, {results['grains']} grains",
-        "steps": f"{results['steps']}{_ended(results)}",
-        "iterations": f"mean {results['iterations_mean']:.1f}, max {results['iterations_max']}",
-        "not converged": f"{results['unconverged']} steps{_without_solution(results)}",
-        "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
-        "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
-        "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall",
-        "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
-        "output": "none (-o records one)" if results["output"] is None else _output(results),
-    }
-    return in_columns(rows)
-
-
-def _ended(results: dict[str, Any]) -> str:
-    if "until" not in results:
-        return ""
-    return f", {'at' if results['met'] else 'not at'} {results['until']}"
-
-
-def _output(results: dict[str, Any]) -> str:
-    if "frames" not in results:
-        return str(results["output"])
-    frames = results["frames"]
-    return f"{results['output']}, {frames} frame{'s' * (frames > 1)}, {results['fps']:.6g} a second"
-
-
-def _rate(scene: Scene, fps: float) -> float:
-    """Return the true rate of a recording that is to have so many frames a second [1/s]."""
-    return recording_rate(scene.dt, recording_stride(scene.dt, fps))
-
-
 def _warn_of_rate(scene: Scene, fps: float) -> None:
     """Say what a recording has instead of the frames a second that are asked for, if it cannot have them."""
-    rate = _rate(scene, fps)
+    rate = true_rate(scene, fps)
     if rate != fps:
         steps = f"{recording_stride(scene.dt, fps)} steps of {scene.dt:g} s"
         _show_warning(f"--fps {fps:g} cannot be met: a frame every {steps} is {rate:.6g} a second")
-
-
-def _without_solution(results: dict[str, Any]) -> str:
-    grains = results["infeasible_grains"]
-    return f", {results['infeasible']} or more have no solution: {named(grains)} cannot fit" if grains else ""

@@ -15,8 +15,9 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.types import VerletNumbers
 from warpgrains.solver import tuning
-from warpgrains.solver.buffers import Block, Counts, Layout, Sizes, bytes_needed, fields, grid_width
+from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
+from warpgrains.solver.sizes import Counts, Sizes, grid_width
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

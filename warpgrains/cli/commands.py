@@ -1,0 +1,196 @@
+"""The commands: a line a command in `COMMANDS`, its options, and where it is."""
+
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Callable
+from importlib import import_module
+from typing import NamedTuple
+
+from warpgrains.cli.run_options import add_run, add_set
+from warpgrains.console import interrupts_end_at_once
+
+
+class Command(NamedTuple):
+    """A command of the command line."""
+
+    home: str
+    """Module of this package, and the function that does it: it returns whether it failed, or a code."""
+    add_options: Callable[[ArgumentParser], None]
+    help: str
+    description: str
+
+    def do(self, arguments: Namespace) -> int:
+        """Carry it out, and return the exit code; what is heavy is imported only now."""
+        module, _, function = self.home.partition(".")
+        with interrupts_end_at_once():
+            do = getattr(import_module(f"warpgrains.cli.{module}"), function)
+        return int(do(arguments))
+
+
+def _add_scenes(parser: ArgumentParser) -> None:
+    kinds = "a TOML file, or the name of a shipped scene: show it, and every key it could have"
+    parser.add_argument("scene", metavar="SCENE", nargs="?", help=kinds)
+
+
+def _add_init(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("file", metavar="FILE", help="the scene to write, a .toml file")
+    base = "scene to begin with, a TOML file or the name of a shipped one (default: annulus)"
+    add("--from", dest="base", metavar="SCENE", default="annulus", help=base)
+
+
+def _add_batch(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    kinds = "a sweep file, a folder of scenes, or the name of a shipped sweep"
+    add("sweep", metavar="SWEEP", nargs="?", help=kinds)
+    add(
+        "-o", "--output", metavar="DIR", required=True, help="folder for results.csv, parts/ and runs/NUMBER/"
+    )
+    add("--resume", action="store_true", help="go on with the runs that are not finished")
+    axes = "x=COLUMN,y=COLUMN[,color=COLUMN]"
+    add("--plot", metavar=axes, help="draw the results; without SWEEP, those that are there")
+    measure = "measure quantities, such as coordination,stress: results.csv has those at the end of each run"
+    add("--measure", metavar="WHAT,...", help=measure)
+    add("--every", type=int, metavar="K", help="and a series.csv in the folder of each, a row every K steps")
+    add("--usd", action="store_true", help="record every run to its recording.usdc")
+    add("--folders", action="store_true", help="keep the scene, the end and the result of every run")
+    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
+    add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
+    group = parser.add_argument_group("many machines, which must all see DIR")
+    cluster = group.add_mutually_exclusive_group()
+    cluster.add_argument("--scheduler", metavar="ADDRESS", help="dask scheduler, such as tcp://host:8786")
+    cluster.add_argument(
+        "--slurm", type=int, metavar="JOBS", help="start so many dask workers by Slurm, see dask-jobqueue"
+    )
+    group.add_argument("--index", type=int, metavar="I", help="do one share of the runs only, from 0, ...")
+    group.add_argument("--count", type=int, metavar="N", help="... of so many shares")
+
+
+def _add_check(parser: ArgumentParser) -> None:
+    parser.add_argument("file", metavar="FILE", help="the recording, a USD file")
+
+
+def _add_recover(parser: ArgumentParser) -> None:
+    parser.add_argument("folder", metavar="DIR", help="the run's chunks, such as run.usdc.chunks")
+
+
+def _add_plot(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("file", metavar="FILE", help="the recording, a USD file, or the history of a run step by step, a CSV")
+    add(
+        "-o",
+        "--output",
+        metavar="PNG",
+        help="picture (.png, .pdf, .svg) or film (.mp4, .gif, .webp; default: FILE with .png)",
+    )
+    add(
+        "--frames",
+        type=_whole_numbers,
+        metavar="N,N,...",
+        help="frames to draw, from 0; -1 is the last (default: five, evenly spaced)",
+    )
+    add("--no-curves", dest="curves", action="store_false", help="draw nothing but the frames")
+
+
+def _add_export(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("file", metavar="FILE", help="the recording, a USD file")
+    add("-o", "--output", metavar="OUT", help="output, .vtkhdf (default: FILE with .vtkhdf)")
+
+
+def _add_view(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("what", metavar="WHAT", help="a scene, or a recording")
+    add("--port", type=int, default=8080, metavar="P", help="where on 127.0.0.1 (default: 8080, or the next)")
+    add_set(parser)
+
+
+def _add_report(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    kinds = "TOML files, or names of shipped scenes (default: all shipped)"
+    add("scenes", metavar="SCENE", nargs="*", help=kinds)
+    add("-o", "--output", metavar="DIR", required=True, help="folder to put the report in")
+
+
+def _add_grade(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("homework", metavar="HOMEWORK", nargs="?", help="a homework.c, or a folder of homeworks")
+    add("-o", "--output", metavar="CSV", help="of a folder: the table of grades to write")
+    add("--json", action="store_true", help="print the verdict as JSON: an object, or a list for a folder")
+    add("--strict", action="store_true", help="let only the bits of the reference pass")
+    empty = "write an empty homework, its header and its task, in English and French (default: here)"
+    add("--template", metavar="DIR", nargs="?", const=".", help=empty)
+
+
+def _whole_numbers(text: str) -> list[int]:
+    try:
+        return [int(word) for word in text.split(",")]
+    except ValueError:
+        raise ArgumentTypeError(f"{text!r} is not a list of whole numbers such as 0,20,-1") from None
+
+
+COMMANDS = {
+    "run": Command("run.run", add_run, "simulate a scene", "Simulate a scene."),
+    "scenes": Command(
+        "scenes.scenes",
+        _add_scenes,
+        "list the shipped scenes, or explain one",
+        "List the shipped scenes and sweeps; or show one, and every key with unit and default.",
+    ),
+    "init": Command(
+        "scenes.init",
+        _add_init,
+        "write a scene file to begin with",
+        "Write a scene file to begin with: every key is there, explained.",
+    ),
+    "batch": Command(
+        "batch.run",
+        _add_batch,
+        "carry out the runs of a sweep",
+        "Carry out the runs of a sweep; exit code 1: some run failed or is not finished.",
+    ),
+    "check": Command(
+        "tools.check",
+        _add_check,
+        "check a recording",
+        "Check in a recording what no USD validator checks; exit code 1: something is wrong.",
+    ),
+    "recover": Command(
+        "tools.recover",
+        _add_recover,
+        "make a file of what a killed run recorded",
+        "Make a file of what a killed run recorded. To finish the run: run --resume.",
+    ),
+    "plot": Command(
+        "tools.plot",
+        _add_plot,
+        "draw frames and curves of a recording",
+        "Draw frames of a recording side by side, and energy, height and contacts over time;"
+        " or how zeta and residual fall in the steps of a history.",
+    ),
+    "export": Command(
+        "tools.export",
+        _add_export,
+        "write a recording for ParaView",
+        "Write the grains of a recording, and its contacts and forces, as VTK HDF, which ParaView opens.",
+    ),
+    "view": Command(
+        "view.view",
+        _add_view,
+        "play a scene or a recording in the browser",
+        "Serve a page that plays a scene or a recording, to this machine alone; Ctrl-C ends it.",
+    ),
+    "report": Command(
+        "tools.report",
+        _add_report,
+        "measure speed against error",
+        "Measure speed against error: tables, CSV and pictures, in some minutes.",
+    ),
+    "grade": Command(
+        "grade.grade",
+        _add_grade,
+        "grade a homework of the course",
+        "Hold a homework against the reference, function by function, and name its mistakes;"
+        " exit code 1: it is wrong, 2: it cannot be graded.",
+    ),
+}

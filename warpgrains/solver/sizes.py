@@ -1,0 +1,130 @@
+"""How long the arrays of scenes are: one table, and what it follows from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpgrains.kernels.accelerated import CHUNK
+from warpgrains.kernels.threads import GPU_PARTIALS
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+Counts = NDArray[np.int64]
+FEW = 40  # grains that are not worth a grid
+BINS = 4096  # of the coordinate that is cut into strips
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """What the lengths of a scene's arrays follow from; every entry has shape (scenes,), or is one for all.
+
+    Attributes
+    ----------
+    grains, pairs : ndarray
+        Grains, and candidate pairs that there is room for.
+    weighted : ndarray
+        1 where masses differ, 0 elsewhere.
+    accelerated : int
+        1 where the sweeps are accelerated, 0 elsewhere.
+    team : int
+        CPU threads that share a scene.
+    partials : int
+        Parts in which threads keep a maximum or a sum.
+    history : int
+        Iterations of a step whose zeta and residual are kept.
+    """
+
+    grains: Counts
+    pairs: Counts
+    weighted: Counts
+    accelerated: int
+    team: int
+    partials: int
+    history: int = 0
+
+    @classmethod
+    def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> Sizes:
+        """Return the sizes that scenes of one method have at first."""
+        n = np.array([scene.n for scene in scenes])
+        partials = team if device.is_cpu else GPU_PARTIALS
+        weighted = np.array([not scene.has_equal_masses for scene in scenes], np.int64)
+        return cls(n, first_pairs(n), weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
+
+    @property
+    def has_strips(self) -> bool:
+        """Whether threads have strips of their own."""
+        return self.team > 1 and not self.accelerated
+
+    def of(self, k: int) -> Sizes:
+        """Return the sizes of scene k alone."""
+        one = slice(k, k + 1)
+        return replace(self, grains=self.grains[one], pairs=self.pairs[one], weighted=self.weighted[one])
+
+
+def first_pairs(n: Counts) -> Counts:
+    """Return for how many pairs there is room at first: more than a list mostly needs, at most all."""
+    return np.maximum(1, np.minimum(n * (n - 1) // 2, 5 * n))
+
+
+def lengths(size: Sizes) -> dict[str, Any]:
+    """Return the length of every array of a record, by struct and name: the one table of them."""
+    n, pairs = size.grains, size.pairs
+    cells = grid_width(n) ** 2 + 1
+    rows = {"start": n + 1, "cursor": n + 1, "neighbor": pairs, "found": pairs, "total": 1}
+    ahead, strips = size.accelerated, size.team * size.has_strips
+    has_strips = int(size.has_strips)
+    return {
+        "grains": {
+            **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
+            **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity", "radius", "mass"), n),
+        },
+        "contacts": {
+            **dict.fromkeys(("pairs", "pair_dv", "pair_dv_start"), pairs),
+            "weights": pairs * size.weighted,
+            "set_start": pairs + 2,
+            **dict.fromkeys(("walls", "wall_dv_start"), n),
+        },
+        "verlet": {
+            **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
+            **dict.fromkeys(("reference_position", "reference_velocity"), n),
+        },
+        "momentum": {
+            "pair_last": ahead * pairs,
+            "pair_part": ahead * (pairs + pairs // CHUNK + 1),
+            **dict.fromkeys(("wall_last", "wall_part", "last_velocity", "grain_part"), ahead * n),
+        },
+        "grid": {
+            **dict.fromkeys(("cell_start", "cell_cursor"), cells),
+            **dict.fromkeys(("grain", "position", "velocity", "skin", "extent"), n),
+        },
+        "neighbors": rows,
+        "workspace": {
+            "old": rows | {"cursor": 0, "found": 0, "total": 0},
+            **dict.fromkeys(("old_pair_dv", "color", "old_color", "sweep_index", "sequence"), pairs),
+            "group": pairs + 1,
+            **dict.fromkeys(("old_wall_dv", "was_at_wall", "row_sum", "next_level", "used_colors"), n),
+        },
+        "strips": {
+            "bins": BINS * has_strips,
+            **dict.fromkeys(("strip", "last"), n * has_strips),
+            **dict.fromkeys(("cursor", "late_cursor"), strips),
+            "seen": strips**2,
+            "segment": pairs * has_strips,
+            **dict.fromkeys(("first_segment", "first_wall"), strips + 1),
+            "dependencies": (pairs + 1) * strips,
+        },
+        "partial": dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),
+        "history": dict.fromkeys(("zeta", "residual"), size.history),
+    }
+
+
+def grid_width(n: Any) -> Any:
+    """Return how many cells a side the grid for n grains has; few grains are all looked at."""
+    return np.where(n <= FEW, 1, 1 << np.ceil(np.log2(n) / 2).astype(np.int64))
