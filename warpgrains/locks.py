@@ -16,7 +16,7 @@ from __future__ import annotations
 import errno
 import os
 import socket
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -80,6 +80,15 @@ class Lock:
 
     def __del__(self) -> None:
         self.release()
+
+
+def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
+    """Return the lock on a file; raise OutputError if it is there and not of a kind that may be replaced."""
+    lock = Lock(path)
+    if path.exists() and not is_own(path):
+        lock.release()
+        raise OutputError(f"'{path}' is there and is no {kind}: it is not replaced")
+    return lock
 
 
 class Claims:

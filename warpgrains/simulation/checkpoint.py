@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import SceneError
 from warpgrains.files import require_place, write_whole
-from warpgrains.locks import Lock
+from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, VerletList, require_state
@@ -68,11 +68,7 @@ def lock_checkpoint(path: Path) -> Lock:
         that is no checkpoint.
     """
     require_place("checkpoint", path, ".npz")
-    lock = Lock(path)
-    if path.exists() and not _is_checkpoint(path):
-        lock.release()
-        raise OutputError(f"'{path}' is there and is no checkpoint: it is not replaced")
-    return lock
+    return lock_own(path, _is_checkpoint, "checkpoint")
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:

@@ -4,9 +4,8 @@ from pathlib import Path
 
 from pxr import Sdf, Tf
 
-from warpgrains.errors import OutputError
 from warpgrains.files import require_place
-from warpgrains.locks import Lock
+from warpgrains.locks import Lock, lock_own
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
 RECORDED_BY = "warpgrains"
@@ -28,11 +27,7 @@ def lock_output(path: Path) -> Lock:
         that is no recording.
     """
     require_place("output", path, *SUFFIXES)
-    lock = Lock(path)
-    if path.exists() and not _is_recording(path):
-        lock.release()
-        raise OutputError(f"'{path}' is there and is no recording of warpgrains: it is not replaced")
-    return lock
+    return lock_own(path, _is_recording, "recording of warpgrains")
 
 
 def _is_recording(path: Path) -> bool:
