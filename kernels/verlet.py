@@ -28,7 +28,6 @@ from .types import Pair
 from .walls import is_near_wall
 
 f64 = wp.float64
-LARGE = wp.constant(f64(0.25))  # part of what need not be monitored in a step, that one change may be
 
 
 @wp.func
@@ -55,7 +54,7 @@ def is_finite(x: wp.vec2d) -> bool:
 @wp.func
 def least_monitored(s: Scene) -> f64:
     """The change of a grain's velocity from which it is looked at [m/s]."""
-    return LARGE * s.tuning.monitor_threshold * s.verlet.numbers.base_skin
+    return s.tuning.monitor_threshold * s.verlet.numbers.base_skin
 
 
 @wp.func
@@ -208,10 +207,12 @@ def add_unmonitored(s: Scene, ahead: f64):
     `ahead` is the largest change before the sweep, on the way to its start [m/s].
     """
     numbers = s.verlet.numbers
-    in_sweep = numbers.max_row_sum * wp.min(s.step.zeta, least_monitored_correction(s))
-    change = numbers.unmonitored_change + wp.min(ahead, least_monitored(s)) + in_sweep
+    most = least_monitored(s)
+    change = (
+        numbers.unmonitored_change + wp.min(ahead, most) + wp.min(numbers.max_row_sum * s.step.zeta, most)
+    )
     s.verlet.numbers.unmonitored_change = change
-    s.control.sampling = 1 if change > s.tuning.monitor_threshold * numbers.base_skin else 0
+    s.control.sampling = 1 if change > most else 0
     if s.control.sampling != 0:
         s.verlet.numbers.sampled_change = change
         s.verlet.numbers.unmonitored_change = f64(0.0)

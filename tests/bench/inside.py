@@ -69,6 +69,12 @@ def seconds_of_a_list(simulation: Simulation) -> float:
     return taken
 
 
+def listed_pairs(simulation: Simulation) -> np.ndarray:
+    """Return the pairs of the list; a view."""
+    record = Record(simulation)
+    return record.array("contacts.pairs")[: record.numbers["contacts"]["count"]["pairs"]]
+
+
 class Sweeps:
     """The contact iteration alone: `max_iterations` sweeps over the arrays of a simulation's last step.
 
@@ -86,6 +92,9 @@ class Sweeps:
         self.pair_dv = record.array("contacts.pair_dv")[:pairs]
         self.walls = _known(record.array("contacts.walls"), WALL)[:walls]
         self.velocity = record.array("grains.next_velocity")
+        self._free = record.array("grains.free_velocity")
+        self._peak, self._peak_limit = (record.array(f"verlet.peak_{of}") for of in ("deviation", "limit"))
+        self._threshold = float(record.numbers["tuning"]["monitor_threshold"])
         self._numbers, self._start = record.numbers, self.contents()
         self.run = record.command(METHODS[simulation.scene.method]).launch
 
@@ -93,12 +102,19 @@ class Sweeps:
         """Return a copy of all that a sweep changes."""
         return self.pair_dv.copy(), self.walls["dv"].copy(), self.velocity.copy()
 
-    def reset(self) -> None:
-        """Put everything back to where the sweeps start, all calm, so that nothing is monitored."""
+    def start_freely(self) -> None:
+        """Let the sweeps start from free velocities, no contact carrying anything, and no skin too narrow."""
+        self.pair_dv[:], self.walls["dv"], self.velocity[:] = 0.0, 0.0, self._free
+        self._peak_limit[:] = np.inf
+        self._start = self.contents()
+
+    def reset(self, monitored: bool = False) -> None:
+        """Put everything back to where the sweeps start."""
         self.pair_dv[:], self.walls["dv"], self.velocity[:] = self._start
+        self._peak[:] = 0.0
+        self._numbers["tuning"]["monitor_threshold"] = self._threshold if monitored else np.inf
         self._numbers["control"]["iterating"] = 1
         self._numbers["step"]["iterations"] = 0
-        self._numbers["verlet"]["flags"]["monitored"] = 0
         self._numbers["verlet"]["flags"]["list_expired"] = 0
         self._numbers["verlet"]["numbers"]["unmonitored_change"] = 0.0
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from warpgrains.console import start_warp
 
-from . import accelerated, against_c, lists, scaling, solo, threads
+from . import accelerated, against_c, lists, moving, scaling, solo, threads
 from .options import Options
 from .rows import Table
 from .timing import say, seconds
@@ -28,6 +28,7 @@ PARTS: dict[str, Callable[[Options], Iterator[dict[str, str]]]] = {
     "solo": solo.solo,
     "compiling": solo.compiling,
     "lists": lists.lists,
+    "moving": moving.moving,
     "threads": threads.threads,
     "costs": scaling.costs,
     "memory": scaling.memory,

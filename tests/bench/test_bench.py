@@ -21,7 +21,12 @@ def command(module: str, *arguments: object) -> str:
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the benchmark reads /proc")
 @pytest.mark.parametrize(
-    ("parts", "count"), [(QUICK, 23), pytest.param(["compiling"], 1, marks=pytest.mark.slow)]
+    ("parts", "count"),
+    [
+        (QUICK, 23),
+        pytest.param(["moving"], 8, marks=pytest.mark.slow),
+        pytest.param(["compiling"], 1, marks=pytest.mark.slow),
+    ],
 )
 def test_benchmark_of_a_step(parts: list[str], count: int, tmp_path: Path) -> None:
     file = tmp_path / "step.csv"

@@ -1,0 +1,126 @@
+"""Where grains move: what the steps of the common flowing scene cost, and what their lists have of it."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from warpgrains import Simulation
+from warpgrains.arrays import FloatArray, IntArray
+
+from ..support.same_bits import assert_same_bits
+from .compiled import COMPILER, CellList, CReference
+from .flow import flowing
+from .inside import Sweeps, listed_pairs, seconds_of_a_list
+from .options import Options
+from .rows import SPEEDUP, Subject, row
+from .timing import in_turn, seconds
+
+SOLVED = {"method": "accelerated", "order": "color", "stop": "residual", "tolerance": 1e-2}
+SIZES = {100: 200, 1_000: 200, 10_000: 40}  # grains, and steps of 10 ms
+VOID = {1_000: "<= 0.02", 10_000: "<= 0.05"}
+AMID = 60  # steps: 0.6 s, where all splash
+SWEEPS = 10  # after an impact
+ITERATIONS = 60
+PLAIN = {"order": "sequential", "tolerance": 1e-12, "max_iterations": ITERATIONS}
+
+
+def moving(options: Options) -> Iterator[dict[str, str]]:
+    """Whole steps, their attempts and lists; one list, and monitored sweeps."""
+    for n in options.sizes(SIZES):
+        yield from _steps(n, options.repeats)
+    for n in options.sizes((1_000, 10_000)):
+        yield from _one_list(n, options.repeats)
+        yield _monitoring(n, options.repeats)
+    yield _against_all_pairs(min(1_000, options.largest), options.repeats)
+
+
+def _steps(n: int, repeats: int) -> Iterator[dict[str, str]]:
+    steps, taken, reports, a_list = SIZES.get(n, 20), [], [], []
+    for _ in range(repeats):
+        simulation = Simulation(flowing(n, **SOLVED), threads=1)
+        of_this_run = [simulation.step()]  # the first, so that kernels are loaded
+
+        def work(simulation=simulation, of_this_run=of_this_run) -> None:
+            of_this_run.extend(simulation.step() for _ in range(steps))
+
+        taken.append(seconds(work) / steps * 1e3)
+        reports += of_this_run[1:]
+        a_list.append(seconds_of_a_list(simulation) * 1e3)
+    lists, void, iterations = (
+        sum(getattr(report, name) for report in reports) / len(reports)
+        for name in ("rebuilds", "redos", "iterations")
+    )
+    subject = partial(Subject, n=n, order="color")
+    yield row(subject("a flowing step, accelerated to 1e-2 m/s"), taken, "ms")
+    yield row(subject("iterations of it"), [iterations], "")
+    yield row(subject("void attempts of it"), [void], "", target=VOID.get(n, ""))
+    yield row(subject("lists of it"), [lists], "")
+    building = [lists * value for value in a_list]
+    yield row(subject("building of them"), building, "ms", "the whole step", taken)
+
+
+def _amid(n: int, **changes: object) -> Simulation:
+    """Return the scene where all splash, as it is about to step on."""
+    simulation = Simulation(flowing(n, **{**SOLVED, **changes}), threads=1)
+    simulation.advance(AMID)
+    return simulation
+
+
+def _one_list(n: int, repeats: int) -> Iterator[dict[str, str]]:
+    simulation = _amid(n)
+    scene, x = simulation.scene, simulation.position
+    seconds_of_a_list(simulation)  # once, so that the kernels are loaded
+    cells = CellList(x, _reach(x, len(listed_pairs(simulation))), scene.radius_out)
+    ours, in_c = in_turn(
+        max(repeats, 5) * 20,
+        lambda: seconds_of_a_list(simulation) * 1e6,
+        lambda: seconds(cells.build) * 1e6,
+    )
+    other = f"cell list and colors of as many pairs, {COMPILER}"
+    subject = Subject("one list, flowing", n, "color")
+    yield row(subject, ours, "us", other, in_c, target="<= 2")
+
+
+def _reach(x: FloatArray, pairs: int) -> float:
+    """The distance [m] within which there are so many pairs."""
+    tree = cKDTree(x)
+    near: IntArray = np.sort(tree.sparse_distance_matrix(tree, _far(x), output_type="ndarray")["v"])
+    return float(near[near > 0.0][: 2 * pairs][-1])
+
+
+def _far(x: FloatArray) -> float:
+    """A distance [m] within which a grain has some 20 others."""
+    return float(np.median(cKDTree(x).query(x, k=min(len(x), 20))[0][:, -1]))
+
+
+def _monitoring(n: int, repeats: int) -> dict[str, str]:
+    """Sweeps from free velocities, monitored as they have to be or not at all."""
+    arrays = Sweeps(_amid(n, method="gauss-seidel", tolerance=1e-12, stop="zeta", max_iterations=SWEEPS))
+    arrays.start_freely()
+
+    def us_a_sweep(monitored: bool) -> float:
+        arrays.reset(monitored)
+        return seconds(arrays.run) / SWEEPS * 1e6
+
+    us_a_sweep(False)  # once, so that the launches are captured
+    rounds = max(repeats, 5) * 20
+    ours, plain = in_turn(rounds, partial(us_a_sweep, True), partial(us_a_sweep, False))
+    subject = Subject(f"one of {SWEEPS} sweeps after an impact, monitored", n, "color")
+    return row(subject, ours, "us", "not monitored", plain, target="<= 1.3")
+
+
+def _against_all_pairs(n: int, repeats: int) -> dict[str, str]:
+    simulation = Simulation(flowing(n, **PLAIN), threads=1)
+    simulation.advance(AMID)
+    reference = CReference(simulation.scene, simulation.state())
+    ours, in_c = in_turn(
+        repeats,
+        lambda: seconds(partial(simulation.advance, 5)) / 5 * 1e3,
+        lambda: seconds(partial(reference.run, 5)) / 5 * 1e3,
+    )
+    assert_same_bits(simulation, reference)
+    target = ">= 400" if n == 1_000 else ""
+    subject = Subject(f"one step of {ITERATIONS} iterations, flowing", n)
+    return row(subject, ours, "ms", f"all pairs, {COMPILER}", in_c, SPEEDUP, target)
