@@ -18,7 +18,7 @@ from warpgrains.grade.grader import Grader
 from warpgrains.grade.mistakes import MISTAKES
 from warpgrains.grade.verdict import BOTH, Part, Verdict
 
-FAST = 8  # wrong homeworks, and hostile ones, that every run of the tests grades; the others are slow
+FAST = 5  # wrong homeworks, and hostile ones, that every run of the tests grades; the others are slow
 SLOW = ([], [pytest.mark.slow])
 Grade = Callable[..., Verdict]
 
