@@ -6,8 +6,8 @@ method of Lawson and Hanson (1974). The contacts W that carry meet their bounds 
     u = u0 - A_W^T z,   A_W u = b_W + (z - q*) / rho,
 
 q* what q was when they did last (the method of multipliers: a contact too many makes no singular matrix).
-The way from q to z ends where a correction becomes 0, and its contact lets go; at z, contacts join whose
-bounds are violated. Each of this lowers the dual, so that no W comes back.
+On the way from q to z, corrections become 0, and their contacts let go, as far as the dual falls; at z,
+contacts join whose bounds are violated. Each of this lowers the dual, so that no W comes back.
 
 After sweeps, few contacts of thousands are wrong. One matrix is factored, for the first W. Each change of W
 is a column and a row beside it, and costs one more solution, about a tenth of factors.
@@ -21,10 +21,14 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.solver.projection import PROXIMITY, NormalMatrix, Projection, Solution
 
 KEPT = 100  # changes of W until a matrix is factored anew
-MOST = 400  # changes
 CENTRES = 8  # q* for one W, at most
 MET = 0.1  # of the tolerance: what bounds that are met are short of
 NEGLIGIBLE = 1e-12  # [m/s]: a correction of a contact that lets go
+
+
+def most_changes(grains: int) -> int:
+    """Return how many changes of W are worth a try: they cost less than half of the interior point method."""
+    return max(20, grains // 40)
 
 
 class _Equations:
@@ -35,7 +39,13 @@ class _Equations:
         self._columns = np.empty(
             (KEPT, len(problem.bound))
         )  # A u of a force on each contact that has changed
+        self.across = problem.rows.T
         self.factorizations = 0
+
+    def slack(self, q: FloatArray) -> FloatArray:
+        """Return s = b - A u."""
+        rows, b, free, _ = self._problem
+        return b - rows @ (free - self.across @ q)
 
     def factor(self, carrying: BoolArray) -> None:
         """Take a W as the base."""
@@ -46,10 +56,10 @@ class _Equations:
 
     def centre(self, q: FloatArray) -> None:
         """Take q*, and what the base makes of it: u moves by what closes the gaps that W leaves open."""
-        rows, b, free, _ = self._problem
-        self._q, short = q, np.where(self._carrying, b - rows @ (free - rows.T @ q), 0.0)
+        self._q, short = q, np.where(self._carrying, self.slack(q), 0.0)
         self._push = q - PROXIMITY * short
-        self._closing = rows @ self._matrix.solve(PROXIMITY * (rows.T @ np.where(self._base, short, 0.0)))
+        du = self._matrix.solve(PROXIMITY * (self.across @ np.where(self._base, short, 0.0)))
+        self._closing = self._problem.rows @ du
 
     def change(self, carrying: BoolArray) -> None:
         """Take another W, for the same q*; if a contact has joined, `centre` is next."""
@@ -93,30 +103,46 @@ class _Equations:
         return z
 
 
+def _lowest(equations: _Equations, q: FloatArray, z: FloatArray, a: float) -> FloatArray:
+    """Return where the dual is least on the way from q to z, cut off at 0; a leads to the first 0."""
+    slack = equations.slack(q)
+
+    def at(a: float) -> tuple[float, FloatArray]:
+        there = np.maximum(q + a * (z - q), 0.0)
+        spread = equations.across @ (there - q)
+        return float(((there - q) * slack).sum() + 0.5 * (spread * spread).sum()), there
+
+    here, further = at(a), at(2.0 * a)
+    while further[0] < here[0] and a < 0.5:
+        a *= 2.0
+        here, further = further, at(2.0 * a)
+    return here[1]
+
+
 def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
     """Solve a step from corrections that some sweeps have left, to a natural residual of the tolerance [m/s].
 
     Where too many contacts would have to change, the last corrections are returned.
     """
-    rows, b, free, unit = problem
-    matrix.take(rows)
+    unit = problem.unit
+    matrix.take(problem.rows)
     carrying, equations = q > 0.0, _Equations(problem, matrix)
     equations.factor(carrying)
     equations.centre(q)
     changes = centres = 0
-    while changes <= MOST:
+    most = most_changes(len(problem.free) // 2)
+    while changes <= most:
         z = equations.solve()
         leaving = carrying & (z < -NEGLIGIBLE * unit)
         if leaving.any():
-            a = float((q[leaving] / (q - z)[leaving]).min())
-            q = np.maximum(q + a * (z - q), 0.0)
+            q = _lowest(equations, q, z, float((q[leaving] / (q - z)[leaving]).min()))
             leaving &= q <= NEGLIGIBLE * unit
             q[leaving] = 0.0
             changes, carrying = changes + int(leaving.sum()), carrying & ~leaving
             equations.change(carrying)
             continue
         q = np.maximum(z, 0.0)
-        slack = (b - rows @ (free - rows.T @ q)) / unit
+        slack = equations.slack(q) / unit
         if np.abs(slack[carrying]).max(initial=0.0) > MET * tolerance and centres < CENTRES:
             centres += 1
         else:
