@@ -1,5 +1,6 @@
 """The benchmarks run, and write what their table reads. No time is asserted."""
 
+import csv
 import subprocess
 import sys
 from pathlib import Path
@@ -78,3 +79,14 @@ def test_benchmark_of_the_exact_method(tmp_path: Path) -> None:
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
     assert all(row.endswith("<= 0,1") for row in rows)
+
+
+@pytest.mark.slow
+def test_benchmark_of_peers(tmp_path: Path) -> None:
+    file, picture = tmp_path / "peers.csv", tmp_path / "peers.png"
+    command("peers", "--grains", 12, "-o", file, "--picture", picture)
+    rows = list(csv.DictReader(file.open()))
+    ours = {row["setting"]: float(row["overlap of pairs"]) for row in rows if row["program"] == "warpgrains"}
+    assert len(ours) == 21
+    assert 0.0 < ours["dt 0.01, to 0.0001 m/s"] < ours["dt 0.01, to 0.1 m/s"]
+    assert picture.stat().st_size > 10_000
