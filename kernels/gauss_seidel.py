@@ -91,11 +91,11 @@ def sweep_walls(team: Team, s: Scene):
     begin, end = walls_of(team, s)
     wall = WallContact()
     large = least_monitored_correction(s)
-    round = s.walls.round != 0
+    is_round = s.walls.round != 0
     c = begin
     while c < end:
         read_wall(contacts.walls, c, wall)
-        if round:
+        if is_round:
             wall = rounded_wall(wall, vector_at(velocity, wall.i), s.walls)
         change = correct_wall(velocity, contacts, c, wall, inner)
         zeta = wp.max(zeta, change)

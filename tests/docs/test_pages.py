@@ -62,21 +62,18 @@ def _ended(line: str) -> int:
     return subprocess.run(["bash", "-c", line], env={**os.environ, "PATH": path}).returncode
 
 
-@pytest.mark.parametrize("name", WITH_CODE)
-def test_blocks_run(name, tmp_path, monkeypatch, capfd):
+@pytest.mark.parametrize(
+    ("name", "slow"),
+    [
+        *(pytest.param(name, False, id=name) for name in WITH_CODE),
+        *(pytest.param(name, True, id=f"{name}-slow", marks=pytest.mark.slow) for name in WITH_SLOW_CODE),
+    ],
+)
+def test_blocks_run(name, slow, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     reader = Reader(name, capfd)
     for block in blocks(name):
-        reader.read(block, slow=False)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", WITH_SLOW_CODE)
-def test_slow_blocks_run(name, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    reader = Reader(name, capfd)
-    for block in blocks(name):
-        reader.read(block, slow=True)
+        reader.read(block, slow=slow)
 
 
 CHECKERS = {

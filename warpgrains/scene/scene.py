@@ -300,7 +300,7 @@ class Scene(Shown):
         if lost < 1.0:
             return
         lightest = int(np.argmin(self.mass))
-        if self.scheme == "text" and lost >= 1.0:
+        if self.scheme == "text":
             raise SceneError(
                 f"dt is {self.dt} s: in one step, drag {self.drag} kg/s would turn round grain {lightest}"
                 f' of mass {mass} kg; dt must be less than {mass / self.drag} s, or scheme "leapfrog"'

@@ -36,9 +36,7 @@ class _Equations:
 
     def __init__(self, problem: Projection, matrix: NormalMatrix):
         self._problem, self._matrix = problem, matrix
-        self._columns = np.empty(
-            (KEPT, len(problem.bound))
-        )  # A u of a force on each contact that has changed
+        self._columns = np.empty((KEPT, len(problem.bound)))  # A u of a force on each changed contact
         self.across = problem.rows.T
         self.factorizations = 0
 
