@@ -19,6 +19,7 @@ from . import law
 from .access import (
     first_of,
     gap_rate_of,
+    larger,
     normal_of,
     number_at,
     second_of,
@@ -143,7 +144,7 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
                 shares = shares_of(grains, contacts, c)
             result = correct_pair(grains.next_velocity, contacts, pair_last, c, shares, momentum)
             part = part + wp.vec2d(result[1], result[2])
-            zeta = wp.max(zeta, result[0])
+            zeta = larger(zeta, result[0])
             if result[0] > large:
                 monitor_pair(s, contacts.pairs[c])
             c += 1
@@ -164,7 +165,7 @@ def sweep_walls_ahead(team: Team, s: Scene):
         for c in range(chunk * CHUNK, wp.min(wall_count(s), (chunk + 1) * CHUNK)):
             result = correct_wall(s, c, beta, relaxation)
             part = part + wp.vec2d(result[1], result[2])
-            zeta = wp.max(zeta, result[0])
+            zeta = larger(zeta, result[0])
             if result[0] > large:
                 monitor(s, s.contacts.walls[c].i)
         s.momentum.wall_part[chunk] = part

@@ -6,6 +6,7 @@ from . import law
 from .access import (
     first_of,
     gap_rate_of,
+    larger,
     normal_of,
     number_at,
     read_wall,
@@ -67,14 +68,14 @@ def sweep_pairs(team: Team, s: Scene, k: int):
     if contacts.weights.shape[0] > 0:
         while c < end:
             change = correct_pair(velocity, contacts, c, vector_at(contacts.weights, c))
-            zeta = wp.max(zeta, change)
+            zeta = larger(zeta, change)
             if change > large:
                 monitor_pair(s, contacts.pairs[c])
             c += 1
     else:
         while c < end:
             change = correct_pair(velocity, contacts, c, equal)
-            zeta = wp.max(zeta, change)
+            zeta = larger(zeta, change)
             if change > large:
                 monitor_pair(s, contacts.pairs[c])
             c += 1
@@ -98,7 +99,7 @@ def sweep_walls(team: Team, s: Scene):
         if is_round:
             wall = rounded_wall(wall, vector_at(velocity, wall.i), s.walls)
         change = correct_wall(velocity, contacts, c, wall, inner)
-        zeta = wp.max(zeta, change)
+        zeta = larger(zeta, change)
         if change > large:
             monitor(s, wall.i)
         c += 1

@@ -73,9 +73,9 @@ def monitor(s: Scene, i: int):
             s.verlet.flags.list_expired = 1
 
 
-@wp.func
+@wp.func(inline=False)
 def monitor_pair(s: Scene, pair: Pair):
-    """Monitor both grains."""
+    """Monitor both grains; called, as it is seldom, so that a sweep's loop stays short."""
     monitor(s, pair.i)
     monitor(s, pair.j)
 
