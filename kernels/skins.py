@@ -65,6 +65,5 @@ def find_lifetime(s: Scene):
     s.verlet.numbers.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
     s.verlet.numbers.elapsed = f64(0.0)
     s.verlet.numbers.mean_velocity = mean
-    s.verlet.numbers.spread = spread
     s.verlet.numbers.lifetime = lifetime
     s.verlet.numbers.frame_skin = s.verlet.numbers.base_skin + fall

@@ -101,7 +101,6 @@ class VerletNumbers:
     max_row_sum: f64  # most that one iteration changes a velocity by, in units of zeta
     elapsed: f64  # since the list was built [s]
     lifetime: f64  # for which the list was built [s]
-    spread: f64  # largest |w_i - mean| [m/s]
 
 
 @wp.struct

@@ -59,7 +59,7 @@ class VerletList:
     reference_position, reference_velocity : ndarray
         Of every grain when the list was built [m], [m/s], shape (n, 2).
     frame, scalar : ndarray
-        The vectors and the numbers of `kernels.types.VerletNumbers`, shapes (3, 2) and (8,).
+        The vectors and the numbers of `kernels.types.VerletNumbers`, shapes (3, 2) and (7,).
     """
 
     pair: IntArray
@@ -148,7 +148,7 @@ def _require_lists(lists: VerletList, n: int) -> None:
     _require_pairs("listed pair", lists.pair, n)
     _require_array("listed wall", lists.wall, np.int32, (_length(lists.wall),))
     _require_ascending("listed wall", lists.wall, n)
-    shapes = {"frame": (3, 2), "scalar": (8,)}
+    shapes = {"frame": (3, 2), "scalar": (7,)}
     shapes |= dict.fromkeys(("skin", "recent_deviation"), (n,))
     shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (n, 2))
     for name, shape in shapes.items():

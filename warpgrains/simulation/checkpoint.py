@@ -27,7 +27,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 4
+VERSION = 5
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
@@ -182,6 +182,8 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
     lists = None
     if "lists" in header:
         stored = part("lists")
+        if header["version"] < 5:
+            stored["scalar"] = stored["scalar"][:-1]  # nothing ever read the last
         lists = VerletList(**{name: stored[own] for name, own in _stored_names(VerletList).items()})
     state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
     require_state(state, scene.n)
