@@ -31,7 +31,7 @@ from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Floats, Grains, Vectors
 from .verlet import least_monitored_correction, monitor, monitor_pair
-from .walls import has_inner, rounded_wall, wall_cost, wall_projection
+from .walls import has_inner, rounded_gap_rate, wall_cost, wall_projection
 
 f64 = wp.float64
 CHUNK = wp.constant(128)
@@ -105,12 +105,14 @@ def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
     """One grain's wall correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
     wall = s.contacts.walls[c]
     v = s.grains.next_velocity[wall.i]
+    inner = has_inner(s.walls)
     if s.walls.round != 0:
-        wall = rounded_wall(wall, v, s.walls)
+        wall.gap_rate_out = rounded_gap_rate(wall, v)
+        if not inner:
+            wall.gap_rate_in = -wall.gap_rate_out
     y = wall.dv + beta * (wall.dv - s.momentum.wall_last[c])
     vn = wp.dot(v, wall.n)
     gap_out, gap_in = wall.gap_rate_out, wall.gap_rate_in
-    inner = has_inner(s.walls)
     new = wall_projection(relaxation * vn, y, relaxation * gap_out, relaxation * gap_in, inner)
     dv = new - y
     s.grains.next_velocity[wall.i] = v - dv * wall.n

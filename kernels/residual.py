@@ -15,7 +15,7 @@ from .record import Scene, pair_count
 from .segments import pairs_of, walls_of
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Vectors
-from .walls import has_inner, rounded_wall, wall_residual
+from .walls import has_inner, rounded_gap_rate, wall_residual
 
 f64 = wp.float64
 
@@ -65,7 +65,7 @@ def measure_residual(team: Team, s: Scene):
     for c in range(begin, end):
         wall = s.contacts.walls[c]
         if s.walls.round != 0:
-            wall = rounded_wall(wall, v[wall.i], s.walls)
+            wall.gap_rate_out = rounded_gap_rate(wall, v[wall.i])
         worst = wp.max(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
     begin, end = thread_range(team, 0, pair_count(s))
     for c in range(begin, end):

@@ -72,16 +72,12 @@ def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
 
 
 @wp.func
-def rounded_wall(contact: WallContact, v: wp.vec2d, walls: Walls) -> WallContact:
-    """The contact with the gap that a round wall leaves to a grain of this velocity [m/s] (eq. 18)."""
+def rounded_gap_rate(contact: WallContact, v: wp.vec2d) -> f64:
+    """gap_out / dt that a round wall leaves to a grain of this velocity [m/s] (eq. 18)."""
     reach = contact.reach
     along = speed_along(v, contact.n)
-    rounded = contact
     root = wp.sqrt(wp.max(f64(0.0), reach * reach - along * along))
-    rounded.gap_rate_out = contact.gap_rate_out - (reach - root)
-    if not has_inner(walls):
-        rounded.gap_rate_in = -rounded.gap_rate_out
-    return rounded
+    return contact.gap_rate_out - (reach - root)
 
 
 @wp.func

@@ -73,6 +73,14 @@ def test_benchmark_of_features(tmp_path: Path) -> None:
     assert len(rows) == 3 * 8
 
 
+def test_benchmark_of_walls(tmp_path: Path) -> None:
+    file = tmp_path / "walls.csv"
+    command("walls", "--starts", 1, "--steps", 3, "-o", file)
+    head, *rows = file.read_text().splitlines()
+    assert head == "radii,method,scheme,tangent,round,ratio,ratio_min,ratio_max,same,same_median"
+    assert len(rows) == 2 * 2 * 2
+
+
 def test_benchmark_of_the_exact_method(tmp_path: Path) -> None:
     file = tmp_path / "exact.csv"
     command("exact", "--only", "shipped", "--steps", 2, "-o", file)

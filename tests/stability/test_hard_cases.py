@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import CASES, CROWDED, Case, Crowded
 from invariants import checked_step
-from schemes import SCHEMES
+from schemes import MIXED, SCHEMES
 
 from warpgrains import Scene, Simulation, SimulationError
 
@@ -49,13 +49,20 @@ def test_hard_case(case: Case, scheme: dict[str, str]) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("scheme", MIXED)
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_hard_case_in_a_mixed_scheme(case: Case, scheme: dict[str, str]) -> None:
+    run(case, case.steps, "sequential", scheme)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_hard_case_for_long(case: Case, scheme: dict[str, str]) -> None:
     run(case, case.long_steps, "color", scheme)
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", [*SCHEMES, *MIXED])
 @pytest.mark.parametrize("case", CROWDED, ids=lambda case: case.name)
 def test_infeasible_case(case: Crowded, scheme: dict[str, str]) -> None:
     simulation = simulate(case.scene(), max_iterations=2000, **scheme)

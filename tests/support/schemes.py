@@ -9,6 +9,10 @@ from warpgrains.arrays import FloatArray
 TEXTS = {"scheme": "text", "wall": "tangent"}
 SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}
 SCHEMES = [pytest.param(TEXTS, id="text"), pytest.param(SECOND_ORDER, id="second order")]
+MIXED = [
+    pytest.param(TEXTS | {"wall": "round"}, id="text, round wall"),
+    pytest.param(SECOND_ORDER | {"wall": "tangent"}, id="leapfrog, tangents"),
+]
 
 
 def without_contacts(scene: Scene, v: FloatArray, staggered: bool) -> FloatArray:
