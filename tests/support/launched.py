@@ -45,7 +45,7 @@ def launched_state(scene: Scene, steps: int) -> State:
         if outcome == WITHOUT_ROOM:
             records.make_room(0, int(records.array(0, "neighbors.total")[0]))
         elif outcome == SLOW:
-            engine._solve_exactly(0)
+            engine._service.solve_exactly(0)
         else:
             steps -= 1
     return engine.state(0)

@@ -11,8 +11,9 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
-from warpgrains.solver.engine import Engine, exact_solver
+from warpgrains.solver.engine import Engine
 from warpgrains.solver.memory import free_memory, require_memory
+from warpgrains.solver.service import exact_solver
 from warpgrains.solver.sizes import Counts, Sizes
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import paying_threads

@@ -11,7 +11,6 @@ import numpy as np
 import warp as wp
 
 from warpgrains.arrays import IndexArray
-from warpgrains.errors import SimulationError, missing_extra
 from warpgrains.kernels import advance as kernels
 from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import (
@@ -28,14 +27,9 @@ from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
 from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.solver.ends import Ends
-from warpgrains.solver.failures import beyond_wall, not_converged, not_finite
-from warpgrains.solver.infeasible import (
-    InfeasibilityProof,
-    find_infeasibility_proof,
-    iterations_worth_a_search,
-)
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
+from warpgrains.solver.service import REFUSED, Service
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.threads import side_by_side, team_of
 
@@ -44,25 +38,7 @@ if TYPE_CHECKING:
 
 CPU_BLOCK = 1  # threads in which Warp compiles a kernel for a CPU
 BRIEF = 2e7  # iterations of grains: some tenths of a second
-REFUSED = -1  # outcome of a step whose list finds no memory
 FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, REFUSED)
-
-
-def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
-    """Return what makes a solver of steps for a scene; None where the method needs none.
-
-    Raises
-    ------
-    SceneError
-        It is "exact", and qdldl is not installed; it comes with the extra ``[exact]``.
-    """
-    if method != "exact":
-        return None
-    try:
-        from warpgrains.solver.exact import ExactSolver
-    except ModuleNotFoundError as error:
-        raise missing_extra("method 'exact'", error, "exact") from error
-    return ExactSolver
 
 
 class Engine:
@@ -92,8 +68,7 @@ class Engine:
         self.scenes, self._device, self._team = scenes, device, team
         self._records = SceneRecords(scenes, team, device)
         self._memory = [SceneMemory(self._records, k, scene) for k, scene in enumerate(scenes)]
-        solver = exact_solver(scenes[0].method)
-        self._exact = [] if solver is None else list(map(solver, scenes, self._memory))
+        self._service = Service(scenes, self._records, self._memory)
         count = len(scenes)
         self._queue = kernels.Queue()
         self._queue.cursor = wp.zeros(1, dtype=wp.int64, device="cpu")
@@ -105,8 +80,6 @@ class Engine:
         self.seconds, self._halt = self._queue.seconds.numpy(), self._queue.halt.numpy()
         self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._most = np.array([float(scene.n * scene.max_iterations) for scene in scenes])
-        self._proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
-        self._errors: dict[int, str] = {}
         self._works: list[Callable[[], None]] = []
         self._graphs: dict[int, wp.Graph] = {}
 
@@ -183,8 +156,7 @@ class Engine:
         self.outcome[:] = SOLVED
         self.seconds[:] = 0.0
         self._records.host["statistics"] = 0
-        self._proofs = [[] for _ in self.scenes]
-        self._errors.clear()
+        self._service.forget()
 
     def works(self, threads: int) -> list[Callable[[], None]]:
         """Return the work of each of so many threads: it advances scenes until there is no other free."""
@@ -238,45 +210,22 @@ class Engine:
             return False
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:
-            self._look_for_proof(k)
+            self._service.look_for_proof(k, self._done(k))
         slow = np.flatnonzero(self.outcome == SLOW).tolist()
         for k in slow:
-            self._solve_exactly(k)
+            start = perf_counter()
+            self._service.solve_exactly(k)
+            self.seconds[k] += perf_counter() - start
         waiting = self._grow() + unproved + slow
         self.outcome[waiting] = SOLVED
         return bool((self.left[waiting] > 0).any())
 
-    def _solve_exactly(self, k: int) -> None:
-        """Solve the step of scene k where its sweeps are too slow."""
-        start = perf_counter()
-        self._exact[k].solve()
-        self.seconds[k] += perf_counter() - start
-
     def _grow(self) -> list[int]:
         """Make room where a list needs it; return for which scenes there is room now."""
-        grown = []
-        for k in np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist():
-            try:
-                self._records.make_room(k, int(self._memory[k].array("neighbors.total")[0]))
-            except SimulationError as error:
-                self._errors[k], self.outcome[k] = str(error), REFUSED
-            else:
-                grown.append(k)
+        waiting = np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist()
+        grown = [k for k in waiting if self._service.make_room(k)]
+        self.outcome[[k for k in waiting if k not in grown]] = REFUSED
         return grown
-
-    def _find_proof(self, k: int, position: str, velocity: str) -> InfeasibilityProof | None:
-        """Look for a proof that the step of scene k, from these positions, has no solution."""
-        memory = self._memory[k]
-        where, how = memory.array(f"grains.{position}"), memory.array(f"grains.{velocity}")
-        return find_infeasibility_proof(self.scenes[k], where, how, memory.corrections())
-
-    def _look_for_proof(self, k: int) -> None:
-        """Name the grains that cannot fit after an unconverged step."""
-        proof = self._find_proof(k, "last_position", "velocity")
-        wait = 0 if proof else iterations_worth_a_search(self.scenes[k].n)
-        self._memory[k].record["to_search"] = wait
-        if proof:
-            self._proofs[k].append((self._done(k), proof.grains))
 
     def _done(self, k: int) -> int:
         """Steps of scene k since its start, those of the run under way included."""
@@ -290,11 +239,9 @@ class Engine:
         if self.outcome.any():  # not all are solved
             self._solve_open_steps()
             for k in np.flatnonzero(np.isin(self.outcome, FAILURES)).tolist():
-                number = self._done(k)
-                self._errors[k] = (
-                    f"step {number + 1}, from t = {number * self.scenes[k].dt} s: {self._reason(k)}"
-                )
-            self._give_up(np.flatnonzero(np.isin(self.outcome, (*FAILURES, HALTED, SLOW))))
+                self._service.explain(k, self.outcome[k], self._done(k))
+            for k in np.flatnonzero(np.isin(self.outcome, (*FAILURES, HALTED, SLOW))).tolist():
+                self._service.give_up(k)
         self._steps += self._submitted - self.left
         self._submitted[:] = self.left
 
@@ -308,45 +255,22 @@ class Engine:
             left[amid] += self.left[amid] - 1
             self.left[:] = left
 
-    def _give_up(self, scenes: IndexArray) -> None:
-        """Take back what unfinished steps did."""
-        for k in scenes.tolist():
-            self._memory[k].give_up_step()
-            self._records.push(k)
-
-    def _reason(self, k: int) -> str:
-        """Say why the step of scene k failed."""
-        memory, scene = self._memory[k], self.scenes[k]
-        if self.outcome[k] == REFUSED:
-            return self._errors[k]
-        if self.outcome[k] in (NOT_FINITE, BEYOND_WALL):
-            grain = int(memory.record["verlet"]["flags"]["bad_grain"])
-            velocity = memory.array("grains.next_velocity")[grain].tolist()
-            if self.outcome[k] == NOT_FINITE:
-                return not_finite(grain, velocity)
-            return beyond_wall(scene, grain, velocity)
-        proof = self._find_proof(k, "position", "next_velocity")
-        iterations, zeta, residual = (
-            memory.record["step"][name].item() for name in ("iterations", "zeta", "residual")
-        )
-        return not_converged(scene, iterations, zeta, residual, proof)
-
     def report(self, k: int) -> StepReport:
         """Return what the last step of scene k did."""
-        return self._pulled(k).report(dict(self._proofs[k]).get(self._done(k), ()))
+        return self._pulled(k).report(dict(self._service.proofs[k]).get(self._done(k), ()))
 
     def statistics(self, k: int) -> RunStatistics:
         """Return what scene k has done since it was submitted."""
         statistics = self._pulled(k).statistics()
-        statistics.infeasible = len(self._proofs[k])
-        statistics.infeasible_grains = self._proofs[k][0][1] if self._proofs[k] else ()
+        statistics.infeasible = len(self._service.proofs[k])
+        statistics.infeasible_grains = self._service.proofs[k][0][1] if self._service.proofs[k] else ()
         statistics.seconds = self.seconds[k].item()
         return statistics
 
     def infeasible_steps(self, k: int) -> list[tuple[int, tuple[int, ...]]]:
         """Return which steps since scene k was submitted have no solution, and the grains that cannot fit."""
-        return list(self._proofs[k])
+        return list(self._service.proofs[k])
 
     def error(self, k: int) -> str | None:
         """Return why scene k stopped before its end, if it did."""
-        return self._errors.get(k)
+        return self._service.errors.get(k)

@@ -5,16 +5,20 @@ and puts those of `active_set` in their place, or of `interior_point` where this
 kernels then rebuild velocities, measure the residual and check the list (kernels/exact.py).
 """
 
-from typing import Any
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
 
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.scene.scene import Scene
 from warpgrains.solver import active_set, interior_point
 from warpgrains.solver.projection import NormalMatrix, Projection, Solution
-from warpgrains.solver.scene_memory import SceneMemory
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.solver.scene_memory import SceneMemory
 
 ASKED = 0.5  # of the tolerance, so that the kernels' rounding does not undo it
 BETTER = 0.01  # of the sweeps' residual: what an answer must come to

@@ -18,17 +18,21 @@ search begins from them, by nonlinear conjugate gradients (Polak and Ribiere 196
 A round wall leaves smaller gaps than its tangent, whose are proved upon: what the tangent refuses, it does.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import Corrections
 from warpgrains.solver.forces import pair_contacts
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.scene.state import Corrections
 
 EPS = np.finfo(float).eps
 TRIES = 100  # search directions: a chain of so many grains is sure to be found
