@@ -17,7 +17,7 @@ import numpy as np
 
 from warpgrains import Scene, Simulation
 from warpgrains.console import start_warp
-from warpgrains.scene.scene import ORDERS
+from warpgrains.scene.validity import ORDERS
 
 from .rows import SPEEDUP, Subject, Table, row
 from .timing import say

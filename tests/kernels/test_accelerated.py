@@ -6,7 +6,7 @@ from schemes import SCHEMES, without_contacts
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.scene import ORDERS
+from warpgrains.scene.validity import ORDERS
 
 
 def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:

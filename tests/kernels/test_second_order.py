@@ -16,7 +16,7 @@ from swept_order import step_both
 from warpgrains import Batch, Scene, Simulation, SimulationError
 from warpgrains.arrays import FloatArray
 from warpgrains.reference.reference import Reference
-from warpgrains.scene.scene import METHODS, ORDERS
+from warpgrains.scene.validity import METHODS, ORDERS
 
 EPS = np.finfo(float).eps
 GRAVITY = 9.81

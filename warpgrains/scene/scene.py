@@ -1,30 +1,22 @@
 """`Scene`: what is simulated, checked once and never changed."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
-from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import overlapping_pairs, require_distinct
+from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.reader import read_scene
-from warpgrains.scene.scheme import SCHEMES
+from warpgrains.scene.validity import checked_grains, checked_settings, require_agreement, require_places
 from warpgrains.scene.walls import Annulus
 from warpgrains.shown import Shown
-
-ORDERS = ("sequential", "color")
-METHODS = ("gauss-seidel", "accelerated", "exact")
-STOPS = ("default", "zeta", "residual")
-UNCONVERGED = ("report", "raise")
-MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
 
 
 class Overlaps(NamedTuple):
@@ -151,12 +143,10 @@ class Scene(Shown):
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        self._check_grains()
-        self._check_settings(_SETTINGS)
-        self.walls.require_inside(self.position, self.radius)
-        require_distinct("position", self.position)
-        self._check_digits()
-        self._check_together()
+        vars(self).update(checked_grains(self))
+        vars(self).update(checked_settings(self))
+        require_places(self)
+        require_agreement(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -205,8 +195,8 @@ class Scene(Shown):
         scene = object.__new__(type(self))
         found = {"typical_radius": self.typical_radius, "has_equal_masses": self.has_equal_masses}
         vars(scene).update(vars(self) | found | settings)
-        scene._check_settings(settings)
-        scene._check_together()
+        vars(scene).update(checked_settings(scene, settings))
+        require_agreement(scene)
         return scene
 
     @property
@@ -262,77 +252,10 @@ class Scene(Shown):
         pairs = sum(len(first) for first, _ in overlapping_pairs(self.position, self.radius))
         return Overlaps(pairs, int(np.count_nonzero(self.walls.overlapped(self.position, self.radius))))
 
-    def _check_grains(self) -> None:
-        position = checks.vectors("position", self.position)
-        velocity = np.zeros_like(position) if self.velocity is None else self.velocity
-        velocity = checks.vectors("velocity", velocity)
-        n = len(position)
-        if len(velocity) != n:
-            raise SceneError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
-        checked = {
-            "position": position,
-            "velocity": velocity,
-            "radius": checks.positive_per_grain("radius", self.radius, n),
-            "mass": checks.positive_per_grain("mass", self.mass, n),
-            **Annulus.checked(self.radius_in, self.radius_out, self.wall)._asdict(),
-        }
-        vars(self).update(checked)
-
-    def _check_settings(self, names: Iterable[str]) -> None:
-        vars(self).update({name: _SETTINGS[name](name, getattr(self, name)) for name in names})
-
-    def _check_together(self) -> None:
-        self._check_drag_step()
-        if self.method == "exact" and self.stop == "zeta":
-            raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
-
-    def _check_digits(self) -> None:
-        smallest = self.smallest_radius
-        if self.radius_out / MOST_RADII >= smallest:
-            raise SceneError(
-                f"radius_out is {self.radius_out} m: it must be less than {MOST_RADII:g} radii of"
-                f" grain {int(np.argmin(self.radius))}, {smallest} m, for positions to have digits for a gap"
-            )
-
-    def _check_drag_step(self) -> None:
-        mass = self.smallest_mass
-        lost = self.drag * self.dt / mass  # of a velocity in a step of the text's scheme, as a share
-        if lost < 1.0:
-            return
-        lightest = int(np.argmin(self.mass))
-        if self.scheme == "text":
-            raise SceneError(
-                f"dt is {self.dt} s: in one step, drag {self.drag} kg/s would turn round grain {lightest}"
-                f' of mass {mass} kg; dt must be less than {mass / self.drag} s, or scheme "leapfrog"'
-            )
-        if not isfinite(lost):
-            raise SceneError(
-                f"drag is {self.drag} kg/s: times dt, {self.dt} s, it is no number in masses of"
-                f" grain {lightest}, {mass} kg"
-            )
-
 
 def _range(values: FloatArray) -> str:
     low, high = values.min(), values.max()
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
-
-
-_SETTINGS: dict[str, Callable[[str, Any], Any]] = {
-    "gravity": checks.vector,
-    "drag": checks.not_negative,
-    "dt": checks.positive,
-    "scheme": partial(checks.one_of, known=SCHEMES),
-    "duration": checks.positive,
-    "tolerance": checks.not_negative,
-    "max_iterations": checks.whole_number,
-    "order": partial(checks.one_of, known=ORDERS),
-    "method": partial(checks.one_of, known=METHODS),
-    "stop": partial(checks.one_of, known=STOPS),
-    "on_unconverged": partial(checks.one_of, known=UNCONVERGED),
-    "name": checks.text,
-    "text": checks.text,
-}
-"""Checks of the fields that are not of grains or walls."""
 
 
 @lru_cache(1024)
