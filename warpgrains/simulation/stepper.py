@@ -1,0 +1,195 @@
+"""A scene on a device, step by step."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import SimulationError
+from warpgrains.scene import checks
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import State, require_state
+from warpgrains.shown import Shown
+from warpgrains.solver.advance import OnProgress, advance
+from warpgrains.solver.engine import Engine
+from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
+from warpgrains.solver.statistics import RunStatistics, StepReport
+from warpgrains.solver.tuning import find_device, threads_for
+
+
+class StepStart(NamedTuple):
+    """Where a step began.
+
+    Examples
+    --------
+    >>> start = simulation.last_start()
+    >>> moved = simulation.position - start.position
+    >>> bool(np.allclose(moved, simulation.scene.dt * simulation.velocity))
+    True
+    """
+
+    position: FloatArray
+    """Centres [m], shape (n, 2)."""
+    velocity: FloatArray
+    """[m/s], shape (n, 2)."""
+    staggered: bool
+    """Whether the velocities were those of the middle of the step before, see `State`."""
+
+
+class Stepper(Shown):
+    """What a `Simulation` is before anything is written, read or drawn: an engine of one scene."""
+
+    def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None, **overrides: Any):
+        if threads is not None:
+            checks.thread_count("threads", threads)
+        self._device, self._threads_wanted = find_device(device), threads
+        self._begin(scene.replace(**overrides) if overrides else scene)
+        self._engine.begin()
+
+    def _begin(self, scene: Scene) -> None:
+        self.scene = scene
+        self._threads = threads_for(scene, self._device, self._threads_wanted)
+        self._engine = Engine([scene], self._device, self._threads)
+        self._stepped = False
+
+    def facts(self) -> dict[str, str]:
+        """Return what there is to tell of it in a line."""
+        return {
+            self.scene.name: f"of {self.scene.n} grains",
+            "steps": f"{self.steps}",
+            "time": f"{self.time:g} s",
+        }
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the kernels are ready, or the first step has to compile them, which takes some seconds."""
+        return self._engine.is_compiled
+
+    def compile(self) -> None:
+        """Have the kernels ready before the first step."""
+        self._engine.load_kernels()
+
+    def step(self, history: bool = False) -> StepReport:
+        """Advance by one time step.
+
+        Parameters
+        ----------
+        history : bool
+            Whether the report is to have zeta and residual of every iteration. The step is the same, and
+            takes about twice as long.
+
+        Raises
+        ------
+        SimulationError
+            A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
+            "raise". The state is that before the step. Or a history of `max_iterations` finds no memory.
+        """
+        self._advance(1, None, history)
+        return self._engine.report(0)
+
+    def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
+        """Advance by some time steps without anything in between.
+
+        Parameters
+        ----------
+        steps : int
+        on_progress : callable, optional
+            Told now and then how many steps more have been done.
+
+        Raises
+        ------
+        SimulationError
+            A step failed, as in `step`; those before it are done.
+        """
+        self._advance(steps, on_progress)
+        return self._engine.statistics(0)
+
+    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> None:
+        before = self.steps
+        self._engine.keep_history(0, history)
+        self._engine.submit([steps])
+        advance([self._engine], self._threads, on_progress)
+        self._stepped = self._stepped or self.steps > before
+        error = self._engine.error(0)
+        if error is not None:
+            raise SimulationError(error)
+
+    @property
+    def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:
+        """Steps of the last `advance` that have no solution, by number, and the grains that cannot fit."""
+        return self._engine.infeasible_steps(0)
+
+    def change(self, **fields: Any) -> None:
+        """Continue from the present state with some fields of the scene changed, such as drag=0.1.
+
+        Raises
+        ------
+        SceneError
+            A change makes no scene, or one of other grains.
+        """
+        state = self.state()
+        scene = self.scene.replace(**fields)
+        require_state(state, scene.n)
+        self._begin(scene)
+        self._engine.load(0, state)
+
+    @property
+    def steps(self) -> int:
+        """Time steps since the start."""
+        return self._engine.steps(0)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.steps * self.scene.dt
+
+    @property
+    def position(self) -> FloatArray:
+        """Centres of the grains [m], shape (n, 2); a copy."""
+        return self._engine.grains(0, "position")
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities with which the last step moved the grains [m/s], shape (n, 2); a copy.
+
+        In the leapfrog scheme they are those of the middle of that step, half a step behind the positions.
+        """
+        return self._engine.grains(0, "velocity")
+
+    def last_start(self) -> StepStart:
+        """Return where the last step began.
+
+        Raises
+        ------
+        SimulationError
+            No step has been taken since the start, or since `restore`.
+        """
+        if not self._stepped:
+            raise SimulationError("no step has been taken from this state: call step() first")
+        position, velocity = (self._engine.grains(0, f"last_{name}") for name in ("position", "velocity"))
+        return StepStart(position, velocity, self._engine.last_staggered(0))
+
+    def contacts(self) -> PairContacts:
+        """Return the contacts between grains of the last step, those that carry a correction."""
+        last_position = self._engine.grains(0, "last_position")
+        return pair_contacts(self.scene, last_position, self._engine.corrections(0))
+
+    def wall_contacts(self) -> WallContacts:
+        """Return the contacts with the walls of the last step, one entry a grain."""
+        return wall_contacts(self.scene, self._engine.corrections(0))
+
+    def state(self) -> State:
+        """Return the exact state, from which `restore` continues with the same bits."""
+        return self._engine.state(0)
+
+    def restore(self, state: State) -> None:
+        """Continue from a state of this scene.
+
+        Raises
+        ------
+        SceneError
+            It is a state of other grains, or none: the message names field, grain and value.
+        """
+        require_state(state, self.scene.n)
+        self._stepped = False
+        self._engine.load(0, state)
