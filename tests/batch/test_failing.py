@@ -1,0 +1,131 @@
+"""Scenes of a batch that fail, batches that are interrupted or refused: the other scenes go on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mixed import STEPS, Alone, of_step
+from same_bits import contents
+
+from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError, State
+from warpgrains.batch import resident
+from warpgrains.solver import sizes
+from warpgrains.solver.statistics import RunStatistics
+
+FAILING = 5  # of the mixed scenes
+
+
+def about_to_fail(state: State) -> State:
+    """Give a grain a velocity that no step survives."""
+    velocity = state.velocity.copy()
+    velocity[-1] = 1.7e308 * np.sign(state.position[-1])
+    return replace(state, velocity=velocity)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_scene_that_fails(
+    scenes: list[Scene],
+    expected: list[Alone],
+    shared: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    simulation = Simulation(scenes[FAILING], threads=1)
+    simulation.run(steps=3)
+    simulation.restore(about_to_fail(simulation.state()))
+    start = simulation.state()
+    with pytest.raises(SimulationError) as failure:
+        simulation.step()
+    if shared:
+        monkeypatch.setattr(resident, "paying_threads", lambda scene: 2 if scene is scenes[FAILING] else 1)
+    batch = Batch(scenes[:8], threads=2)
+    batch.restore(FAILING, start)
+    summaries = batch.run(steps=STEPS)
+    assert [summary.error for summary in summaries] == [None] * FAILING + [str(failure.value)] + [None] * 2
+    assert summaries[FAILING].steps == 0
+    assert contents(batch.state(FAILING)) == contents(simulation.state())
+    others = [k for k in range(8) if k != FAILING]
+    for k in others:
+        assert contents(batch.state(k)) == contents(expected[k][0])
+    with pytest.raises(SimulationError, match=f"scene {FAILING}: step 4, from t = .*reached a velocity"):
+        batch.step()
+    assert [batch.state(k).steps for k in others] == [STEPS + 1] * 7
+
+
+def test_a_step_that_has_not_converged_is_not_taken(scenes: list[Scene]) -> None:
+    raising = [scene.replace(on_unconverged="raise", max_iterations=8) for scene in scenes[:8]]
+    batch = Batch(raising, threads=2)
+    summaries = batch.run(steps=STEPS)
+    assert any(summary.error for summary in summaries)
+    for k, (scene, summary) in enumerate(zip(raising, summaries, strict=True)):
+        simulation, error = Simulation(scene, threads=1), None
+        try:
+            for _ in range(STEPS):
+                simulation.step()
+        except SimulationError as failure:
+            error = str(failure)
+        assert summary.error == error
+        assert contents(batch.state(k)) == contents(simulation.state())
+
+
+def test_grains_that_cannot_fit_are_named() -> None:
+    ring = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    scene = Scene(
+        position=0.6 * np.stack([np.cos(ring), np.sin(ring)], axis=1),
+        radius=0.5,
+        mass=0.1,
+        radius_out=1.0,
+        radius_in=0.0,
+        gravity=(0.0, -9.81),
+        max_iterations=50,
+    )
+    simulation, statistics = Simulation(scene, threads=1), RunStatistics()
+    for _ in range(5):
+        report = simulation.step()
+        statistics.add(of_step(report))
+    assert report.infeasible
+    batch = Batch([Scene.load("annulus"), scene], threads=2)
+    summary = batch.run(steps=5)[1]
+    assert batch.reports[1] == report
+    assert (summary.infeasible, summary.infeasible_grains) == (
+        statistics.infeasible,
+        statistics.infeasible_grains,
+    )
+
+
+def test_an_interrupted_run_leaves_every_scene_between_two_steps(
+    scenes: list[Scene],
+    expected: list[Alone],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
+    batch = Batch(scenes, threads=2)
+
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        list(batch._sets.work([STEPS] * len(scenes), interrupt))
+    for k in range(len(scenes)):
+        batch.restore(k, batch.state(k))
+    left = [STEPS - batch.state(k).steps for k in range(len(scenes))]
+    list(batch._sets.work(left, lambda _: None))
+    for k, (state, _, _) in enumerate(expected):
+        assert contents(batch.state(k)) == contents(state)
+
+
+def test_what_is_no_batch() -> None:
+    scene = Scene.load("annulus")
+    with pytest.raises(SceneError, match="at least one scene"):
+        Batch([])
+    with pytest.raises(SceneError, match="threads"):
+        Batch([scene], threads=0)
+    with pytest.raises(SceneError, match="device 'gpu' is unknown"):
+        Batch([scene], device="gpu")
+    with pytest.raises(SceneError, match="steps"):
+        Batch([scene]).run(steps=-1)
+
+
+def test_a_scene_larger_than_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("warpgrains.solver.memory.free_memory", lambda _: 1_000.0)
+    with pytest.raises(SimulationError, match="contacts need"):
+        Batch([Scene.load("annulus")])

@@ -1,0 +1,54 @@
+"""Scenes of many kinds for batches, and what each of them does alone."""
+
+from typing import NamedTuple
+
+from sample_scenes import SUDDEN, random_scene
+
+from warpgrains import Scene, Simulation, State, StepReport
+from warpgrains.scene.validity import METHODS, ORDERS
+from warpgrains.solver.statistics import RunStatistics
+
+STEPS = 25
+
+
+def mixed_scenes() -> list[Scene]:
+    """Scenes of many kinds and sizes, in both orders, and some by the accelerated method."""
+    drawn = [random_scene(seed) for seed in range(12)] + [make() for make in SUDDEN]
+    accelerated = {2, 7, 10, 12}
+    return [
+        scene.replace(order=ORDERS[k % 3 % 2], method=METHODS[k in accelerated])
+        for k, scene in enumerate(drawn)
+    ]
+
+
+class Alone(NamedTuple):
+    """What a scene has come to alone."""
+
+    state: State
+    statistics: RunStatistics
+    report: StepReport
+
+
+def of_step(report: StepReport) -> RunStatistics:
+    """Return the statistics of one step."""
+    return RunStatistics(
+        steps=1,
+        iterations=report.iterations,
+        iterations_max=report.iterations,
+        unconverged=int(not report.converged),
+        infeasible=int(bool(report.infeasible)),
+        infeasible_grains=report.infeasible,
+        residual=report.residual,
+        gap_error=report.gap_error,
+        overlap=report.overlap,
+        rebuilds=report.rebuilds,
+        redos=report.redos,
+    )
+
+
+def alone(scene: Scene) -> Alone:
+    simulation, statistics = Simulation(scene, threads=1), RunStatistics()
+    for _ in range(STEPS):
+        report = simulation.step()
+        statistics.add(of_step(report))
+    return Alone(simulation.state(), statistics, report)
