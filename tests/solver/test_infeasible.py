@@ -10,7 +10,7 @@ from warpgrains import Scene, SceneError, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.state import Corrections
 from warpgrains.scene.validity import METHODS, ORDERS
-from warpgrains.solver import engine, infeasible
+from warpgrains.solver import failures, infeasible, service
 from warpgrains.solver.infeasible import (
     UnilateralConstraints,
     find_infeasibility_proof,
@@ -120,7 +120,7 @@ HARD = {
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])  # the exact method solves them
 @pytest.mark.parametrize("scene", HARD.values(), ids=HARD.keys())
 def test_what_is_only_hard_is_not_named(scene: Scene, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "iterations_worth_a_search", lambda grains: 0)
+    monkeypatch.setattr(service, "iterations_worth_a_search", lambda grains: 0)
     simulation = Simulation(scene.replace(method=method, tolerance=1e-9))
     unconverged = 0
     for _ in range(60):
@@ -231,7 +231,7 @@ def test_searches_are_as_rare_as_they_must_be(monkeypatch: pytest.MonkeyPatch) -
         searches.append(arguments)
         return infeasible.find_infeasibility_proof(*arguments)
 
-    monkeypatch.setattr(engine, "find_infeasibility_proof", count)
+    monkeypatch.setattr(failures, "find_infeasibility_proof", count)
     scene = Scene.load("polydisperse").replace(tolerance=1e-12, max_iterations=400)
     simulation = Simulation(scene)
     unconverged = sum(not simulation.step().converged for _ in range(700))
