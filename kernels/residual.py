@@ -11,6 +11,7 @@ carry, at most eta each.
 import warp as wp
 
 from . import law
+from .access import first_of, gap_rate_of, larger, normal_of, number_at, second_of, set_vector, vector_at
 from .record import Scene, pair_count
 from .segments import pairs_of, walls_of
 from .threads import Team, partial_index, thread_range
@@ -23,13 +24,13 @@ f64 = wp.float64
 @wp.func
 def apply_pair(velocity: Vectors, contacts: Contacts, c: int, impulse: wp.vec2d):
     """Share a pair's dv n [m/s] out to its grains (eq. 7)."""
-    i = contacts.pairs[c].i
-    j = contacts.pairs[c].j
+    i = first_of(contacts.pairs, c)
+    j = second_of(contacts.pairs, c)
     weight = wp.vec2d(f64(0.5), f64(0.5))
     if contacts.weights.shape[0] > 0:
-        weight = contacts.weights[c]
-    velocity[i] = velocity[i] - impulse * weight[0]
-    velocity[j] = velocity[j] + impulse * weight[1]
+        weight = vector_at(contacts.weights, c)
+    set_vector(velocity, i, vector_at(velocity, i) - impulse * weight[0])
+    set_vector(velocity, j, vector_at(velocity, j) + impulse * weight[1])
 
 
 @wp.func
@@ -42,9 +43,10 @@ def begin_rebuild(s: Scene, i: int):
 def rebuild_from_pairs(team: Team, s: Scene, k: int):
     """Apply the corrections of a set's pairs."""
     begin, end = pairs_of(team, s, k)
+    velocity, contacts = s.grains.rebuilt_velocity, s.contacts
     for c in range(begin, end):
-        impulse = s.contacts.pair_dv[c] * s.contacts.pairs[c].n
-        apply_pair(s.grains.rebuilt_velocity, s.contacts, c, impulse)
+        impulse = number_at(contacts.pair_dv, c) * normal_of(contacts.pairs, c)
+        apply_pair(velocity, contacts, c, impulse)
 
 
 @wp.func
@@ -60,16 +62,17 @@ def rebuild_from_walls(team: Team, s: Scene):
 def measure_residual(team: Team, s: Scene):
     """The largest residual of this thread's share of the contacts."""
     worst = f64(0.0)
-    v = s.grains.rebuilt_velocity
+    v, contacts = s.grains.rebuilt_velocity, s.contacts
     begin, end = walls_of(team, s)
     for c in range(begin, end):
         wall = s.contacts.walls[c]
         if s.walls.round != 0:
             wall.gap_rate_out = rounded_gap_rate(wall, v[wall.i])
-        worst = wp.max(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
+        worst = larger(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
     begin, end = thread_range(team, 0, pair_count(s))
     for c in range(begin, end):
-        pair = s.contacts.pairs[c]
-        vn = wp.dot(v[pair.i] - v[pair.j], pair.n)
-        worst = wp.max(worst, law.natural_residual(vn, s.contacts.pair_dv[c], pair.gap_rate))
+        pairs = contacts.pairs
+        vn = wp.dot(vector_at(v, first_of(pairs, c)) - vector_at(v, second_of(pairs, c)), normal_of(pairs, c))
+        dv = number_at(contacts.pair_dv, c)
+        worst = larger(worst, law.natural_residual(vn, dv, gap_rate_of(pairs, c)))
     wp.atomic_max(s.partial.residual, partial_index(team, s.partial.residual.shape[0]), worst)

@@ -3,6 +3,7 @@
 import warp as wp
 
 from . import law
+from .access import first_of, larger, number_at, second_of, set_number, vector_at
 from .record import UNPROVED, Scene, pair_count, wall_count
 from .stopping import gathered
 from .threads import Team, partial_index, thread_range
@@ -16,20 +17,23 @@ def overlaps(team: Team, s: Scene):
     """Worst overlap [m] of the listed contacts, and how many are active; all others have stayed silent."""
     worst = f64(0.0)
     active = int(0)
+    grains, contacts = s.grains, s.contacts
     begin, end = thread_range(team, 0, pair_count(s))
     for c in range(begin, end):
-        pair = s.contacts.pairs[c]
-        _n, distance = law.normal(s.grains.position[pair.i], s.grains.position[pair.j])
-        gap = law.pair_gap(distance, s.grains.radius[pair.i], s.grains.radius[pair.j])
-        worst = wp.max(worst, -gap)
-        dv = s.contacts.pair_dv[c]
-        s.contacts.pair_dv_start[c] = dv
+        i = first_of(contacts.pairs, c)
+        j = second_of(contacts.pairs, c)
+        _n, distance = law.normal(vector_at(grains.position, i), vector_at(grains.position, j))
+        gap = law.pair_gap(distance, number_at(grains.radius, i), number_at(grains.radius, j))
+        worst = larger(worst, -gap)
+        dv = number_at(contacts.pair_dv, c)
+        set_number(contacts.pair_dv_start, c, dv)
         active += 1 if dv != f64(0.0) else 0
     begin, end = thread_range(team, 0, wall_count(s))
     for c in range(begin, end):
-        wall = s.contacts.walls[c]
-        worst = wp.max(worst, wall_overlap(s.grains.position[wall.i], s.grains.radius[wall.i], s.walls))
-        s.contacts.wall_dv_start[c] = wall.dv
+        wall = contacts.walls[c]
+        x, radius = vector_at(grains.position, wall.i), number_at(grains.radius, wall.i)
+        worst = larger(worst, wall_overlap(x, radius, s.walls))
+        set_number(contacts.wall_dv_start, c, wall.dv)
         active += 1 if wall.dv != f64(0.0) else 0
     k = partial_index(team, s.partial.overlap.shape[0])
     wp.atomic_max(s.partial.overlap, k, worst)

@@ -3,6 +3,7 @@
 import warp as wp
 
 from . import law
+from .access import first_of, number_at, second_of, set_number, vector_at
 from .record import Scene
 from .residual import apply_pair
 from .segments import pairs_of, walls_of
@@ -21,17 +22,19 @@ def begin_attempt(s: Scene, i: int):
 def start_pairs(team: Team, s: Scene, k: int):
     """Freeze the pairs of a set (eq. 4), and apply their corrections."""
     begin, end = pairs_of(team, s, k)
+    grains, contacts, dt = s.grains, s.contacts, s.dt
+    starting = s.control.resuming == 0
     for c in range(begin, end):
-        i = s.contacts.pairs[c].i
-        j = s.contacts.pairs[c].j
-        n, distance = law.normal(s.grains.position[i], s.grains.position[j])
-        gap = law.pair_gap(distance, s.grains.radius[i], s.grains.radius[j])
-        s.contacts.pairs[c].n = n
-        s.contacts.pairs[c].gap_rate = gap / s.dt
-        if s.control.resuming == 0:
-            dv = s.contacts.pair_dv_start[c]
-            s.contacts.pair_dv[c] = dv
-            apply_pair(s.grains.next_velocity, s.contacts, c, dv * n)
+        i = first_of(contacts.pairs, c)
+        j = second_of(contacts.pairs, c)
+        n, distance = law.normal(vector_at(grains.position, i), vector_at(grains.position, j))
+        gap = law.pair_gap(distance, number_at(grains.radius, i), number_at(grains.radius, j))
+        contacts.pairs[c].n = n
+        contacts.pairs[c].gap_rate = gap / dt
+        if starting:
+            dv = number_at(contacts.pair_dv_start, c)
+            set_number(contacts.pair_dv, c, dv)
+            apply_pair(grains.next_velocity, contacts, c, dv * n)
 
 
 @wp.func
