@@ -9,8 +9,7 @@ y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 
 With beta grows the over-relaxation of the sweep (Young 1954). Here is the sweep from y, with what it has done
 to phi; restart.py accepts or rejects it, stops momentum, and goes on.
 
-The sums that decide this are taken over chunks of fixed length and then in order, so that they, too, are
-the same for any number of threads.
+Only the working set is swept (working_set.py).
 """
 
 import warp as wp
@@ -22,33 +21,22 @@ from .access import (
     larger,
     normal_of,
     number_at,
+    read_wall,
     second_of,
     set_number,
     set_vector,
+    set_wall_dv,
     vector_at,
 )
+from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
-from .types import Contacts, Floats, Grains, Vectors
-from .verlet import least_monitored_correction, monitor, monitor_pair
-from .walls import has_inner, rounded_gap_rate, wall_cost, wall_projection
+from .types import Contacts, Grains, Vectors, WorkingSet
+from .walls import WallContact, has_inner, rounded_gap_rate, wall_cost, wall_projection
 
 f64 = wp.float64
-CHUNK = wp.constant(128)
 ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
 RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta = 1, at first
-
-
-@wp.func
-def chunks_in(count: int) -> int:
-    """How many chunks hold so many elements."""
-    return (count + CHUNK - 1) // CHUNK
-
-
-@wp.func
-def part_count(s: Scene) -> int:
-    """How many parts the sums over pairs have: a chunk may lie in several sets."""
-    return chunks_in(pair_count(s)) + s.contacts.count.sets
 
 
 @wp.func
@@ -67,57 +55,57 @@ def relaxation_factor(s: Scene) -> f64:
 
 @wp.func
 def correct_pair(
-    velocity: Vectors, contacts: Contacts, last: Floats, c: int, shares: wp.vec3d, momentum: wp.vec2d
+    velocity: Vectors, working: WorkingSet, c: int, shares: wp.vec3d, momentum: wp.vec2d
 ) -> wp.vec3d:
     """One pair's correction from y, in place. Returns |dv|, cost in phi less gain, slope.
 
-    `last` are the corrections one sweep back, `shares` those of the grains and mu_c, `momentum` is beta and
-    the over-relaxation.
+    `shares` are those of the grains and mu_c, `momentum` is beta and the over-relaxation.
     """
-    i = first_of(contacts.pairs, c)
-    j = second_of(contacts.pairs, c)
-    n = normal_of(contacts.pairs, c)
-    gap_rate = gap_rate_of(contacts.pairs, c)
-    x = number_at(contacts.pair_dv, c)
-    ahead = momentum[0] * (x - number_at(last, c))
+    i = first_of(working.pairs, c)
+    j = second_of(working.pairs, c)
+    n = normal_of(working.pairs, c)
+    gap_rate = gap_rate_of(working.pairs, c)
+    x = number_at(working.pair_dv, c)
+    ahead = momentum[0] * (x - number_at(working.pair_last, c))
     vi = vector_at(velocity, i)
     vj = vector_at(velocity, j)
     excess = wp.dot(vi - vj, n) - gap_rate
     dv = law.pair_correction(momentum[1] * excess, x + ahead, f64(0.0))
     set_vector(velocity, i, vi - dv * n * shares[0])
     set_vector(velocity, j, vj + dv * n * shares[1])
-    set_number(last, c, x)
-    set_number(contacts.pair_dv, c, x + ahead + dv)
+    set_number(working.pair_last, c, x)
+    set_number(working.pair_dv, c, x + ahead + dv)
     rise = gap_rate * ahead - ENOUGH * dv * (excess - f64(0.5) * dv)
     return wp.vec3d(wp.abs(dv), shares[2] * rise, -shares[2] * dv * (ahead + dv))
 
 
 @wp.func
-def shares_of(grains: Grains, contacts: Contacts, c: int) -> wp.vec3d:
+def shares_of(grains: Grains, working: WorkingSet, c: int) -> wp.vec3d:
     """Parts of a pair's correction that its grains take, and mu_c."""
-    weight = vector_at(contacts.weights, c)
-    mass = number_at(grains.mass, first_of(contacts.pairs, c))
+    weight = vector_at(working.weights, c)
+    mass = number_at(grains.mass, first_of(working.pairs, c))
     return wp.vec3d(weight[0], weight[1], mass * weight[0])
 
 
 @wp.func
 def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
     """One grain's wall correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
-    wall = s.contacts.walls[c]
-    v = s.grains.next_velocity[wall.i]
+    wall = WallContact()
+    read_wall(s.working.walls, c, wall)
+    v = vector_at(s.grains.next_velocity, wall.i)
     inner = has_inner(s.walls)
     if s.walls.round != 0:
         wall.gap_rate_out = rounded_gap_rate(wall, v)
         if not inner:
             wall.gap_rate_in = -wall.gap_rate_out
-    y = wall.dv + beta * (wall.dv - s.momentum.wall_last[c])
+    y = wall.dv + beta * (wall.dv - number_at(s.working.wall_last, c))
     vn = wp.dot(v, wall.n)
     gap_out, gap_in = wall.gap_rate_out, wall.gap_rate_in
     new = wall_projection(relaxation * vn, y, relaxation * gap_out, relaxation * gap_in, inner)
     dv = new - y
-    s.grains.next_velocity[wall.i] = v - dv * wall.n
-    s.momentum.wall_last[c] = wall.dv
-    s.contacts.walls[c].dv = new
+    set_vector(s.grains.next_velocity, wall.i, v - dv * wall.n)
+    set_number(s.working.wall_last, c, wall.dv)
+    set_wall_dv(s.working.walls, c, new)
     cost_y = wall_cost(y, gap_out, gap_in)
     gain = dv * (vn - f64(0.5) * dv) - (wall_cost(new, gap_out, gap_in) - cost_y)
     rise = cost_y - wall_cost(wall.dv, gap_out, gap_in) - ENOUGH * gain
@@ -127,28 +115,23 @@ def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
 
 @wp.func
 def sweep_pairs_ahead(team: Team, s: Scene, k: int):
-    """Correct the pairs of a set."""
+    """Correct the working pairs of a set."""
     zeta = f64(0.0)
-    large = least_monitored_correction(s)
-    grains, contacts, pair_last = s.grains, s.contacts, s.momentum.pair_last
+    grains, working = s.grains, s.working
     momentum = wp.vec2d(s.momentum.state.beta, relaxation_factor(s))
-    weighted = contacts.weights.shape[0] > 0
+    weighted = working.weights.shape[0] > 0
     shares = wp.vec3d(f64(0.5), f64(0.5), f64(0.5))  # by unit mass where all masses are equal
-    start = s.contacts.set_start[k]
-    stop = s.contacts.set_start[k + 1]
-    begin, end = thread_range(team, start // CHUNK, chunks_in(stop))
-    for chunk in range(begin, end):
+    first, last = thread_range(team, s.contacts.set_start[k] // CHUNK, chunks_in(s.contacts.set_start[k + 1]))
+    for chunk in range(first, last):
         part = wp.vec2d(f64(0.0), f64(0.0))
-        c = wp.max(start, chunk * CHUNK)
-        last = wp.min(stop, (chunk + 1) * CHUNK)
-        while c < last:
+        bounds = working.pair_range[chunk + k]
+        c = bounds[0]
+        while c < bounds[1]:
             if weighted:
-                shares = shares_of(grains, contacts, c)
-            result = correct_pair(grains.next_velocity, contacts, pair_last, c, shares, momentum)
+                shares = shares_of(grains, working, c)
+            result = correct_pair(grains.next_velocity, working, c, shares, momentum)
             part = part + wp.vec2d(result[1], result[2])
             zeta = larger(zeta, result[0])
-            if result[0] > large:
-                monitor_pair(s, contacts.pairs[c])
             c += 1
         s.momentum.pair_part[chunk + k] = part
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
@@ -156,38 +139,38 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
 
 @wp.func
 def sweep_walls_ahead(team: Team, s: Scene):
-    """Correct the grains that may reach a wall."""
+    """Correct the working wall contacts."""
     zeta = f64(0.0)
-    large = least_monitored_correction(s)
     beta = s.momentum.state.beta
     relaxation = relaxation_factor(s)
-    begin, end = thread_range(team, 0, chunks_in(wall_count(s)))
-    for chunk in range(begin, end):
+    first, last = thread_range(team, 0, wall_part_count(s))
+    for chunk in range(first, last):
         part = wp.vec2d(f64(0.0), f64(0.0))
-        for c in range(chunk * CHUNK, wp.min(wall_count(s), (chunk + 1) * CHUNK)):
+        bounds = s.working.wall_range[chunk]
+        for c in range(bounds[0], bounds[1]):
             result = correct_wall(s, c, beta, relaxation)
             part = part + wp.vec2d(result[1], result[2])
             zeta = larger(zeta, result[0])
-            if result[0] > large:
-                monitor(s, s.contacts.walls[c].i)
         s.momentum.wall_part[chunk] = part
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 
 
 @wp.func
 def begin_momentum(team: Team, s: Scene):
-    """Start without momentum, or go on with it; parts of chunks that no set has stay zero."""
+    """Nothing is selected yet; start without momentum, or go on with it."""
+    nothing = wp.vec2i(0, 0)
     first, last = thread_range(team, 0, part_count(s))
     for k in range(first, last):
         s.momentum.pair_part[k] = wp.vec2d(f64(0.0), f64(0.0))
+        s.working.pair_range[k] = nothing
+    first, last = thread_range(team, 0, wall_part_count(s))
+    for k in range(first, last):
+        s.working.wall_range[k] = nothing
     if s.control.resuming != 0:
         return
     first, last = thread_range(team, 0, grain_count(s))
     for i in range(first, last):
         s.momentum.last_velocity[i] = s.grains.next_velocity[i]
-    first, last = thread_range(team, 0, chunks_in(grain_count(s)))
-    for k in range(first, last):
-        s.momentum.grain_part[k] = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
     first, last = thread_range(team, 0, pair_count(s))
     for c in range(first, last):
         s.momentum.pair_last[c] = s.contacts.pair_dv[c]

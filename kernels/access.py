@@ -43,9 +43,63 @@ def set_number(numbers: wp.array(dtype=f64), c: int, value: f64):
     ...
 
 
+@wp.func_native("return bits.data[i];")
+def bits_at(bits: wp.array(dtype=wp.uint64), i: int) -> wp.uint64:
+    """Read 64 bits."""
+    ...
+
+
+@wp.func_native("bits.data[i] = value;")
+def set_bits(bits: wp.array(dtype=wp.uint64), i: int, value: wp.uint64):
+    """Write 64 bits."""
+    ...
+
+
+@wp.func_native("return triples.data[k];")
+def triple_at(triples: wp.array(dtype=wp.vec3d), k: int) -> wp.vec3d:
+    """Read three numbers."""
+    ...
+
+
+@wp.func_native("triples.data[k] = value;")
+def set_triple(triples: wp.array(dtype=wp.vec3d), k: int, value: wp.vec3d):
+    """Write three numbers."""
+    ...
+
+
+@wp.func_native("return integers.data[c];")
+def integer_at(integers: wp.array(dtype=wp.int32), c: int) -> int:
+    """Read an integer."""
+    ...
+
+
+@wp.func_native("integers.data[c] = value;")
+def set_integer(integers: wp.array(dtype=wp.int32), c: int, value: int):
+    """Write an integer."""
+    ...
+
+
+@wp.func_native("pairs.data[c] = source.data[k];")
+def copy_pair(pairs: wp.array(dtype=Pair), c: int, source: wp.array(dtype=Pair), k: int):
+    """Copy a pair from another array."""
+    ...
+
+
 @wp.func_native("return pairs.data[c].n;")
 def normal_of(pairs: wp.array(dtype=Pair), c: int) -> wp.vec2d:
     """Read a pair's unit normal."""
+    ...
+
+
+@wp.func_native("pairs.data[c].i = i; pairs.data[c].j = j;")
+def set_grains(pairs: wp.array(dtype=Pair), c: int, i: int, j: int):
+    """Write a pair's grains."""
+    ...
+
+
+@wp.func_native("pairs.data[c].n = n; pairs.data[c].gap_rate = gap_rate;")
+def freeze_pair(pairs: wp.array(dtype=Pair), c: int, n: wp.vec2d, gap_rate: f64):
+    """Write a pair's unit normal, and its gap / dt [m/s]."""
     ...
 
 

@@ -14,6 +14,7 @@ list has changed.
 
 import warp as wp
 
+from .access import bits_at, integer_at, set_bits, set_integer
 from .neighbors import is_at, place_in_row
 from .record import Scene, grain_count, pair_count
 from .types import Ints, NeighborList
@@ -25,7 +26,9 @@ MASK_COLORS = wp.constant(64)
 def lowest_free(used: wp.uint64) -> int:
     """The lowest bit that is not set, or 64."""
     color = int(0)
-    while color < MASK_COLORS and ((used >> wp.uint64(color)) & wp.uint64(1)) != wp.uint64(0):
+    left = used
+    while (left & wp.uint64(1)) != wp.uint64(0):
+        left = left >> wp.uint64(1)
         color = color + 1
     return color
 
@@ -76,24 +79,26 @@ def colors(s: Scene):
     rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
     n = grain_count(s)
     for i in range(n):
-        used[i] = wp.uint64(0)
+        set_bits(used, i, wp.uint64(0))
     extra = int(MASK_COLORS)
     resuming = s.control.resuming != 0
     if resuming:
         extra = keep_colors(s)
     for i in range(n):
-        for k in range(rows.start[i], rows.start[i + 1]):
-            if not resuming or color[k] < 0:
-                j = rows.neighbor[k]
-                color[k] = lowest_free(used[i] | used[j])
-                if color[k] < MASK_COLORS:
-                    bit = wp.uint64(1) << wp.uint64(color[k])
-                    used[i] = used[i] | bit
-                    used[j] = used[j] | bit
+        for k in range(integer_at(rows.start, i), integer_at(rows.start, i + 1)):
+            found = integer_at(color, k)
+            if not resuming or found < 0:
+                j = integer_at(rows.neighbor, k)
+                found = lowest_free(bits_at(used, i) | bits_at(used, j))
+                if found < MASK_COLORS:
+                    bit = wp.uint64(1) << wp.uint64(found)
+                    set_bits(used, i, bits_at(used, i) | bit)
+                    set_bits(used, j, bits_at(used, j) | bit)
                 else:
-                    color[k] = extra
+                    found = extra
                     extra = extra + 1
-            s.workspace.group[k] = color[k]
+                set_integer(color, k, found)
+            set_integer(s.workspace.group, k, found)
 
 
 @wp.func
@@ -106,16 +111,19 @@ def place_pairs(s: Scene):
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
     sets = int(0)
     for k in range(pairs):
-        sets = wp.max(sets, group[k] + 1)
+        sets = wp.max(sets, integer_at(group, k) + 1)
     for g in range(sets + 1):
         start[g] = 0
     for k in range(pairs):
-        start[group[k] + 1] = start[group[k] + 1] + 1
+        g = integer_at(group, k) + 1
+        set_integer(start, g, integer_at(start, g) + 1)
     for g in range(sets):
         start[g + 1] = start[g + 1] + start[g]
     for k in range(pairs):
-        sweep_index[k] = start[group[k]]
-        start[group[k]] = sweep_index[k] + 1
+        g = integer_at(group, k)
+        place = integer_at(start, g)
+        set_integer(sweep_index, k, place)
+        set_integer(start, g, place + 1)
     for g in range(sets):
         start[sets - g] = start[sets - g - 1]
     start[0] = 0

@@ -66,15 +66,15 @@ def corrected(s: Scene) -> bool:
 
 
 @wp.func
-def unfinished(s: Scene) -> bool:
-    """Iterations are left to do, with this list or another."""
-    return s.control.unfinished != 0
-
-
-@wp.func
 def iterating(s: Scene) -> bool:
     """The contact iteration goes on."""
     return s.control.iterating != 0
+
+
+@wp.func
+def looking(s: Scene) -> bool:
+    """All contacts are looked at before the next sweep."""
+    return s.control.looking != 0
 
 
 @wp.func

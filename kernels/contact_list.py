@@ -3,9 +3,18 @@
 import warp as wp
 
 from . import law
+from .access import (
+    integer_at,
+    number_at,
+    set_grains,
+    set_integer,
+    set_number,
+    set_triple,
+    triple_at,
+    vector_at,
+)
 from .neighbors import is_active, is_at, place_in_row
-from .record import WITHOUT_ROOM, Scene, grain_count, is_accelerated
-from .types import Pair
+from .record import WITHOUT_ROOM, Scene, amid_sweeps, grain_count, is_accelerated
 from .verlet import stayed_silent
 
 f64 = wp.float64
@@ -14,17 +23,19 @@ f64 = wp.float64
 @wp.func
 def save_pairs(s: Scene, i: int):
     """Keep a grain's pairs and all that they carry."""
-    s.workspace.old.start[i] = s.neighbors.start[i]
+    first = integer_at(s.neighbors.start, i)
+    set_integer(s.workspace.old.start, i, first)
     s.workspace.old_wall_dv[i] = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
     s.workspace.was_at_wall[i] = 0
-    for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
-        c = s.workspace.sweep_index[k]
-        dv = wp.vec3d(s.contacts.pair_dv[c], s.contacts.pair_dv_start[c], f64(0.0))
+    for k in range(first, integer_at(s.neighbors.start, i + 1)):
+        c = integer_at(s.workspace.sweep_index, k)
+        last = f64(0.0)
         if is_accelerated(s):
-            dv[2] = s.momentum.pair_last[c]
-        s.workspace.old.neighbor[k] = s.neighbors.neighbor[k]
-        s.workspace.old_pair_dv[k] = dv
-        s.workspace.old_color[k] = s.workspace.color[k]
+            last = number_at(s.momentum.pair_last, c)
+        dv = wp.vec3d(number_at(s.contacts.pair_dv, c), number_at(s.contacts.pair_dv_start, c), last)
+        set_triple(s.workspace.old_pair_dv, k, dv)
+        set_integer(s.workspace.old.neighbor, k, integer_at(s.neighbors.neighbor, k))
+        set_integer(s.workspace.old_color, k, integer_at(s.workspace.color, k))
 
 
 @wp.func
@@ -67,11 +78,12 @@ def begin_list(s: Scene):
 @wp.func
 def keep_active_pairs(s: Scene, i: int):
     """A pair that carries a correction must stay listed: where it is lost, widen its skins, search again."""
-    k = s.neighbors.start[i]
-    for k_old in range(s.workspace.old.start[i], s.workspace.old.start[i + 1]):
-        j = s.workspace.old.neighbor[k_old]
+    k = integer_at(s.neighbors.start, i)
+    first, end = integer_at(s.workspace.old.start, i), integer_at(s.workspace.old.start, i + 1)
+    for k_old in range(first, end):
+        j = integer_at(s.workspace.old.neighbor, k_old)
         k = place_in_row(s.neighbors, i, j, k)
-        if is_active(s.workspace.old_pair_dv[k_old]) and not is_at(s.neighbors, i, j, k):
+        if is_active(triple_at(s.workspace.old_pair_dv, k_old)) and not is_at(s.neighbors, i, j, k):
             half = f64(0.5) * wp.length(s.grains.position[j] - s.grains.position[i])
             wp.atomic_max(s.verlet.skin, i, half)
             wp.atomic_max(s.verlet.skin, j, half)
@@ -91,24 +103,21 @@ def end_list(s: Scene):
 @wp.func
 def transfer_warm_start(s: Scene, i: int):
     """Write a grain's pairs where they are swept, with the corrections of the old list, or zero."""
-    k_old = s.workspace.old.start[i]
-    for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
-        j = s.neighbors.neighbor[k]
-        c = s.workspace.sweep_index[k]
-        pair = Pair()
-        pair.i = i
-        pair.j = j
+    k_old = integer_at(s.workspace.old.start, i)
+    for k in range(integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)):
+        j = integer_at(s.neighbors.neighbor, k)
+        c = integer_at(s.workspace.sweep_index, k)
         k_old = place_in_row(s.workspace.old, i, j, k_old)
         dv = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
         if is_at(s.workspace.old, i, j, k_old):
-            dv = s.workspace.old_pair_dv[k_old]
-        elif s.control.resuming != 0 and not stayed_silent(s, i, j):
+            dv = triple_at(s.workspace.old_pair_dv, k_old)
+        elif amid_sweeps(s) and not stayed_silent(s, i, j):
             s.verlet.flags.missed = 1
-        s.contacts.pairs[c] = pair
-        s.contacts.pair_dv[c] = dv[0]
-        s.contacts.pair_dv_start[c] = dv[1]
+        set_grains(s.contacts.pairs, c, i, j)
+        set_number(s.contacts.pair_dv, c, dv[0])
+        set_number(s.contacts.pair_dv_start, c, dv[1])
         if is_accelerated(s):
-            s.momentum.pair_last[c] = dv[2]
+            set_number(s.momentum.pair_last, c, dv[2])
         if s.contacts.weights.shape[0] > 0:
             mass_i = s.grains.mass[i]
             mass_j = s.grains.mass[j]
@@ -119,17 +128,20 @@ def transfer_warm_start(s: Scene, i: int):
 def find_row_sums(s: Scene):
     """The largest sum of a grain's shares of its contacts, one for the walls included."""
     n = grain_count(s)
+    row_sum = s.workspace.row_sum
     for i in range(n):
-        s.workspace.row_sum[i] = f64(0.0)
+        set_number(row_sum, i, f64(0.0))
     for i in range(n):
-        for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
-            j = s.neighbors.neighbor[k]
+        own = number_at(row_sum, i)
+        for k in range(integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)):
+            j = integer_at(s.neighbors.neighbor, k)
             weight = wp.vec2d(f64(0.5), f64(0.5))
             if s.contacts.weights.shape[0] > 0:
-                weight = s.contacts.weights[s.workspace.sweep_index[k]]
-            s.workspace.row_sum[i] = s.workspace.row_sum[i] + weight[0]
-            s.workspace.row_sum[j] = s.workspace.row_sum[j] + weight[1]
+                weight = vector_at(s.contacts.weights, integer_at(s.workspace.sweep_index, k))
+            own = own + weight[0]
+            set_number(row_sum, j, number_at(row_sum, j) + weight[1])
+        set_number(row_sum, i, own)
     largest = f64(0.0)
     for i in range(n):
-        largest = wp.max(largest, s.workspace.row_sum[i] + f64(1.0))
+        largest = wp.max(largest, number_at(row_sum, i) + f64(1.0))
     s.verlet.numbers.max_row_sum = largest

@@ -56,6 +56,7 @@ def go_on(s: Scene):
     left = s.step.residual > s.stopping.tolerance and s.step.iterations < s.stopping.max_iterations
     s.control.iterating = 1 if left and s.control.halted == 0 else 0
     s.control.unfinished = s.control.iterating
+    s.control.looking = 1
     s.control.measuring = 0
-    s.control.sampling = 0
+    s.control.rebuilding = 0
     s.control.rejected = 0

@@ -110,4 +110,4 @@ def sweep_walls(team: Team, s: Scene):
 def decide(s: Scene):
     """What follows on a sweep."""
     decide_to_stop(s)
-    add_unmonitored(s, f64(0.0))
+    add_unmonitored(s)

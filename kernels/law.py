@@ -24,11 +24,18 @@ def leapfrog_velocity(
 
 
 @wp.func
+def distance(tail: wp.vec2d, head: wp.vec2d) -> f64:
+    """Distance of two points [m]."""
+    d = head - tail
+    return wp.sqrt(d[0] * d[0] + d[1] * d[1])
+
+
+@wp.func
 def normal(tail: wp.vec2d, head: wp.vec2d):
     """Unit normal from tail to head, and their distance [m] (eq. 4)."""
     d = head - tail
-    distance = wp.sqrt(d[0] * d[0] + d[1] * d[1])
-    return wp.vec2d(d[0] / distance, d[1] / distance), distance
+    length = distance(tail, head)
+    return wp.vec2d(d[0] / length, d[1] / length), length
 
 
 @wp.func

@@ -7,8 +7,8 @@ the pair, so that few large grains among many small ones cost no more than the c
 
 import warp as wp
 
-from .access import number_at, vector_at
-from .record import Scene, grain_count, is_accelerated
+from .access import integer_at, number_at, set_integer, vector_at
+from .record import Scene, amid_sweeps, grain_count, is_accelerated
 from .types import Ints, NeighborList
 from .verlet import stayed_off_walls
 from .walls import WallContact, is_near_wall
@@ -167,19 +167,20 @@ def fill_row(s: Scene, k: int):
 @wp.func
 def sort_row(s: Scene, i: int):
     """Sort a row (shell sort: rows are short, but a large grain may touch thousands)."""
-    first = s.neighbors.start[i]
-    count = s.neighbors.start[i + 1] - first
+    row = s.neighbors.neighbor
+    first = integer_at(s.neighbors.start, i)
+    count = integer_at(s.neighbors.start, i + 1) - first
     step = int(1)
     while 3 * step + 1 < count:
         step = 3 * step + 1
     while step > 0:
         for k in range(first + step, first + count):
-            j = s.neighbors.neighbor[k]
+            j = integer_at(row, k)
             hole = int(k)
-            while hole - step >= first and s.neighbors.neighbor[hole - step] > j:
-                s.neighbors.neighbor[hole] = s.neighbors.neighbor[hole - step]
+            while hole - step >= first and integer_at(row, hole - step) > j:
+                set_integer(row, hole, integer_at(row, hole - step))
                 hole = hole - step
-            s.neighbors.neighbor[hole] = j
+            set_integer(row, hole, j)
         step = step // 3
 
 
@@ -206,7 +207,7 @@ def list_walls(s: Scene):
             if is_accelerated(s):
                 s.momentum.wall_last[listed] = dv[2]
             listed = listed + 1
-            if s.control.resuming != 0 and s.workspace.was_at_wall[i] == 0 and not stayed_off_walls(s, i):
+            if amid_sweeps(s) and s.workspace.was_at_wall[i] == 0 and not stayed_off_walls(s, i):
                 s.verlet.flags.missed = 1
     s.contacts.count.walls = listed
 
@@ -215,7 +216,8 @@ def list_walls(s: Scene):
 def place_in_row(neighbors: NeighborList, i: int, j: int, k: int) -> int:
     """The first place at or after k in the row of i that is not before j: rows are ascending."""
     place = int(k)
-    while place < neighbors.start[i + 1] and neighbors.neighbor[place] < j:
+    end = integer_at(neighbors.start, i + 1)
+    while place < end and integer_at(neighbors.neighbor, place) < j:
         place = place + 1
     return place
 
@@ -223,6 +225,6 @@ def place_in_row(neighbors: NeighborList, i: int, j: int, k: int) -> int:
 @wp.func
 def is_at(neighbors: NeighborList, i: int, j: int, k: int) -> bool:
     """Whether place k holds pair (i, j)."""
-    if k < neighbors.start[i + 1]:
-        return neighbors.neighbor[k] == j
+    if k < integer_at(neighbors.start, i + 1):
+        return integer_at(neighbors.neighbor, k) == j
     return False

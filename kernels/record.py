@@ -15,6 +15,7 @@ from .types import (
     NeighborList,
     Strips,
     Verlet,
+    WorkingSet,
     Workspace,
 )
 from .walls import Walls
@@ -62,6 +63,7 @@ class Control:
     unfinished: wp.int32  # whether iterations are left to do
     recoloring: wp.int32
     iterating: wp.int32
+    looking: wp.int32
     sampling: wp.int32
     rejected: wp.int32
     measuring: wp.int32
@@ -145,6 +147,7 @@ class SceneRecord:
     contacts: Contacts
     verlet: Verlet
     momentum: Momentum
+    working: WorkingSet
     grid: CellGrid
     neighbors: NeighborList
     workspace: Workspace
@@ -187,6 +190,12 @@ def pair_count(s: Scene) -> int:
 def is_accelerated(s: Scene) -> bool:
     """Whether the method looks one sweep back."""
     return s.momentum.pair_last.shape[0] > 0
+
+
+@wp.func
+def amid_sweeps(s: Scene) -> bool:
+    """Whether a list was made after sweeps in which a contact that it has newly may have been missing."""
+    return s.control.resuming != 0 and not is_accelerated(s)
 
 
 @wp.func

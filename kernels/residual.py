@@ -70,8 +70,8 @@ def measure_residual(team: Team, s: Scene):
             wall.gap_rate_out = rounded_gap_rate(wall, v[wall.i])
         worst = larger(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
     begin, end = thread_range(team, 0, pair_count(s))
+    pairs = contacts.pairs
     for c in range(begin, end):
-        pairs = contacts.pairs
         vn = wp.dot(vector_at(v, first_of(pairs, c)) - vector_at(v, second_of(pairs, c)), normal_of(pairs, c))
         dv = number_at(contacts.pair_dv, c)
         worst = larger(worst, law.natural_residual(vn, dv, gap_rate_of(pairs, c)))

@@ -12,12 +12,13 @@ the two would hold a push that no correction has, and that every sweep repeats.
 
 import warp as wp
 
-from .accelerated import CHUNK, chunks_in, mass_in_phi, part_count
+from .accelerated import mass_in_phi
 from .access import set_vector, vector_at
-from .record import Scene, grain_count, wall_count
+from .chunks import CHUNK, chunks_in, part_count, wall_part_count
+from .record import Scene, grain_count
 from .stopping import decide_to_stop
 from .threads import Team, thread_range
-from .verlet import add_unmonitored, least_monitored, monitor
+from .working_set import is_look_due
 
 f64 = wp.float64
 ROUNDING = wp.constant(f64(2.0e-15))
@@ -27,23 +28,18 @@ REBUILD_EVERY = wp.constant(100)  # iterations between two times that velocities
 
 
 @wp.func
-def accept_or_reject(s: Scene) -> f64:
-    """Reject a sweep after which phi has risen; choose how far to go on after the others.
-
-    Returns the largest change of a velocity [m/s] on the way to this sweep's y.
-    """
+def accept_or_reject(s: Scene):
+    """Reject a sweep after which phi has risen; choose how far to go on after the others."""
     part = wp.vec2d(f64(0.0), f64(0.0))
     for k in range(part_count(s)):
         part = part + s.momentum.pair_part[k]
-    for k in range(chunks_in(wall_count(s))):
+    for k in range(wall_part_count(s)):
         part = part + s.momentum.wall_part[k]
     energy = f64(0.0)
     size = f64(0.0)
-    farthest = f64(0.0)
     for k in range(chunks_in(grain_count(s))):
         energy = energy + s.momentum.grain_part[k][0]
         size = size + s.momentum.grain_part[k][1]
-        farthest = wp.max(farthest, s.momentum.grain_part[k][2])
     t = s.momentum.state.t
     beta = s.momentum.state.beta
     rejected = beta > f64(0.0) and part[0] + beta * (f64(0.5) * energy - ROUNDING * size) > f64(0.0)
@@ -56,30 +52,37 @@ def accept_or_reject(s: Scene) -> f64:
         s.momentum.state.t = f64(0.5) * (f64(1.0) + wp.sqrt(f64(1.0) + f64(4.0) * t * t))
         s.momentum.state.beta = (t - f64(1.0)) / s.momentum.state.t
     s.control.rejected = 1 if rejected else 0
-    return beta * wp.sqrt(farthest)
 
 
 @wp.func
 def decide_ahead(s: Scene):
-    """What follows on an accelerated sweep."""
-    change = accept_or_reject(s)
+    """What follows on an accelerated sweep; whether it was the last is settled when all is looked at."""
+    accept_or_reject(s)
     decide_to_stop(s)
-    if s.control.rejected == 0 and s.step.iterations % REBUILD_EVERY == 0:
+    iterations = s.step.iterations
+    if s.control.rejected == 0 and iterations % REBUILD_EVERY == 0:
         s.control.measuring = 1
         s.control.rebuilding = 1
-    add_unmonitored(s, change)
+    looking = s.control.measuring == 1 or s.control.unfinished == 0 or is_look_due(iterations)
+    s.control.looking = 1 if looking else 0
+    s.control.unfinished = 1
+    s.control.iterating = 1
 
 
 @wp.func
-def roll_back_pair(s: Scene, c: int):
-    """Take back a rejected correction."""
-    s.contacts.pair_dv[c] = s.momentum.pair_last[c]
+def roll_back_pairs(s: Scene, part: int):
+    """Take back the rejected corrections of a part's pairs."""
+    bounds = s.working.pair_range[part]
+    for c in range(bounds[0], bounds[1]):
+        s.working.pair_dv[c] = s.working.pair_last[c]
 
 
 @wp.func
-def roll_back_wall(s: Scene, c: int):
-    """Take back a rejected correction at a wall."""
-    s.contacts.walls[c].dv = s.momentum.wall_last[c]
+def roll_back_walls(s: Scene, part: int):
+    """Take back the rejected corrections of a part's wall contacts."""
+    bounds = s.working.wall_range[part]
+    for c in range(bounds[0], bounds[1]):
+        s.working.walls[c].dv = s.working.wall_last[c]
 
 
 @wp.func
@@ -104,12 +107,10 @@ def extrapolate(team: Team, s: Scene):
     grains, contacts = s.grains, s.contacts
     last_velocity = s.momentum.last_velocity
     beta = s.momentum.state.beta
-    large = least_monitored(s)
     begin, end = thread_range(team, 0, chunks_in(n))
     for k in range(begin, end):
         energy = f64(0.0)
         size = f64(0.0)
-        farthest = f64(0.0)
         i = k * CHUNK
         stop = wp.min(n, (k + 1) * CHUNK)
         while i < stop:
@@ -121,9 +122,5 @@ def extrapolate(team: Team, s: Scene):
             m = mass_in_phi(grains, contacts, i)
             energy = energy + m * wp.dot(change, v + y)
             size = size + m * wp.dot(v, v)
-            square = wp.dot(change, change)
-            farthest = wp.max(farthest, square)
-            if beta * beta * square > large * large:
-                monitor(s, i)
             i += 1
-        s.momentum.grain_part[k] = wp.vec3d(energy, size, farthest)
+        s.momentum.grain_part[k] = wp.vec2d(energy, size)

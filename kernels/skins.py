@@ -2,12 +2,14 @@
 
 import warp as wp
 
-from .record import Scene, grain_count
+from .record import Scene, grain_count, is_accelerated
 from .verlet import peak_of
 
 f64 = wp.float64
 FORESEEN, FOUND_OUT = wp.constant(f64(1.2)), wp.constant(f64(1.6))  # skin over need, before and after a miss
 NARROWEST, WIDEST = wp.constant(f64(0.02)), wp.constant(f64(0.2))  # base skin, in radii
+WIDEST_UNSWEPT = wp.constant(f64(0.4))  # where sweeps touch the working set alone
+STILL_TO_COME = wp.constant(f64(0.6))  # skin over need so far, where a working set is swept
 LONGEST = wp.constant(f64(64.0))  # steps that a list is built for at most
 
 
@@ -17,8 +19,9 @@ def adapt_base_skin(s: Scene):
     radius = s.tuning.smallest_radius
     skin = s.verlet.numbers.base_skin
     steps = s.verlet.numbers.elapsed / s.dt
-    if s.step.iterations == 0 and steps < f64(4.5):
-        skin = wp.min(f64(1.25) * skin, WIDEST * radius)
+    if steps < f64(4.5) and (s.step.iterations == 0 or is_accelerated(s)):
+        widest = wp.where(is_accelerated(s), WIDEST_UNSWEPT, WIDEST)
+        skin = wp.min(f64(1.25) * skin, widest * radius)
     elif steps > f64(20.5):
         skin = wp.max(f64(0.7) * skin, NARROWEST * radius)
     s.verlet.numbers.base_skin = skin
@@ -28,18 +31,23 @@ def adapt_base_skin(s: Scene):
 def renew_skin(s: Scene, i: int):
     """Choose w_i, and skin_i: the base skin, and somewhat more than what this step, or the last, has needed.
 
-    A step that goes on keeps its w_i, with u, and its peaks; otherwise w_i is what the grain has now.
+    A Gauss-Seidel step that goes on keeps its w_i, with u, and its peaks; otherwise w_i is what the grain
+    has now. Accelerated, of a step that goes on only what is still to come matters.
     """
+    w = s.grains.next_velocity[i]
     needed = s.verlet.recent_deviation[i]
     margin = FORESEEN
-    w = s.grains.next_velocity[i]
     if s.control.resuming != 0:
-        margin = FOUND_OUT
         seen = peak_of(s, i)
         needed = wp.max(needed, seen)
-        s.verlet.recent_deviation[i] = needed  # so that skins only grow as long as the step goes on
-        s.verlet.peak_deviation[i] = seen * seen
-        w = s.verlet.reference_velocity[i] + s.verlet.numbers.frame_velocity
+        if is_accelerated(s):
+            margin = STILL_TO_COME
+            s.verlet.peak_deviation[i] = f64(0.0)
+        else:
+            margin = FOUND_OUT
+            w = s.verlet.reference_velocity[i] + s.verlet.numbers.frame_velocity
+            s.verlet.recent_deviation[i] = needed  # so that skins only grow as long as the step goes on
+            s.verlet.peak_deviation[i] = seen * seen
     s.verlet.skin[i] = s.verlet.numbers.base_skin + margin * s.dt * needed
     s.verlet.reference_position[i] = s.grains.position[i]
     s.verlet.reference_velocity[i] = w

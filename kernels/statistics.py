@@ -22,7 +22,7 @@ def overlaps(team: Team, s: Scene):
     for c in range(begin, end):
         i = first_of(contacts.pairs, c)
         j = second_of(contacts.pairs, c)
-        _n, distance = law.normal(vector_at(grains.position, i), vector_at(grains.position, j))
+        distance = law.distance(vector_at(grains.position, i), vector_at(grains.position, j))
         gap = law.pair_gap(distance, number_at(grains.radius, i), number_at(grains.radius, j))
         worst = larger(worst, -gap)
         dv = number_at(contacts.pair_dv, c)

@@ -25,13 +25,16 @@ from . import (
     strips,
     verlet,
     warm_start,
+    working_set,
 )
+from .chunks import part_count, wall_part_count
 from .conditions import (
     accepted,
     attempting,
     corrected,
     fresh,
     iterating,
+    looking,
     measuring,
     rebuilding,
     recoloring,
@@ -41,12 +44,11 @@ from .conditions import (
     searching,
     starting,
     tiled,
-    unfinished,
     unlisted,
     unordered,
     unsolved,
 )
-from .record import grain_count, pair_count, wall_count
+from .record import grain_count, wall_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 SEARCH = [
@@ -121,28 +123,52 @@ GAUSS_SEIDEL = [
 ]
 
 
+PUT_BACK = [
+    Each(part_count, working_set.put_back_pairs),
+    Each(wall_part_count, working_set.put_back_walls),
+]
+
+LOOK = [*PUT_BACK, Each(grain_count, verlet.monitor), Serial(working_set.pause_unless_listed)]
+
+SELECT = [
+    Sets(working_set.select_pairs),
+    Shared(working_set.select_walls),
+    Serial(working_set.see_whether_done),
+]
+
+ROLL_BACK = [
+    Each(part_count, restart.roll_back_pairs),
+    Each(wall_part_count, restart.roll_back_walls),
+    Each(grain_count, restart.roll_back_velocity),
+]
+
+
 def sweeps_ahead(decide: wp.Function, measure: list[Stage]) -> list[Stage]:
-    """Sweep with momentum, as far as two functions find it worth while."""
+    """Sweep the working set with momentum, as far as two functions find it worth while."""
     return [
         Shared(accelerated.begin_momentum),
         While(
             iterating,
             [
-                Sets(accelerated.sweep_pairs_ahead),
-                Shared(accelerated.sweep_walls_ahead),
-                Serial(decide),
-                If(sampling, [Each(grain_count, verlet.sample)]),
+                If(looking, LOOK),
                 If(
-                    rejected,
+                    iterating,
                     [
-                        Each(pair_count, restart.roll_back_pair),
-                        Each(wall_count, restart.roll_back_wall),
-                        Each(grain_count, restart.roll_back_velocity),
+                        If(measuring, [*PUT_BACK, *measure]),
+                        If(rebuilding, [Each(grain_count, restart.take_rebuilt_velocity)]),
                     ],
                 ),
-                If(measuring, measure),
-                If(rebuilding, [Each(grain_count, restart.take_rebuilt_velocity)]),
-                If(unfinished, [Shared(restart.extrapolate)]),
+                If(iterating, [If(looking, SELECT)]),
+                If(
+                    iterating,
+                    [
+                        Shared(restart.extrapolate),
+                        Sets(accelerated.sweep_pairs_ahead),
+                        Shared(accelerated.sweep_walls_ahead),
+                        Serial(decide),
+                        If(rejected, ROLL_BACK),
+                    ],
+                ),
             ],
         ),
     ]

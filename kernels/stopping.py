@@ -2,7 +2,17 @@
 
 import warp as wp
 
-from .record import BEYOND_WALL, EXPIRED, HALTED, NOT_CONVERGED, SLOW, SOLVED, Scene, wall_count
+from .record import (
+    BEYOND_WALL,
+    EXPIRED,
+    HALTED,
+    NOT_CONVERGED,
+    SLOW,
+    SOLVED,
+    Scene,
+    is_accelerated,
+    wall_count,
+)
 from .types import Floats
 from .verlet import check_all, outcome_of_check, reserve
 from .walls import speed_along
@@ -57,15 +67,24 @@ def see_whether_listed(s: Scene):
 
 @wp.func
 def begin_iterating(s: Scene):
-    """Iterate if the list is likely to hold for the velocities before the first iteration."""
+    """Iterate if the list is likely to hold for the velocities before the first iteration.
+
+    An accelerated attempt that was at its end is measured again, with the list that it has now.
+    """
     check_all(s, reserve(s))
     if s.control.resuming == 0:
         s.step.iterations = 0
         s.control.unfinished = 1
+        s.control.looking = 1
+        s.control.measuring = 0
+        s.control.rebuilding = 0
+        s.control.sampling = 0
+        s.control.rejected = 0
+    elif is_accelerated(s) and s.control.unfinished == 0:
+        s.control.unfinished = 1
+        s.control.looking = 1
+        s.control.measuring = 1
     s.control.iterating = s.control.unfinished if outcome_of_check(s) == SOLVED else 0
-    s.control.measuring = 0
-    s.control.sampling = 0
-    s.control.rejected = 0
 
 
 @wp.func

@@ -145,8 +145,24 @@ class Momentum:
     last_velocity: Vectors  # velocities that go with them [m/s]
     pair_part: Vectors  # cost in phi less gain, and slope of phi along the momentum
     wall_part: Vectors
-    grain_part: wp.array(dtype=wp.vec3d)  # sums of m s.(v + y) and m v.v, largest s.s, where y = v + beta s
+    grain_part: Vectors  # sums of m s.(v + y) and m v.v, where y = v + beta s
     state: MomentumState
+
+
+@wp.struct
+class WorkingSet:
+    """The contacts that are swept, by part (working_set.py). Empty in scenes that do not accelerate."""
+
+    pairs: wp.array(dtype=Pair)
+    pair: Ints  # its place among all
+    pair_dv: Floats  # [m/s]
+    pair_last: Floats  # before the last sweep [m/s]
+    weights: Vectors  # empty where all masses are equal
+    pair_range: wp.array(dtype=wp.vec2i)  # first, and end, of every part
+    walls: wp.array(dtype=WallContact)
+    wall: Ints
+    wall_last: Floats
+    wall_range: wp.array(dtype=wp.vec2i)
 
 
 @wp.struct

@@ -40,7 +40,8 @@ def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
 def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
     """s_i [m]."""
     verlet = s.verlet.numbers
-    straight = s.verlet.reference_position[i] + verlet.elapsed * s.verlet.reference_velocity[i]
+    w = vector_at(s.verlet.reference_velocity, i)
+    straight = vector_at(s.verlet.reference_position, i) + verlet.elapsed * w
     return wp.length(position - straight - verlet.frame_shift)
 
 
@@ -69,7 +70,7 @@ def monitor(s: Scene, i: int):
     peak = wp.length_sq(deviation(s, vector_at(s.grains.next_velocity, i), i))
     if peak > number_at(s.verlet.peak_deviation, i):
         set_number(s.verlet.peak_deviation, i, peak)
-        if peak > s.verlet.peak_limit[i]:
+        if peak > number_at(s.verlet.peak_limit, i):
             s.verlet.flags.list_expired = 1
 
 
@@ -83,7 +84,7 @@ def monitor_pair(s: Scene, pair: Pair):
 @wp.func
 def peak_of(s: Scene, i: int) -> f64:
     """p_i [m/s], with what was not monitored since."""
-    return wp.sqrt(s.verlet.peak_deviation[i]) + s.verlet.numbers.unmonitored_change
+    return wp.sqrt(number_at(s.verlet.peak_deviation, i)) + s.verlet.numbers.unmonitored_change
 
 
 @wp.func
@@ -135,13 +136,12 @@ def find_frame(s: Scene):
 @wp.func
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     """See whether a skin suffices with `least` [m] to spare, for so many times the last step's deviation."""
-    x = s.grains.position[i]
-    peak = peak_of(s, i)
-    peak = wp.max(peak, foreseen * s.verlet.recent_deviation[i])
+    x = vector_at(s.grains.position, i)
+    peak = wp.max(peak_of(s, i), foreseen * number_at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
-    if not is_finite(x + s.dt * s.grains.next_velocity[i]):
+    if not is_finite(x + s.dt * vector_at(s.grains.next_velocity, i)):
         s.verlet.flags.bad_grain = 0
-    elif not (used + least <= s.verlet.skin[i]):
+    elif not (used + least <= number_at(s.verlet.skin, i)):
         s.verlet.flags.list_expired = 1
 
 
@@ -154,19 +154,20 @@ def reserve(s: Scene) -> f64:
 @wp.func
 def begin_peak(s: Scene, i: int):
     """The peak deviation before the first iteration, or the next one, and what the skin still allows."""
-    peak = wp.length_sq(deviation(s, s.grains.next_velocity[i], i))
+    peak = wp.length_sq(deviation(s, vector_at(s.grains.next_velocity, i), i))
     if s.control.resuming != 0:
-        peak = wp.max(peak, s.verlet.peak_deviation[i])
-    s.verlet.peak_deviation[i] = peak
-    allowed = (s.verlet.skin[i] - displacement(s, s.grains.position[i], i)) / s.dt
-    s.verlet.peak_limit[i] = wp.max(f64(0.0), allowed) * allowed
+        peak = wp.max(peak, number_at(s.verlet.peak_deviation, i))
+    set_number(s.verlet.peak_deviation, i, peak)
+    path = displacement(s, vector_at(s.grains.position, i), i)
+    allowed = (number_at(s.verlet.skin, i) - path) / s.dt
+    set_number(s.verlet.peak_limit, i, wp.max(f64(0.0), allowed) * allowed)
 
 
 @wp.func
 def begin_check(s: Scene, i: int):
     """The peak deviation before the first iteration, and whether the skin will do."""
     begin_peak(s, i)
-    check_skin(s, i, reserve(s), f64(1.0))
+    check_skin(s, i, reserve(s), wp.where(s.control.resuming != 0, f64(0.0), f64(1.0)))
 
 
 @wp.func
@@ -201,16 +202,11 @@ def outcome_of_check(s: Scene) -> int:
 
 
 @wp.func
-def add_unmonitored(s: Scene, ahead: f64):
-    """Add the most that a sweep may have changed a velocity by unseen; sample all when it has added up.
-
-    `ahead` is the largest change before the sweep, on the way to its start [m/s].
-    """
+def add_unmonitored(s: Scene):
+    """Add the most that a sweep may have changed a velocity by unseen; sample all when it has added up."""
     numbers = s.verlet.numbers
     most = least_monitored(s)
-    change = (
-        numbers.unmonitored_change + wp.min(ahead, most) + wp.min(numbers.max_row_sum * s.step.zeta, most)
-    )
+    change = numbers.unmonitored_change + wp.min(numbers.max_row_sum * s.step.zeta, most)
     s.verlet.numbers.unmonitored_change = change
     s.control.sampling = 1 if change > most else 0
     if s.control.sampling != 0:

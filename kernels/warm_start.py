@@ -3,7 +3,7 @@
 import warp as wp
 
 from . import law
-from .access import first_of, number_at, second_of, set_number, vector_at
+from .access import first_of, freeze_pair, number_at, second_of, set_number, vector_at
 from .record import Scene
 from .residual import apply_pair
 from .segments import pairs_of, walls_of
@@ -29,8 +29,7 @@ def start_pairs(team: Team, s: Scene, k: int):
         j = second_of(contacts.pairs, c)
         n, distance = law.normal(vector_at(grains.position, i), vector_at(grains.position, j))
         gap = law.pair_gap(distance, number_at(grains.radius, i), number_at(grains.radius, j))
-        contacts.pairs[c].n = n
-        contacts.pairs[c].gap_rate = gap / dt
+        freeze_pair(contacts.pairs, c, n, gap / dt)
         if starting:
             dv = number_at(contacts.pair_dv_start, c)
             set_number(contacts.pair_dv, c, dv)

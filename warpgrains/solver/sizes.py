@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpgrains.kernels.accelerated import CHUNK
+from warpgrains.kernels.chunks import CHUNK
 from warpgrains.kernels.threads import GPU_PARTIALS
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
     rows = {"start": n + 1, "cursor": n + 1, "neighbor": pairs, "found": pairs, "total": 1}
     ahead, strips = size.accelerated, size.team * size.has_strips
     has_strips = int(size.has_strips)
+    parts = pairs + pairs // CHUNK + 1
     return {
         "grains": {
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
@@ -97,8 +98,14 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "momentum": {
             "pair_last": ahead * pairs,
-            "pair_part": ahead * (pairs + pairs // CHUNK + 1),
+            "pair_part": ahead * parts,
             **dict.fromkeys(("wall_last", "wall_part", "last_velocity", "grain_part"), ahead * n),
+        },
+        "working": {
+            **dict.fromkeys(("pairs", "pair", "pair_dv", "pair_last"), ahead * pairs),
+            "weights": ahead * pairs * size.weighted,
+            "pair_range": ahead * parts,
+            **dict.fromkeys(("walls", "wall", "wall_last", "wall_range"), ahead * n),
         },
         "grid": {
             **dict.fromkeys(("cell_start", "cell_cursor"), cells),

@@ -1,0 +1,155 @@
+"""The working set of the accelerated method: the contacts that are swept between two looks at all of them.
+
+A look finds the contacts that carry a correction, or did a sweep back, and those that the velocities violate,
+and copies them side by side; sweeps touch nothing else, so that they stay in the cache. The others have no
+correction and get none: what velocities do between two looks is no matter to the list's proof (verlet.py).
+
+A part's copies (chunks.py) lie where its contacts begin, so that threads select side by side.
+"""
+
+import warp as wp
+
+from .access import (
+    copy_pair,
+    first_of,
+    gap_rate_of,
+    integer_at,
+    larger,
+    normal_of,
+    number_at,
+    read_wall,
+    second_of,
+    set_integer,
+    set_number,
+    set_vector,
+    vector_at,
+)
+from .chunks import CHUNK, chunks_in, wall_part_count
+from .record import Scene, wall_count
+from .stopping import gathered
+from .threads import Team, partial_index, thread_range
+from .walls import WallContact, has_inner, rounded_gap_rate, wall_projection
+
+f64 = wp.float64
+LOOK_EVERY = wp.constant(10)  # sweeps between two looks, and
+FIRST_LOOKS = wp.constant(8)  # sweeps within which powers of two are followed by one
+
+
+@wp.func
+def is_look_due(iterations: int) -> bool:
+    """Whether all contacts are looked at after so many sweeps: impacts spread fast at first."""
+    early = iterations <= FIRST_LOOKS and (iterations & (iterations - 1)) == 0
+    return early or iterations % LOOK_EVERY == 0
+
+
+@wp.func
+def put_back_pairs(s: Scene, part: int):
+    """Write the corrections of a part's pairs where all pairs have theirs."""
+    working = s.working
+    bounds = working.pair_range[part]
+    for c in range(bounds[0], bounds[1]):
+        k = integer_at(working.pair, c)
+        set_number(s.contacts.pair_dv, k, number_at(working.pair_dv, c))
+        set_number(s.momentum.pair_last, k, number_at(working.pair_last, c))
+
+
+@wp.func
+def put_back_walls(s: Scene, part: int):
+    """Write the corrections of a part's wall contacts where all have theirs."""
+    working = s.working
+    bounds = working.wall_range[part]
+    for c in range(bounds[0], bounds[1]):
+        k = working.wall[c]
+        s.contacts.walls[k].dv = working.walls[c].dv
+        s.momentum.wall_last[k] = working.wall_last[c]
+
+
+@wp.func
+def pause_unless_listed(s: Scene):
+    """Leave the iteration for a new list where one may be missing: the look is taken with that one."""
+    if s.verlet.flags.list_expired != 0:
+        s.control.iterating = 0
+        s.control.unfinished = 1
+
+
+@wp.func
+def copy_of_pair(s: Scene, c: int, k: int):
+    """Make the working pair at place c that of the contact at place k."""
+    copy_pair(s.working.pairs, c, s.contacts.pairs, k)
+    set_number(s.working.pair_dv, c, number_at(s.contacts.pair_dv, k))
+    set_number(s.working.pair_last, c, number_at(s.momentum.pair_last, k))
+    if s.contacts.weights.shape[0] > 0:
+        set_vector(s.working.weights, c, vector_at(s.contacts.weights, k))
+
+
+@wp.func
+def select_pairs(team: Team, s: Scene, k: int):
+    """Select the pairs of a set that are swept, and see by how much others are violated."""
+    contacts, working, velocity = s.contacts, s.working, s.grains.next_velocity
+    violation = f64(0.0)
+    start = contacts.set_start[k]
+    stop = contacts.set_start[k + 1]
+    first, last = thread_range(team, start // CHUNK, chunks_in(stop))
+    for chunk in range(first, last):
+        begin = wp.max(start, chunk * CHUNK)
+        end = int(begin)
+        c = int(begin)
+        while c < wp.min(stop, (chunk + 1) * CHUNK):
+            carries = number_at(contacts.pair_dv, c) != f64(0.0) or number_at(s.momentum.pair_last, c) != f64(
+                0.0
+            )
+            vi = vector_at(velocity, first_of(contacts.pairs, c))
+            vj = vector_at(velocity, second_of(contacts.pairs, c))
+            excess = wp.dot(vi - vj, normal_of(contacts.pairs, c)) - gap_rate_of(contacts.pairs, c)
+            violation = larger(violation, wp.where(carries, f64(0.0), excess))
+            set_integer(working.pair, end, c)
+            end += wp.where(carries or excess > f64(0.0), 1, 0)
+            c += 1
+        for c in range(begin, end):
+            copy_of_pair(s, c, integer_at(working.pair, c))
+        working.pair_range[chunk + k] = wp.vec2i(begin, end)
+    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), violation)
+
+
+@wp.func
+def select_walls(team: Team, s: Scene):
+    """Select the wall contacts that are swept, and see by how much others are violated."""
+    violation = f64(0.0)
+    inner = has_inner(s.walls)
+    contact = WallContact()
+    first, last = thread_range(team, 0, wall_part_count(s))
+    for part in range(first, last):
+        begin = part * CHUNK
+        end = int(begin)
+        for c in range(begin, wp.min(wall_count(s), begin + CHUNK)):
+            read_wall(s.contacts.walls, c, contact)
+            before = number_at(s.momentum.wall_last, c)
+            v = vector_at(s.grains.next_velocity, contact.i)
+            gap_out = contact.gap_rate_out
+            if s.walls.round != 0:
+                gap_out = rounded_gap_rate(contact, v)
+            carries = contact.dv != f64(0.0) or before != f64(0.0)
+            dv = wall_projection(wp.dot(v, contact.n), contact.dv, gap_out, contact.gap_rate_in, inner)
+            if carries or dv != f64(0.0):
+                s.working.walls[end] = contact
+                s.working.wall[end] = c
+                s.working.wall_last[end] = before
+                end += 1
+                if not carries:
+                    violation = wp.max(violation, wp.abs(dv))
+        s.working.wall_range[part] = wp.vec2i(begin, end)
+    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), violation)
+
+
+@wp.func
+def see_whether_done(s: Scene):
+    """Sweep on, unless that was the last sweep or, by zeta, all contacts are at rest."""
+    violation = gathered(s.partial.zeta)
+    iterations, stopping = s.step.iterations, s.stopping
+    going_on = iterations < stopping.max_iterations
+    if iterations > 0:
+        if stopping.on_residual == 0 and s.control.rejected == 0:
+            going_on = going_on and wp.max(s.step.zeta, violation) > stopping.tolerance
+        going_on = going_on and s.control.halted == 0
+    s.control.unfinished = 1 if going_on else 0
+    s.control.iterating = s.control.unfinished
