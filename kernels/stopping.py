@@ -88,6 +88,15 @@ def begin_iterating(s: Scene):
 
 
 @wp.func
+def is_going_on(s: Scene, zeta: f64) -> bool:
+    """Whether iterations are left to do after one with this zeta [m/s]; that of a rejected one tells nothing."""
+    going_on = s.step.iterations < s.stopping.max_iterations and s.control.halted == 0
+    if s.stopping.on_residual == 0 and s.control.rejected == 0:
+        going_on = going_on and zeta > s.stopping.tolerance
+    return going_on
+
+
+@wp.func
 def decide_to_stop(s: Scene):
     """Stop after the first iteration with zeta <= tolerance, or at max_iterations; or ask for the residual.
 
@@ -96,22 +105,16 @@ def decide_to_stop(s: Scene):
     """
     zeta = gathered(s.partial.zeta)
     iterations = s.step.iterations + 1
-    stopping = s.stopping
-    going_on = iterations < stopping.max_iterations
+    s.step.iterations = iterations
+    going_on = is_going_on(s, zeta)
     checking = False
-    if s.control.rejected == 0:
-        if stopping.on_residual != 0:
-            sparse = iterations == 1 or iterations % CHECK_EVERY == 0
-            checking = sparse and zeta <= NEARLY * stopping.tolerance
-        else:
-            going_on = going_on and zeta > stopping.tolerance
-    if s.control.halted != 0:
-        going_on = False
+    if s.stopping.on_residual != 0 and s.control.rejected == 0:
+        sparse = iterations == 1 or iterations % CHECK_EVERY == 0
+        checking = sparse and zeta <= NEARLY * s.stopping.tolerance
     recording = iterations <= s.history.zeta.shape[0]
     if recording:
         s.history.zeta[iterations - 1] = zeta
     s.step.zeta = zeta
-    s.step.iterations = iterations
     pausing = s.verlet.flags.list_expired != 0 and is_power_of_two(iterations)
     s.control.unfinished = 1 if going_on else 0
     s.control.iterating = 1 if going_on and not pausing else 0

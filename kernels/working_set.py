@@ -26,7 +26,7 @@ from .access import (
 )
 from .chunks import CHUNK, chunks_in, wall_part_count
 from .record import Scene, wall_count
-from .stopping import gathered
+from .stopping import gathered, is_going_on
 from .threads import Team, partial_index, thread_range
 from .walls import WallContact, has_inner, rounded_gap_rate, wall_projection
 
@@ -145,11 +145,6 @@ def select_walls(team: Team, s: Scene):
 def see_whether_done(s: Scene):
     """Sweep on, unless that was the last sweep or, by zeta, all contacts are at rest."""
     violation = gathered(s.partial.zeta)
-    iterations, stopping = s.step.iterations, s.stopping
-    going_on = iterations < stopping.max_iterations
-    if iterations > 0:
-        if stopping.on_residual == 0 and s.control.rejected == 0:
-            going_on = going_on and wp.max(s.step.zeta, violation) > stopping.tolerance
-        going_on = going_on and s.control.halted == 0
+    going_on = s.step.iterations == 0 or is_going_on(s, wp.max(s.step.zeta, violation))
     s.control.unfinished = 1 if going_on else 0
     s.control.iterating = s.control.unfinished
