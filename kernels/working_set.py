@@ -143,8 +143,16 @@ def select_walls(team: Team, s: Scene):
 
 @wp.func
 def see_whether_done(s: Scene):
-    """Sweep on, unless that was the last sweep or, by zeta, all contacts are at rest."""
+    """Sweep on, unless that was the last sweep or, by zeta, all contacts are at rest.
+
+    By zeta, what others are violated by is a change that is still to come, also of a step that ends with it.
+    """
     violation = gathered(s.partial.zeta)
-    going_on = s.step.iterations == 0 or is_going_on(s, wp.max(s.step.zeta, violation))
+    iterations = s.step.iterations
+    if iterations > 0 and s.stopping.on_residual == 0 and s.control.rejected == 0:
+        s.step.zeta = wp.max(s.step.zeta, violation)
+        if iterations <= s.history.zeta.shape[0]:
+            s.history.zeta[iterations - 1] = s.step.zeta
+    going_on = iterations == 0 or is_going_on(s, s.step.zeta)
     s.control.unfinished = 1 if going_on else 0
     s.control.iterating = s.control.unfinished

@@ -45,7 +45,8 @@ class StepReport(Tabular):
     iterations : int
         Iterations k >= 1 of the contact loop.
     zeta : float
-        Largest change of a correction in the last of them [m/s].
+        Largest change of a correction in the last of them; where the accelerated method stops on it, also of
+        one that it has not swept and would have to [m/s].
     residual : float
         Error of the solve, eta [m/s]: the velocities are the exact ones of a step whose gaps are changed by
         at most dt * residual, and free velocities by at most the residual a contact (MODEL.md, eq. 12).
