@@ -2,44 +2,11 @@
 
 import numpy as np
 import pytest
-from schemes import SCHEMES, without_contacts
+from residual_twin import free_velocity, twin_residual
+from schemes import SCHEMES
 
 from warpgrains import Scene, Simulation
-from warpgrains.arrays import FloatArray
 from warpgrains.scene.validity import ORDERS
-
-
-def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:
-    """Eta of the last step, over all pairs and walls, for velocities rebuilt from the corrections [m/s]."""
-    scene, contacts = simulation.scene, simulation.contacts()
-    position = simulation.last_start().position
-    dv_pair = np.zeros((scene.n, scene.n))
-    dv_pair[tuple(contacts.pair.T)] = contacts.correction
-    i, j = np.triu_indices(scene.n, 1)
-    d = position[j] - position[i]
-    distance = np.hypot(*d.T)
-    n, dv = d / distance[:, None], dv_pair[i, j]
-    share = scene.mass[j] / (scene.mass[i] + scene.mass[j])
-    v = free_velocity.copy()
-    np.subtract.at(v, i, (dv * share)[:, None] * n)
-    np.add.at(v, j, (dv * (1.0 - share))[:, None] * n)
-    rho = np.hypot(*position.T)
-    n_wall, dv_wall = position / rho[:, None], simulation.wall_contacts().correction
-    v -= dv_wall[:, None] * n_wall
-    vn = np.sum((v[i] - v[j]) * n, axis=1)
-    gap = distance - scene.radius[i] - scene.radius[j]
-    vn_wall, gap_out = np.sum(v * n_wall, axis=1), scene.radius_out - rho - scene.radius
-    if scene.wall == "round":
-        path = scene.dt * (v[:, 1] * n_wall[:, 0] - v[:, 0] * n_wall[:, 1])
-        gap_out = np.sqrt((scene.radius_out - scene.radius) ** 2 - path**2) - rho
-    sides = [(vn, dv, gap), (vn_wall, np.maximum(dv_wall, 0.0), gap_out)]
-    if scene.radius_in > 0.0:
-        sides.append((-vn_wall, np.maximum(-dv_wall, 0.0), rho - scene.radius_in - scene.radius))
-    return max(np.abs(np.maximum(0.0, dv + vn - gap / scene.dt) - dv).max() for vn, dv, gap in sides)
-
-
-def free_velocity(simulation: Simulation) -> FloatArray:
-    return without_contacts(simulation.scene, simulation.velocity, simulation.state().staggered)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
