@@ -89,7 +89,7 @@ def begin_iterating(s: Scene):
 
 @wp.func
 def is_going_on(s: Scene, zeta: f64) -> bool:
-    """Whether iterations are left to do after one with this zeta [m/s]; that of a rejected one tells nothing."""
+    """Whether iterations are left to do after one with this zeta [m/s]."""
     going_on = s.step.iterations < s.stopping.max_iterations and s.control.halted == 0
     if s.stopping.on_residual == 0 and s.control.rejected == 0:
         going_on = going_on and zeta > s.stopping.tolerance
@@ -154,10 +154,9 @@ def grain_beyond_wall(s: Scene) -> int:
 def judge(s: Scene):
     """Take the step, try again with a new list, or give it up."""
     check_all(s, s.tuning.rounding)
-    error = s.step.zeta
+    converged = s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
     if s.stopping.on_residual != 0:
-        error = s.step.residual
-    converged = error <= s.stopping.tolerance
+        converged = s.step.residual <= s.stopping.tolerance
     outcome = outcome_of_check(s)
     if outcome == SOLVED and not converged:
         if s.control.corrected == 0 and s.stopping.patience > 0:

@@ -18,7 +18,7 @@ p_i is seen after every correction that is large. The small ones of a sweep chan
 max_row_sum times the largest of them, where max_row_sum is the largest sum of a grain's shares of its
 contacts; these changes add up to `unmonitored_change`, with which all grains are sampled from time to time.
 
-The accelerated method sweeps no contact that it has not selected; there, p_i is seen when it selects, and when
+The accelerated method sweeps no contact that it has not selected; p_i is then seen when it selects, and when
 the residual is measured (working_set.py).
 """
 
