@@ -18,13 +18,14 @@ from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .record import Scene, grain_count
 from .stopping import decide_to_stop
 from .threads import Team, thread_range
-from .working_set import is_look_due
 
 f64 = wp.float64
 ROUNDING = wp.constant(f64(2.0e-15))
 RELAXATION_BACKOFF = wp.constant(f64(0.8))  # what a rejected sweep leaves of the over-relaxation
 MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # what a stop leaves of t
 REBUILD_EVERY = wp.constant(100)  # iterations between two times that velocities are rebuilt
+LOOK_EVERY = wp.constant(10)  # sweeps between two looks, and
+FIRST_LOOKS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
 
 @wp.func
@@ -52,6 +53,13 @@ def accept_or_reject(s: Scene):
         s.momentum.state.t = f64(0.5) * (f64(1.0) + wp.sqrt(f64(1.0) + f64(4.0) * t * t))
         s.momentum.state.beta = (t - f64(1.0)) / s.momentum.state.t
     s.control.rejected = 1 if rejected else 0
+
+
+@wp.func
+def is_look_due(iterations: int) -> bool:
+    """Whether all contacts are looked at after so many sweeps: impacts spread fast at first."""
+    early = iterations <= FIRST_LOOKS and (iterations & (iterations - 1)) == 0
+    return early or iterations % LOOK_EVERY == 0
 
 
 @wp.func

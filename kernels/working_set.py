@@ -31,15 +31,6 @@ from .threads import Team, partial_index, thread_range
 from .walls import WallContact, has_inner, rounded_gap_rate, wall_projection
 
 f64 = wp.float64
-LOOK_EVERY = wp.constant(10)  # sweeps between two looks, and
-FIRST_LOOKS = wp.constant(8)  # sweeps within which powers of two are followed by one
-
-
-@wp.func
-def is_look_due(iterations: int) -> bool:
-    """Whether all contacts are looked at after so many sweeps: impacts spread fast at first."""
-    early = iterations <= FIRST_LOOKS and (iterations & (iterations - 1)) == 0
-    return early or iterations % LOOK_EVERY == 0
 
 
 @wp.func
