@@ -32,7 +32,7 @@ from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Grains, Vectors, WorkingSet
-from .walls import WallContact, has_inner, rounded_gap_rate, wall_cost, wall_projection
+from .walls import WallContact, has_inner, outer_gap_rate, wall_cost, wall_projection
 
 f64 = wp.float64
 ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
@@ -94,13 +94,10 @@ def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
     read_wall(s.working.walls, c, wall)
     v = vector_at(s.grains.next_velocity, wall.i)
     inner = has_inner(s.walls)
-    if s.walls.round != 0:
-        wall.gap_rate_out = rounded_gap_rate(wall, v)
-        if not inner:
-            wall.gap_rate_in = -wall.gap_rate_out
     y = wall.dv + beta * (wall.dv - number_at(s.working.wall_last, c))
     vn = wp.dot(v, wall.n)
-    gap_out, gap_in = wall.gap_rate_out, wall.gap_rate_in
+    gap_out = outer_gap_rate(wall, v, s.walls)
+    gap_in = wp.where(inner, wall.gap_rate_in, -gap_out)  # so that the cost is linear without an inner wall
     new = wall_projection(relaxation * vn, y, relaxation * gap_out, relaxation * gap_in, inner)
     dv = new - y
     set_vector(s.grains.next_velocity, wall.i, v - dv * wall.n)

@@ -1,8 +1,9 @@
 """Steps that sweeps do not converge: when the host is asked to solve one, and how its answer is taken up.
 
-Accelerated sweeps come first. Where their residual falls too slowly for what a few factorizations cost, the
-step is left as SLOW, and the host makes its corrections anew (warpgrains/solver/exact.py). Velocities are
-then rebuilt from these, and sweeps go on as long as they are of use, mostly not at all.
+Accelerated sweeps come first. Where their residual falls too slowly for what a few factorizations cost, or is
+too large after the last of them, the step is left as SLOW, and the host makes its corrections anew
+(warpgrains/solver/exact.py). Velocities are then rebuilt from these, and sweeps go on as long as they are of
+use, mostly not at all.
 
 On which way corrections were found is no matter: a contact that is not listed and that the final velocities
 do not violate is satisfied without a correction (MODEL.md, eq. 10). So the check of the list (verlet.py)

@@ -22,7 +22,7 @@ from .stopping import decide_to_stop
 from .threads import Team, partial_index
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor, monitor_pair
-from .walls import WallContact, has_inner, rounded_gap_rate, wall_projection
+from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
 
@@ -92,12 +92,10 @@ def sweep_walls(team: Team, s: Scene):
     begin, end = walls_of(team, s)
     wall = WallContact()
     large = least_monitored_correction(s)
-    is_round = s.walls.round != 0
     c = begin
     while c < end:
         read_wall(contacts.walls, c, wall)
-        if is_round:
-            wall.gap_rate_out = rounded_gap_rate(wall, vector_at(velocity, wall.i))
+        wall.gap_rate_out = outer_gap_rate(wall, vector_at(velocity, wall.i), s.walls)
         change = correct_wall(velocity, contacts, c, wall, inner)
         zeta = larger(zeta, change)
         if change > large:

@@ -25,8 +25,8 @@ f64 = wp.float64
 SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED, BEYOND_WALL, SLOW = (
     wp.constant(k) for k in range(9)
 )
-"""Outcomes of a step: an UNPROVED one is taken, and worth a search for a proof that none solves it; a SLOW
-one waits for the host to solve it (exact.py)."""
+"""Outcomes of a step. A SOLVED one is taken, converged or, where the scene allows it, not; so is an UNPROVED
+one, which is worth a search for a proof that none solves it. A SLOW one waits for the host (exact.py)."""
 
 
 @wp.struct
@@ -58,7 +58,7 @@ class Control:
     tiled: wp.int32
     attempting: wp.int32
     fresh: wp.int32
-    corrected: wp.int32  # whether the host has solved the step
+    corrected: wp.int32  # whether the host has tried to solve the step
     resuming: wp.int32  # whether the attempt goes on where the last list expired
     unfinished: wp.int32  # whether iterations are left to do
     recoloring: wp.int32

@@ -16,7 +16,7 @@ from .record import Scene, pair_count
 from .segments import pairs_of, walls_of
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Vectors
-from .walls import has_inner, rounded_gap_rate, wall_residual
+from .walls import has_inner, outer_gap_rate, wall_residual
 
 f64 = wp.float64
 
@@ -66,8 +66,7 @@ def measure_residual(team: Team, s: Scene):
     begin, end = walls_of(team, s)
     for c in range(begin, end):
         wall = s.contacts.walls[c]
-        if s.walls.round != 0:
-            wall.gap_rate_out = rounded_gap_rate(wall, v[wall.i])
+        wall.gap_rate_out = outer_gap_rate(wall, v[wall.i], s.walls)
         worst = larger(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
     begin, end = thread_range(team, 0, pair_count(s))
     pairs = contacts.pairs

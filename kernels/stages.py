@@ -54,7 +54,10 @@ class Shared:
 
 @dataclass(frozen=True)
 class Sets:
-    """A stage `(team, scene, set)` for every independent set of pairs, in order."""
+    """A stage `(team, scene, set)` for every independent set of pairs, in order, or what stands for sets.
+
+    A thread alone has all pairs in one (coloring.py); threads with strips have segments (strips.py).
+    """
 
     stage: wp.Function
 

@@ -14,7 +14,10 @@ f64 = wp.float64
 
 @wp.func
 def overlaps(team: Team, s: Scene):
-    """Worst overlap [m] of the listed contacts, and how many are active; all others have stayed silent."""
+    """Worst overlap [m] of the listed contacts, and how many are active; all others have stayed silent.
+
+    What they carry is what the next step starts with.
+    """
     worst = f64(0.0)
     active = int(0)
     grains, contacts = s.grains, s.contacts

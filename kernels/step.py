@@ -1,7 +1,8 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
 Whatever runs it asks the host for nothing but room for a list that has grown, and the corrections of a step
-that its sweeps do not converge, and tells it the outcome.
+that its sweeps do not converge, and tells it the outcome. That an attempt goes on with another list
+(`resuming`), and does not start again, is what stages of both see by themselves.
 A scene without a list begins as one whose list has expired: no skin suffices, so nothing is iterated.
 """
 
@@ -128,9 +129,9 @@ PUT_BACK = [
     Each(wall_part_count, working_set.put_back_walls),
 ]
 
-LOOK = [*PUT_BACK, Each(grain_count, verlet.monitor), Serial(working_set.pause_unless_listed)]
+PAUSE = [*PUT_BACK, Each(grain_count, verlet.monitor), Serial(working_set.pause_unless_listed)]
 
-SELECT = [
+LOOK = [
     Sets(working_set.select_pairs),
     Shared(working_set.select_walls),
     Serial(working_set.see_whether_done),
@@ -150,7 +151,7 @@ def sweeps_ahead(decide: wp.Function, measure: list[Stage]) -> list[Stage]:
         While(
             iterating,
             [
-                If(looking, LOOK),
+                If(looking, PAUSE),
                 If(
                     iterating,
                     [
@@ -158,7 +159,7 @@ def sweeps_ahead(decide: wp.Function, measure: list[Stage]) -> list[Stage]:
                         If(rebuilding, [Each(grain_count, restart.take_rebuilt_velocity)]),
                     ],
                 ),
-                If(iterating, [If(looking, SELECT)]),
+                If(iterating, [If(looking, LOOK)]),
                 If(
                     iterating,
                     [

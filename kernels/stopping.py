@@ -1,4 +1,7 @@
-"""When the contact iteration stops, and whether the step is taken: decided on the device."""
+"""When the contact iteration stops, and whether the step is taken: decided on the device.
+
+Accelerated sweeps stop only after a look at all contacts: restart.py and working_set.py have the last word.
+"""
 
 import warp as wp
 

@@ -50,7 +50,7 @@ class Contacts:
 
     pairs: wp.array(dtype=Pair)
     pair_dv: Floats  # accumulated corrections dv_c >= 0 [m/s]
-    pair_dv_start: Floats  # dv_c at the start of the step, for a step that is solved again
+    pair_dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
     weights: Vectors  # mass shares of i and j; empty where all masses are equal
     set_start: Ints  # first pair of every independent set, or segment, and the end of the last
     walls: wp.array(dtype=WallContact)
@@ -167,7 +167,7 @@ class WorkingSet:
 
 @wp.struct
 class Strips:
-    """Whose pairs are whose, where a team of threads sweeps (strips.py). Empty in teams of one."""
+    """Whose pairs are whose, where a team of threads sweeps (strips.py). Of no use to teams of one."""
 
     strip: Ints  # of every grain
     bins: Ints  # pairs by place, for cutting space into strips

@@ -1,4 +1,4 @@
-"""The walls of an annulus: all formulas of theirs that kernels use. Walls of another shape are written here.
+"""The walls of an annulus as contacts: formulas of their law. Walls of another shape are written here.
 
 A grain has one accumulated correction dv_b for both walls: > 0 is carried by the outer one, < 0 by the inner
 one (MODEL.md, eq. 8). A wall's normal starts at the origin. For a step, a wall is its tangent; a round outer
@@ -59,7 +59,6 @@ def frozen_wall(contact: WallContact, position: wp.vec2d, radius: f64, walls: Wa
     frozen.n = n
     frozen.reach = (walls.radius_out - radius) / dt
     frozen.gap_rate_out = outer_gap(distance, radius, walls) / dt
-    frozen.gap_rate_in = -frozen.gap_rate_out  # so that `wall_cost` is linear where there is no inner wall
     if has_inner(walls):
         frozen.gap_rate_in = inner_gap(distance, radius, walls) / dt
     return frozen
@@ -72,8 +71,10 @@ def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
 
 
 @wp.func
-def rounded_gap_rate(contact: WallContact, v: wp.vec2d) -> f64:
-    """gap_out / dt that a round wall leaves to a grain of this velocity [m/s] (eq. 18)."""
+def outer_gap_rate(contact: WallContact, v: wp.vec2d, walls: Walls) -> f64:
+    """gap_out / dt of a grain of this velocity [m/s]: a round wall leaves less than its tangent (eq. 18)."""
+    if walls.round == 0:
+        return contact.gap_rate_out
     reach = contact.reach
     along = speed_along(v, contact.n)
     root = wp.sqrt(wp.max(f64(0.0), reach * reach - along * along))

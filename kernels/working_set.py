@@ -28,7 +28,7 @@ from .chunks import CHUNK, chunks_in, wall_part_count
 from .record import Scene, wall_count
 from .stopping import gathered, is_going_on
 from .threads import Team, partial_index, thread_range
-from .walls import WallContact, has_inner, rounded_gap_rate, wall_projection
+from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
 
@@ -116,9 +116,7 @@ def select_walls(team: Team, s: Scene):
             read_wall(s.contacts.walls, c, contact)
             before = number_at(s.momentum.wall_last, c)
             v = vector_at(s.grains.next_velocity, contact.i)
-            gap_out = contact.gap_rate_out
-            if s.walls.round != 0:
-                gap_out = rounded_gap_rate(contact, v)
+            gap_out = outer_gap_rate(contact, v, s.walls)
             carries = contact.dv != f64(0.0) or before != f64(0.0)
             dv = wall_projection(wp.dot(v, contact.n), contact.dv, gap_out, contact.gap_rate_in, inner)
             if carries or dv != f64(0.0):

@@ -1,4 +1,4 @@
-"""`warpgrains check`, `recover`, `plot` and `report`: what is done with recordings, and with the solver."""
+"""`check`, `recover`, `plot`, `export` and `report`: what is done with recordings, and with the solver."""
 
 from argparse import Namespace
 from importlib import import_module

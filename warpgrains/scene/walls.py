@@ -1,4 +1,4 @@
-"""The walls: an annulus about the origin, and all that the host knows of it.
+"""The walls: an annulus about the origin, and what the host knows of its contacts.
 
 The device knows it by kernels/walls.py, recordings by usd/walls.py, the C reference by reference/grains.c.
 """
