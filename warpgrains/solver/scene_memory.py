@@ -108,7 +108,6 @@ class SceneMemory:
         record = self.record
         record["control"] = 0
         record["control"]["unordered"] = lists is not None
-        record["to_search"] = 0
         record["scheme"]["staggered"] = state.staggered
 
     def _forget_list(self) -> None:
