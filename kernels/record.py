@@ -122,6 +122,7 @@ class Tuning:
     rounding: f64  # of a position [m]
     reserve: f64  # of a base skin, that must be left before the iteration starts
     monitor_threshold: f64  # change of velocity that need not be monitored, in base skins [1/s]
+    nearest: f64  # how near to a violation contacts are swept, at most [m/s]
     tile: wp.int32  # pairs that are interleaved
 
 

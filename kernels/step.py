@@ -129,7 +129,7 @@ PUT_BACK = [
     Each(wall_part_count, working_set.put_back_walls),
 ]
 
-PAUSE = [*PUT_BACK, Each(grain_count, verlet.monitor), Serial(working_set.pause_unless_listed)]
+PAUSE = [*PUT_BACK, Each(grain_count, working_set.see_skin), Serial(working_set.pause_unless_listed)]
 
 LOOK = [
     Sets(working_set.select_pairs),

@@ -1,8 +1,9 @@
 """The working set of the accelerated method: the contacts that are swept between two looks at all of them.
 
-A look finds the contacts that carry a correction, or did a sweep back, and those that the velocities violate,
-and copies them side by side; sweeps touch nothing else, so that they stay in the cache. The others have no
-correction and get none: what velocities do between two looks is no matter to the list's proof (verlet.py).
+A look finds the contacts that carry a correction, or did a sweep back, and those that the velocities violate
+or nearly do, and copies them side by side; sweeps touch nothing else, so that they stay in the cache. The
+others have no correction and get none: what velocities do between two looks is no matter to the list's proof
+(verlet.py).
 
 A part's copies (chunks.py) lie where its contacts begin, so that threads select side by side.
 """
@@ -28,9 +29,33 @@ from .chunks import CHUNK, chunks_in, wall_part_count
 from .record import Scene, wall_count
 from .stopping import gathered, is_going_on
 from .threads import Team, partial_index, thread_range
+from .verlet import monitor
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
+NEAR = wp.constant(
+    f64(0.25)
+)  # of the largest change of a correction: how near to a violation a contact is swept
+
+
+@wp.func
+def nearness(s: Scene) -> f64:
+    """How near to a violation a wall contact is swept [m/s], and half as near as a pair is.
+
+    Contacts that are violated now and then, in the last digits that still change, do not come and go so.
+    """
+    if s.step.iterations == 0:
+        return f64(0.0)
+    return wp.min(NEAR * s.step.zeta, s.tuning.nearest)
+
+
+@wp.func
+def see_skin(s: Scene, i: int):
+    """Monitor a grain, and see whether its skin also allows for contacts that are near to a violation."""
+    monitor(s, i)
+    allowed = wp.sqrt(number_at(s.verlet.peak_limit, i)) - nearness(s)
+    if allowed < f64(0.0) or number_at(s.verlet.peak_deviation, i) > allowed * allowed:
+        s.verlet.flags.list_expired = 1
 
 
 @wp.func
@@ -78,6 +103,7 @@ def select_pairs(team: Team, s: Scene, k: int):
     """Select the pairs of a set that are swept, and see by how much others are violated."""
     contacts, working, velocity = s.contacts, s.working, s.grains.next_velocity
     violation = f64(0.0)
+    near = f64(2.0) * nearness(s)
     start = contacts.set_start[k]
     stop = contacts.set_start[k + 1]
     first, last = thread_range(team, start // CHUNK, chunks_in(stop))
@@ -94,7 +120,7 @@ def select_pairs(team: Team, s: Scene, k: int):
             excess = wp.dot(vi - vj, normal_of(contacts.pairs, c)) - gap_rate_of(contacts.pairs, c)
             violation = larger(violation, wp.where(carries, f64(0.0), excess))
             set_integer(working.pair, end, c)
-            end += wp.where(carries or excess > f64(0.0), 1, 0)
+            end += wp.where(carries or excess + near > f64(0.0), 1, 0)
             c += 1
         for c in range(begin, end):
             copy_of_pair(s, c, integer_at(working.pair, c))
@@ -106,6 +132,7 @@ def select_pairs(team: Team, s: Scene, k: int):
 def select_walls(team: Team, s: Scene):
     """Select the wall contacts that are swept, and see by how much others are violated."""
     violation = f64(0.0)
+    near = nearness(s)
     inner = has_inner(s.walls)
     contact = WallContact()
     first, last = thread_range(team, 0, wall_part_count(s))
@@ -118,8 +145,10 @@ def select_walls(team: Team, s: Scene):
             v = vector_at(s.grains.next_velocity, contact.i)
             gap_out = outer_gap_rate(contact, v, s.walls)
             carries = contact.dv != f64(0.0) or before != f64(0.0)
-            dv = wall_projection(wp.dot(v, contact.n), contact.dv, gap_out, contact.gap_rate_in, inner)
-            if carries or dv != f64(0.0):
+            vn = wp.dot(v, contact.n)
+            dv = wall_projection(vn, contact.dv, gap_out, contact.gap_rate_in, inner)
+            nearly = wall_projection(vn, contact.dv, gap_out - near, contact.gap_rate_in - near, inner)
+            if carries or nearly != f64(0.0):
                 s.working.walls[end] = contact
                 s.working.wall[end] = c
                 s.working.wall_last[end] = before

@@ -94,6 +94,8 @@ def test_list_does_not_matter(make: Callable[..., Scene], monkeypatch: pytest.Mo
         strictest, _ = states(scene, 200)
     assert strictest == expected
     with monkeypatch.context() as patched:
+        nearest = tuning.nearest(scene)
+        patched.setattr(tuning, "nearest", lambda _scene: nearest)
         patched.setattr(Scene, "smallest_radius", 1e3)
         patched.setattr(tuning, "room", lambda _scene: 1e3)
         longest, long_lists = states(scene.replace(), 200)

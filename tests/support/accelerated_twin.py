@@ -51,6 +51,9 @@ class Pair:
     def violation(self, v: Velocities) -> float:
         return max(0.0, self.vn(v) - self.gap)
 
+    def is_near(self, v: Velocities, near: float) -> bool:
+        return self.vn(v) - self.gap + 2.0 * near > 0.0
+
     def cost(self, dv: float, v: Velocities) -> float:
         return dv * self.gap
 
@@ -92,6 +95,13 @@ class Wall:
 
     def violation(self, v: Velocities) -> float:
         return abs(self.corrected(v, 0.0, 1.0)[1])
+
+    def is_near(self, v: Velocities, near: float) -> bool:
+        vn = self.vn(v)
+        projected = max(0.0, vn - (self.outer(v) - near))
+        if self.inner is not None:
+            projected -= max(0.0, -vn - (self.inner - near))
+        return projected != 0.0
 
     def cost(self, dv: float, v: Velocities) -> float:
         return dv * self.outer(v) if dv >= 0.0 or self.inner is None else -dv * self.inner
@@ -156,22 +166,22 @@ class AcceleratedTwin:
             contact.apply(v, contact.dv)
         return v
 
-    def _look(self) -> float:
+    def _look(self, zeta: float) -> float:
         """Choose the working set; return by how much the contacts without corrections are violated."""
+        near = min(0.25 * zeta, 0.01 * float(self.scene.radius.min()) / self.scene.dt)
         self._working, violation = [], 0.0
         for c in self._contacts:
             carries = c.dv != 0.0 or c.last != 0.0
-            excess = 0.0 if carries else c.violation(self._v)
-            if carries or excess > 0.0:
+            if carries or c.is_near(self._v, near):
                 self._working.append(c)
-            violation = max(violation, excess)
+            violation = max(violation, 0.0 if carries else c.violation(self._v))
         return violation
 
     def _iterate(self) -> None:
         scene = self.scene
         on_residual = scene.stop != "zeta"
         self._v_last, self._t, self._beta, self._rho = self._v.copy(), 1.0, 0.0, 0.25
-        self._look()
+        self._look(0.0)
         for k in range(1, scene.max_iterations + 1):
             kept = self._sweep()
             self.iterations = k
@@ -188,7 +198,7 @@ class AcceleratedTwin:
                 if on_residual and self.residual <= scene.tolerance:
                     return
             if k in (1, 2, 4, 8) or k % 10 == 0 or quiet or k == scene.max_iterations:
-                violation = self._look()
+                violation = self._look(self.zeta)
                 if not on_residual and kept:
                     self.zeta = max(self.zeta, violation)
                 if quiet and self.zeta <= scene.tolerance:

@@ -82,7 +82,7 @@ class SceneRecords:
             host["walls"][name] = [getattr(scene, name) for scene in scenes]
         host["walls"]["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
-        for name in ("room", "rounding", "tile", "monitor_threshold"):
+        for name in ("room", "rounding", "tile", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
         host["tuning"]["acceleration"] = np.hypot(*host["gravity"].T)
         host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]

@@ -19,6 +19,7 @@ BASE_SKIN = 0.12  # of the smallest radius: how far grains may at first stray be
 NO_SKIN = -1.0  # of a scene without a list: the next step asks for one
 RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteration starts
 MONITOR_THRESHOLD = 0.3  # of a base skin: what a grain may stray in a step without being monitored
+NEAREST = 0.01  # radii a step: half of the narrowest skin (kernels/skins.py)
 TILE = {"sequential": 32768, "color": 4096}  # pairs interleaved: many hide latency, few fit in cache
 STRIP_GRAINS = 20_000  # from which threads with strips of their own gain far more than they wait
 HOST_FEW, HOST_MANY = 150.0, 0.2  # sweeps that the host takes as long as for a step of n grains: a + b n
@@ -48,6 +49,11 @@ def rounding(scene: Scene) -> float:
 def monitor_threshold(scene: Scene) -> float:
     """Return the change of a velocity that need not be monitored, in base skins [1/s]."""
     return MONITOR_THRESHOLD / scene.dt
+
+
+def nearest(scene: Scene) -> float:
+    """Return how near to a violation contacts are swept, at most [m/s]."""
+    return NEAREST * scene.smallest_radius / scene.dt
 
 
 def tile(scene: Scene) -> int:
