@@ -4,10 +4,8 @@ python -m tests.bench.batch -o tests/bench/results/batch.csv
 """
 
 import argparse
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from warpgrains.console import start_warp
 
 from .compiled import COMPILER, CReference
 from .piles import pile
-from .rows import SPEEDUP, Subject, Table, row
+from .rows import SPEEDUP, Subject, open_table, row
 from .timing import in_turn, say, seconds
 
 SCENES = 1_000
@@ -136,9 +134,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--scenes", type=int, default=SCENES, help=f"in a batch (default: {SCENES:,})")
     chosen = parser.parse_args(arguments)
     start_warp()
-    with ExitStack() as stack:
-        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
-        table = Table(file)
+    with open_table(chosen.output) as table:
         for cells in figures(chosen.scenes, chosen.repeats):
             say("  " + ", ".join(filter(None, cells.values())))
             table.add(cells)

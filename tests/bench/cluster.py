@@ -18,7 +18,7 @@ from statistics import mean
 
 from distributed import LocalCluster
 
-from .rows import Subject, Table, row
+from .rows import Subject, open_table, row
 from .timing import in_turn, say, seconds
 
 SWEEP = """
@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> None:
     chosen = parse(arguments)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
+        table = stack.enter_context(open_table(chosen.output))
         sweep = folder / "sweep.toml"
         sweep.write_text(SWEEP.format(runs=chosen.runs, duration=chosen.duration))
         here, there = in_turn(chosen.repeats, partial(_here, sweep), partial(_on_cluster, sweep))
@@ -61,7 +61,7 @@ def main(arguments: list[str] | None = None) -> None:
         subject = Subject(name, chosen.runs, threads=str(WORKERS))
         cells = row(subject, there, "s", f"{WORKERS} threads of one process", here, target="<= 1.15")
         say(", ".join(filter(None, cells.values())))
-        Table(file).add(cells)
+        table.add(cells)
 
 
 def _read(table: Path) -> list[dict[str, str]]:

@@ -11,10 +11,8 @@ method leaves with no tolerance; how far clarabel's is from it is said, with wha
 
 import argparse
 import resource
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from time import process_time
@@ -28,7 +26,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
 from warpgrains.scene.document import shipped_scenes
 
-from .rows import SPEEDUP, Subject, Table, row
+from .rows import SPEEDUP, Subject, open_table, row
 from .timing import say
 
 MARKS = {"settling": 0.8, "creeping": 2.0, "resting": 4.0}  # s
@@ -198,9 +196,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--cache", type=Path, default=cache, help=f"piles (default: {cache})")
     options = parser.parse_args(arguments)
     start_warp()
-    with ExitStack() as stack:
-        file = stack.enter_context(options.output.open("w", newline="")) if options.output else sys.stdout
-        table = Table(file)
+    with open_table(options.output) as table:
         for part in options.only:
             for cells in PARTS[part](options):
                 say("  " + ", ".join(filter(None, cells.values())))

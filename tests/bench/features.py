@@ -9,11 +9,8 @@ cannot do nothing: here they have as many sweeps a step as the plain method in t
 """
 
 import argparse
-import csv
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -28,6 +25,7 @@ from warpgrains.scene.state import Corrections, first_state
 
 from .flow import ACCELERATED, flowing
 from .piles import ITERATIONS, settled_pile
+from .rows import open_table
 from .timing import in_turn, say, seconds
 
 COLUMNS = ("scene", "feature", "with_us", "without_us", "ratio_min", "ratio_median", "ratio_max")
@@ -165,14 +163,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--cache", type=Path, default=cache, help=f"settled piles (default: {cache})")
     chosen = parser.parse_args(arguments)
     start_warp()
-    with ExitStack() as stack:
-        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
-        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        table.writeheader()
+    with open_table(chosen.output, COLUMNS) as table:
         for case in cases(chosen.cache, chosen.largest):
             for name in FEATURES:
-                table.writerow(cost(case, name, chosen.repeats))
-                file.flush()
+                table.add(cost(case, name, chosen.repeats))
 
 
 if __name__ == "__main__":

@@ -7,10 +7,7 @@ from the true circles. Programs that are not installed (extra `[bench]`) are lef
 """
 
 import argparse
-import csv
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from time import process_time
@@ -25,6 +22,7 @@ from warpgrains.console import start_warp
 
 from .flow import DURATION, flowing
 from .peer_programs import FRAME, Box2d, Lammps, Pymunk, Warpgrains
+from .rows import open_table
 from .timing import say
 
 COLUMNS = (
@@ -134,15 +132,11 @@ def main(arguments: list[str] | None = None) -> None:
     chosen = parser.parse_args(arguments)
     start_warp()
     measured = []
-    with ExitStack() as stack:
-        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
-        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        table.writeheader()
+    with open_table(chosen.output, COLUMNS) as table:
         for n in chosen.grains:
             for cells in rows(n):
                 say(", ".join(cells.values()))
-                table.writerow(cells)
-                file.flush()
+                table.add(cells)
                 measured.append(cells)
     if chosen.picture:
         draw(measured, chosen.picture)

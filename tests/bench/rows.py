@@ -1,7 +1,9 @@
 """What was measured: one row a figure, written as CSV and read back."""
 
 import csv
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -80,14 +82,21 @@ def is_reached(cells: dict[str, str]) -> bool | None:
 class Table:
     """A CSV file that grows row by row, so that what is measured is kept."""
 
-    def __init__(self, file: TextIO):
-        self._file, self._writer = file, csv.DictWriter(file, COLUMNS, lineterminator="\n")
+    def __init__(self, file: TextIO, columns: Sequence[str]):
+        self._file, self._writer = file, csv.DictWriter(file, columns, lineterminator="\n")
         self._writer.writeheader()
 
-    def add(self, cells: dict[str, str]) -> None:
+    def add(self, cells: Mapping[str, object]) -> None:
         """Write one row."""
         self._writer.writerow(cells)
         self._file.flush()
+
+
+@contextmanager
+def open_table(output: Path | None, columns: Sequence[str] = COLUMNS) -> Iterator[Table]:
+    """Open a table in a file, or on the standard output."""
+    with output.open("w", newline="") if output else nullcontext(sys.stdout) as file:
+        yield Table(file, columns)
 
 
 def read(path: Path) -> list[dict[str, str]]:

@@ -8,10 +8,7 @@ end from a run of second order with 3,200 steps; from that run, one with 1,600 h
 """
 
 import argparse
-import csv
-import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +20,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
 from warpgrains.report.rows import SCHEMES, SECOND_ORDER
 
+from .rows import open_table
 from .timing import say
 
 COLUMNS = ("grains", "time", "steps", "scheme", "seconds", "error", "error_min", "error_max", "own", "gain")
@@ -144,14 +142,11 @@ def main(arguments: list[str] | None = None) -> None:
     chosen = parser.parse_args(arguments)
     start_warp()
     measured: list[dict[str, Any]] = []
-    with ExitStack() as stack:
-        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
-        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        table.writeheader()
+    with open_table(chosen.output, COLUMNS) as table:
         for grains, time in CASES:
             say(f"  {grains} grains")
             for row in rows(grains, time, chosen.starts):
-                table.writerow({name: _shown(value) for name, value in row.items()})
+                table.add({name: _shown(value) for name, value in row.items()})
                 measured.append(row)
     if chosen.picture:
         draw(measured).savefig(chosen.picture, dpi=120, pil_kwargs={"optimize": True})

@@ -7,9 +7,7 @@ plain Gauss-Seidel; the default is a part of them, in which the first grains hav
 """
 
 import argparse
-import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,7 +17,7 @@ from warpgrains import Scene, Simulation
 from warpgrains.console import start_warp
 from warpgrains.scene.validity import ORDERS
 
-from .rows import SPEEDUP, Subject, Table, row
+from .rows import SPEEDUP, Subject, open_table, row
 from .timing import say
 
 SETTLING = 200  # steps of dt 0.01 s
@@ -104,9 +102,7 @@ def main() -> None:
     parser.add_argument("--order", choices=ORDERS, default="sequential")
     chosen = parser.parse_args()
     start_warp()
-    with ExitStack() as stack:
-        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
-        table = Table(file)
+    with open_table(chosen.output) as table:
         for cells in compare(chosen.steps, chosen.every, chosen.order):
             table.add(cells)
 

@@ -7,10 +7,8 @@ Wants a machine with nothing else to do, Linux, and gcc.
 
 import argparse
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from warpgrains.console import start_warp
 
 from . import accelerated, against_c, lists, moving, scaling, solo, threads
 from .options import Options
-from .rows import Table
+from .rows import Table, open_table
 from .timing import say, seconds
 
 PARTS: dict[str, Callable[[Options], Iterator[dict[str, str]]]] = {
@@ -62,9 +60,7 @@ def main(arguments: list[str] | None = None) -> None:
     start_warp()
     options = options_of(chosen)
     say(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.2f}, {options.repeats} repeats")
-    with ExitStack() as stack:
-        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
-        table = Table(file)
+    with open_table(chosen.output) as table:
         for part in chosen.only:
             taken = seconds(partial(_measure, part, options, table))
             say(f"{part}: {taken:.1f} s")

@@ -10,10 +10,7 @@ ratio of the means, `same_median` the median of all steps' ratios.
 """
 
 import argparse
-import csv
-import sys
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +21,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
 from warpgrains.scene.scheme import SCHEMES
 
+from .rows import open_table
 from .timing import say
 
 COLUMNS = (
@@ -102,13 +100,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, default=STEPS, help=f"steps of each (default: {STEPS})")
     chosen = parser.parse_args(arguments)
     start_warp()
-    with ExitStack() as stack:
-        file = stack.enter_context(chosen.output.open("w", newline="")) if chosen.output else sys.stdout
-        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        table.writeheader()
+    with open_table(chosen.output, COLUMNS) as table:
         for counted in rows(chosen.starts, chosen.steps):
-            table.writerow(counted)
-            file.flush()
+            table.add(counted)
 
 
 if __name__ == "__main__":
