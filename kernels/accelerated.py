@@ -15,23 +15,12 @@ Only the working set is swept (working_set.py).
 import warp as wp
 
 from . import law
-from .access import (
-    first_of,
-    gap_rate_of,
-    larger,
-    normal_of,
-    number_at,
-    read_wall,
-    second_of,
-    set_number,
-    set_vector,
-    set_wall_dv,
-    vector_at,
-)
+from .access import first_of, larger, number_at, read_wall, set_number, set_vector, set_wall_dv, vector_at
 from .chunks import CHUNK, chunks_in, part_count, wall_part_count
+from .lanes import FOUR, lanes
 from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
-from .types import Contacts, Grains, Vectors, WorkingSet
+from .types import Contacts, Grains, WorkingSet
 from .walls import WallContact, has_inner, outer_gap_rate, wall_cost, wall_projection
 
 f64 = wp.float64
@@ -53,38 +42,64 @@ def relaxation_factor(s: Scene) -> f64:
     return f64(1.0) + s.momentum.state.relaxation * s.momentum.state.beta
 
 
-@wp.func
-def correct_pair(
-    velocity: Vectors, working: WorkingSet, c: int, shares: wp.vec3d, momentum: wp.vec2d
-) -> wp.vec3d:
-    """One pair's correction from y, in place. Returns |dv|, cost in phi less gain, slope.
+def sweeping(count: int, weighted: bool) -> wp.Function:
+    """Return the function that corrects working pairs from y, in place, so many at a time (lanes.py).
 
-    `shares` are those of the grains and mu_c, `momentum` is beta and the over-relaxation.
+    It takes `(scene, begin, end)` and returns the largest |dv|, the cost in phi less the gain, and the slope.
     """
-    i = first_of(working.pairs, c)
-    j = second_of(working.pairs, c)
-    n = normal_of(working.pairs, c)
-    gap_rate = gap_rate_of(working.pairs, c)
-    x = number_at(working.pair_dv, c)
-    ahead = momentum[0] * (x - number_at(working.pair_last, c))
-    vi = vector_at(velocity, i)
-    vj = vector_at(velocity, j)
-    excess = wp.dot(vi - vj, n) - gap_rate
-    dv = law.pair_correction(momentum[1] * excess, x + ahead, f64(0.0))
-    set_vector(velocity, i, vi - dv * n * shares[0])
-    set_vector(velocity, j, vj + dv * n * shares[1])
-    set_number(working.pair_last, c, x)
-    set_number(working.pair_dv, c, x + ahead + dv)
-    rise = gap_rate * ahead - ENOUGH * dv * (excess - f64(0.5) * dv)
-    return wp.vec3d(wp.abs(dv), shares[2] * rise, -shares[2] * dv * (ahead + dv))
+    several = lanes(count)
+    vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
+    sum_of, product_of, larger_of = several.sum_of, several.product_of, several.larger_of
+    approach, push_apart = several.approach, several.push_apart
+
+    @wp.func
+    def shares_of(grains: Grains, working: WorkingSet, c: int):
+        """Parts of the corrections that grains i and j take, and mu_c."""
+        share_i, share_j, mu = vector(), vector(), vector()
+        for k in range(wp.static(count)):
+            weight = vector_at(working.weights, c + k)
+            share_i[k] = weight[0]
+            share_j[k] = weight[1]
+            mu[k] = number_at(grains.mass, first_of(working.pairs, c + k)) * weight[0]
+        return share_i, share_j, mu
+
+    @wp.func
+    def sweep(s: Scene, begin: int, end: int):
+        grains, working = s.grains, s.working
+        beta, factor = s.momentum.state.beta, relaxation_factor(s)
+        half = f64(0.5)
+        share_i, share_j, mu = vector(half), vector(half), vector(half)  # by unit mass where all are equal
+        zeta, rise, slope = vector(), vector(), vector()
+        c = int(begin)
+        while c < end:
+            if wp.static(weighted):
+                share_i, share_j, mu = shares_of(grains, working, c)
+            gap_rate = numbers_at(working.gap_rate, c)
+            x = numbers_at(working.pair_dv, c)
+            ahead = beta * (x - numbers_at(working.pair_last, c))
+            y = x + ahead
+            excess = approach(grains.next_velocity, working.pairs, c) - gap_rate
+            dv = vector()
+            for k in range(wp.static(count)):
+                dv[k] = law.pair_correction(factor * excess[k], y[k], f64(0.0))
+            zeta = larger_of(zeta, larger_of(dv, -dv))
+            push_apart(grains.next_velocity, working.pairs, c, dv, share_i, share_j)
+            set_numbers(working.pair_last, c, x)
+            set_numbers(working.pair_dv, c, y + dv)
+            gain = product_of(dv, excess - half * dv)
+            rise = sum_of(rise, product_of(mu, product_of(gap_rate, ahead) - ENOUGH * gain))
+            slope = sum_of(slope, product_of(mu, product_of(dv, ahead + dv)))
+            c += wp.static(count)
+        total = wp.vec3d()
+        for k in range(wp.static(count)):
+            total = wp.vec3d(larger(total[0], zeta[k]), total[1] + rise[k], total[2] - slope[k])
+        return total
+
+    return sweep
 
 
-@wp.func
-def shares_of(grains: Grains, working: WorkingSet, c: int) -> wp.vec3d:
-    """Parts of a pair's correction that its grains take, and mu_c."""
-    weight = vector_at(working.weights, c)
-    mass = number_at(grains.mass, first_of(working.pairs, c))
-    return wp.vec3d(weight[0], weight[1], mass * weight[0])
+sweep_four, sweep_one = sweeping(FOUR, False), sweeping(1, False)
+sweep_four_weighted, sweep_one_weighted = sweeping(FOUR, True), sweeping(1, True)
 
 
 @wp.func
@@ -112,25 +127,22 @@ def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
 
 @wp.func
 def sweep_pairs_ahead(team: Team, s: Scene, k: int):
-    """Correct the working pairs of a set."""
+    """Correct the working pairs of a set, four at a time and then those that are left."""
     zeta = f64(0.0)
-    grains, working = s.grains, s.working
-    momentum = wp.vec2d(s.momentum.state.beta, relaxation_factor(s))
-    weighted = working.weights.shape[0] > 0
-    shares = wp.vec3d(f64(0.5), f64(0.5), f64(0.5))  # by unit mass where all masses are equal
+    weighted = s.working.weights.shape[0] > 0
     first, last = thread_range(team, s.contacts.set_start[k] // CHUNK, chunks_in(s.contacts.set_start[k + 1]))
     for chunk in range(first, last):
-        part = wp.vec2d(f64(0.0), f64(0.0))
-        bounds = working.pair_range[chunk + k]
-        c = bounds[0]
-        while c < bounds[1]:
-            if weighted:
-                shares = shares_of(grains, working, c)
-            result = correct_pair(grains.next_velocity, working, c, shares, momentum)
-            part = part + wp.vec2d(result[1], result[2])
-            zeta = larger(zeta, result[0])
-            c += 1
-        s.momentum.pair_part[chunk + k] = part
+        four, one = wp.vec3d(), wp.vec3d()
+        bounds = s.working.pair_range[chunk + k]
+        rest = bounds[1] - (bounds[1] - bounds[0]) % FOUR
+        if weighted:
+            four = sweep_four_weighted(s, bounds[0], rest)
+            one = sweep_one_weighted(s, rest, bounds[1])
+        else:
+            four = sweep_four(s, bounds[0], rest)
+            one = sweep_one(s, rest, bounds[1])
+        s.momentum.pair_part[chunk + k] = wp.vec2d(four[1] + one[1], four[2] + one[2])
+        zeta = larger(zeta, larger(four[0], one[0]))
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 
 

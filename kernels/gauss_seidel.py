@@ -99,7 +99,7 @@ def sweep_walls(team: Team, s: Scene):
         change = correct_wall(velocity, contacts, c, wall, inner)
         zeta = larger(zeta, change)
         if change > large:
-            monitor(s, wall.i)
+            monitor(s, wall.i, f64(0.0))
         c += 1
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 

@@ -117,7 +117,7 @@ class Verlet:
     """What proves that no contact is missing from the list (verlet.py)."""
 
     peak_deviation: Floats  # per grain, largest p_i^2 of the step so far [m2/s2]
-    peak_limit: Floats  # the p_i^2 that its skin allows [m2/s2]
+    peak_limit: Floats  # the p_i that its skin allows [m/s]
     recent_deviation: Floats  # p_i of the last step [m/s]
     skin: Floats  # how far it may stray without meeting an absent contact [m]
     reference_position: Vectors  # when the list was built [m]
@@ -154,6 +154,7 @@ class WorkingSet:
     """The contacts that are swept, by part (working_set.py). Empty in scenes that do not accelerate."""
 
     pairs: wp.array(dtype=Pair)
+    gap_rate: Floats  # of the pairs [m/s]
     pair: Ints  # its place among all
     pair_dv: Floats  # [m/s]
     pair_last: Floats  # before the last sweep [m/s]

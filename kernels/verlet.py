@@ -25,7 +25,7 @@ the residual is measured (working_set.py).
 import warp as wp
 
 from . import law
-from .access import number_at, set_number, vector_at
+from .access import larger, number_at, set_number, vector_at
 from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
 from .types import Pair
 from .walls import is_near_wall
@@ -68,20 +68,21 @@ def least_monitored_correction(s: Scene) -> f64:
 
 
 @wp.func
-def monitor(s: Scene, i: int):
-    """Keep the peak deviation of grain i, and see whether its skin still allows it."""
+def monitor(s: Scene, i: int, more: f64):
+    """Keep the peak deviation of grain i, and see whether its skin allows that and so much more [m/s]."""
     peak = wp.length_sq(deviation(s, vector_at(s.grains.next_velocity, i), i))
-    if peak > number_at(s.verlet.peak_deviation, i):
-        set_number(s.verlet.peak_deviation, i, peak)
-        if peak > number_at(s.verlet.peak_limit, i):
-            s.verlet.flags.list_expired = 1
+    peak = larger(number_at(s.verlet.peak_deviation, i), peak)
+    set_number(s.verlet.peak_deviation, i, peak)
+    allowed = number_at(s.verlet.peak_limit, i) - more
+    if allowed < f64(0.0) or peak > allowed * allowed:
+        s.verlet.flags.list_expired = 1
 
 
 @wp.func(inline=False)
 def monitor_pair(s: Scene, pair: Pair):
     """Monitor both grains; called, as it is seldom, so that a sweep's loop stays short."""
-    monitor(s, pair.i)
-    monitor(s, pair.j)
+    monitor(s, pair.i, f64(0.0))
+    monitor(s, pair.j, f64(0.0))
 
 
 @wp.func
@@ -163,7 +164,7 @@ def begin_peak(s: Scene, i: int):
     set_number(s.verlet.peak_deviation, i, peak)
     path = displacement(s, vector_at(s.grains.position, i), i)
     allowed = (number_at(s.verlet.skin, i) - path) / s.dt
-    set_number(s.verlet.peak_limit, i, wp.max(f64(0.0), allowed) * allowed)
+    set_number(s.verlet.peak_limit, i, wp.max(f64(0.0), allowed))
 
 
 @wp.func

@@ -12,20 +12,18 @@ import warp as wp
 
 from .access import (
     copy_pair,
-    first_of,
     gap_rate_of,
     integer_at,
     larger,
-    normal_of,
     number_at,
     read_wall,
-    second_of,
     set_integer,
     set_number,
     set_vector,
     vector_at,
 )
 from .chunks import CHUNK, chunks_in, wall_part_count
+from .lanes import FOUR, lanes
 from .record import Scene, wall_count
 from .stopping import gathered, is_going_on
 from .threads import Team, partial_index, thread_range
@@ -52,10 +50,7 @@ def nearness(s: Scene) -> f64:
 @wp.func
 def see_skin(s: Scene, i: int):
     """Monitor a grain, and see whether its skin also allows for contacts that are near to a violation."""
-    monitor(s, i)
-    allowed = wp.sqrt(number_at(s.verlet.peak_limit, i)) - nearness(s)
-    if allowed < f64(0.0) or number_at(s.verlet.peak_deviation, i) > allowed * allowed:
-        s.verlet.flags.list_expired = 1
+    monitor(s, i, nearness(s))
 
 
 @wp.func
@@ -91,40 +86,64 @@ def pause_unless_listed(s: Scene):
 @wp.func
 def copy_of_pair(s: Scene, c: int, k: int):
     """Make the working pair at place c that of the contact at place k."""
+    set_integer(s.working.pair, c, k)
     copy_pair(s.working.pairs, c, s.contacts.pairs, k)
+    set_number(s.working.gap_rate, c, gap_rate_of(s.contacts.pairs, k))
     set_number(s.working.pair_dv, c, number_at(s.contacts.pair_dv, k))
     set_number(s.working.pair_last, c, number_at(s.momentum.pair_last, k))
     if s.contacts.weights.shape[0] > 0:
         set_vector(s.working.weights, c, vector_at(s.contacts.weights, k))
 
 
+def selecting(count: int) -> wp.Function:
+    """Return the function that selects pairs of [begin, end), so many at a time (lanes.py).
+
+    It takes `(scene, begin, end, place)`, the first place in the working set, and returns the place after the
+    last pair, and by how much others are violated.
+    """
+    several = lanes(count)
+    numbers_at, approach = several.numbers_at, several.approach
+
+    @wp.func
+    def select(s: Scene, begin: int, end: int, place: int):
+        contacts = s.contacts
+        near = f64(2.0) * nearness(s)
+        violation = f64(0.0)
+        free = int(place)
+        c = int(begin)
+        while c < end:
+            vn = approach(s.grains.next_velocity, contacts.pairs, c)
+            carried = numbers_at(contacts.pair_dv, c) + numbers_at(s.momentum.pair_last, c)
+            for k in range(wp.static(count)):
+                excess = vn[k] - gap_rate_of(contacts.pairs, c + k)
+                carries = carried[k] > f64(0.0)
+                violation = larger(violation, wp.where(carries, f64(0.0), excess))
+                copy_of_pair(s, free, c + k)
+                free += wp.where(carries or excess + near > f64(0.0), 1, 0)
+            c += wp.static(count)
+        return free, violation
+
+    return select
+
+
+select_four, select_one = selecting(FOUR), selecting(1)
+
+
 @wp.func
 def select_pairs(team: Team, s: Scene, k: int):
     """Select the pairs of a set that are swept, and see by how much others are violated."""
-    contacts, working, velocity = s.contacts, s.working, s.grains.next_velocity
     violation = f64(0.0)
-    near = f64(2.0) * nearness(s)
-    start = contacts.set_start[k]
-    stop = contacts.set_start[k + 1]
+    start = s.contacts.set_start[k]
+    stop = s.contacts.set_start[k + 1]
     first, last = thread_range(team, start // CHUNK, chunks_in(stop))
     for chunk in range(first, last):
         begin = wp.max(start, chunk * CHUNK)
-        end = int(begin)
-        c = int(begin)
-        while c < wp.min(stop, (chunk + 1) * CHUNK):
-            carries = number_at(contacts.pair_dv, c) != f64(0.0) or number_at(s.momentum.pair_last, c) != f64(
-                0.0
-            )
-            vi = vector_at(velocity, first_of(contacts.pairs, c))
-            vj = vector_at(velocity, second_of(contacts.pairs, c))
-            excess = wp.dot(vi - vj, normal_of(contacts.pairs, c)) - gap_rate_of(contacts.pairs, c)
-            violation = larger(violation, wp.where(carries, f64(0.0), excess))
-            set_integer(working.pair, end, c)
-            end += wp.where(carries or excess + near > f64(0.0), 1, 0)
-            c += 1
-        for c in range(begin, end):
-            copy_of_pair(s, c, integer_at(working.pair, c))
-        working.pair_range[chunk + k] = wp.vec2i(begin, end)
+        end = wp.min(stop, (chunk + 1) * CHUNK)
+        rest = end - (end - begin) % FOUR
+        after_four, violation_of_four = select_four(s, begin, rest, begin)
+        after, violation_of_one = select_one(s, rest, end, after_four)
+        violation = larger(violation, larger(violation_of_four, violation_of_one))
+        s.working.pair_range[chunk + k] = wp.vec2i(begin, after)
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), violation)
 
 

@@ -102,7 +102,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("wall_last", "wall_part", "last_velocity", "grain_part"), ahead * n),
         },
         "working": {
-            **dict.fromkeys(("pairs", "pair", "pair_dv", "pair_last"), ahead * pairs),
+            **dict.fromkeys(("pairs", "gap_rate", "pair", "pair_dv", "pair_last"), ahead * pairs),
             "weights": ahead * pairs * size.weighted,
             "pair_range": ahead * parts,
             **dict.fromkeys(("walls", "wall", "wall_last", "wall_range"), ahead * n),
