@@ -82,7 +82,7 @@ def test_annulus_is_the_scene_of_the_course(c_library: ctypes.CDLL) -> None:
 def test_shipped_scene(reference: MakeReference, simulate: Simulate, name: str) -> None:
     """From its start, and again where its grains have come to lie on each other."""
     scene = Scene.load(name)
-    reports = step_both(simulate(scene), reference(scene), steps=max(30, simulate.of(100)))
+    reports = step_both(simulate(scene), reference(scene), steps=max(30, simulate.of(60)))
     later = simulate(scene)
     later.restore(after(scene, 400))
     reports += step_both(later, reference(scene, later.state()), steps=5)
@@ -98,7 +98,7 @@ def test_pile_that_settles(reference: MakeReference, simulate: Simulate) -> None
     scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
     simulation = simulate(scene)
     simulation.restore(after(scene, 200))
-    reports = step_both(simulation, reference(scene, simulation.state()), steps=2)
+    reports = step_both(simulation, reference(scene, simulation.state()), steps=max(1, simulate.of(2)))
     assert min(report.contacts for report in reports) > scene.n
 
 

@@ -20,9 +20,9 @@ def scene(order: str, method: str = "gauss-seidel") -> Scene:
     return Scene.load("polydisperse").replace(order=order, method=method, max_iterations=100)
 
 
-def final_state(order: str, method: str = "gauss-seidel", **options: int) -> State:
+def final_state(order: str, method: str = "gauss-seidel", steps: int = STEPS, **options: int) -> State:
     simulation = Simulation(scene(order, method), **options)
-    simulation.run(steps=STEPS)
+    simulation.run(steps=steps)
     return simulation.state()
 
 
@@ -54,9 +54,9 @@ def assert_same_lists(state: State, expected: State) -> None:
         assert np.array_equal(getattr(state.lists, name), listed)
 
 
-@pytest.mark.parametrize("threads", [2, 3])
-def test_threads(order: str, method: str, expected: State, threads: int) -> None:
-    state = final_state(order, method, threads=threads)
+@pytest.mark.parametrize(("threads", "steps"), [(2, STEPS), (3, STEPS * 5 // 8)])
+def test_threads(order: str, method: str, threads: int, steps: int) -> None:
+    state, expected = (final_state(order, method, steps, threads=count) for count in (threads, 1))
     assert_same_bits(state, expected)
     assert_same_lists(state, expected)
 

@@ -7,22 +7,23 @@ import pytest
 from warpgrains import Scene, Simulation
 
 WAYS = [
-    pytest.param((1, True), id="1 thread"),
-    pytest.param((2, True), id="2 threads", marks=pytest.mark.slow),
-    pytest.param((1, False), id="1 thread, a list every step", marks=pytest.mark.slow),
-    pytest.param((2, False), id="2 threads, a list every step", marks=pytest.mark.slow),
+    pytest.param((1, True, 1), id="1 thread"),
+    pytest.param((2, True, 10), id="2 threads", marks=pytest.mark.slow),
+    pytest.param((1, False, 5), id="1 thread, a list every step", marks=pytest.mark.slow),
+    pytest.param((2, False, 10), id="2 threads, a list every step", marks=pytest.mark.slow),
 ]
 
 
 @dataclass(frozen=True)
 class Simulate:
-    """A way to simulate a scene; all but the first are tested for fewer steps."""
+    """A way to simulate a scene; all but the first are tested for a share of the steps."""
 
     threads: int
     use_again: bool
+    share: int
 
     def __call__(self, scene: Scene) -> Simulation:
         return Simulation(scene, threads=self.threads)
 
     def of(self, steps: int) -> int:
-        return steps if (self.threads, self.use_again) == (1, True) else steps // 5
+        return steps // self.share
