@@ -127,6 +127,18 @@ def read_wall(walls: wp.array(dtype=WallContact), c: int, wall: wp.ref[WallConta
     ...
 
 
+@wp.func_native("walls.data[c] = wall;")
+def set_wall(walls: wp.array(dtype=WallContact), c: int, wall: WallContact):
+    """Write a contact with a wall."""
+    ...
+
+
+@wp.func_native("return walls.data[c].dv;")
+def wall_dv_at(walls: wp.array(dtype=WallContact), c: int) -> f64:
+    """Read the correction of a contact with a wall."""
+    ...
+
+
 @wp.func_native("walls.data[c].dv = value;")
 def set_wall_dv(walls: wp.array(dtype=WallContact), c: int, value: f64):
     """Write the correction of a contact with a wall."""

@@ -20,7 +20,10 @@ from .access import (
     set_integer,
     set_number,
     set_vector,
+    set_wall,
+    set_wall_dv,
     vector_at,
+    wall_dv_at,
 )
 from .chunks import CHUNK, chunks_in, wall_part_count
 from .lanes import FOUR, lanes
@@ -70,9 +73,9 @@ def put_back_walls(s: Scene, part: int):
     working = s.working
     bounds = working.wall_range[part]
     for c in range(bounds[0], bounds[1]):
-        k = working.wall[c]
-        s.contacts.walls[k].dv = working.walls[c].dv
-        s.momentum.wall_last[k] = working.wall_last[c]
+        k = integer_at(working.wall, c)
+        set_wall_dv(s.contacts.walls, k, wall_dv_at(working.walls, c))
+        set_number(s.momentum.wall_last, k, number_at(working.wall_last, c))
 
 
 @wp.func
@@ -167,13 +170,11 @@ def select_walls(team: Team, s: Scene):
             vn = wp.dot(v, contact.n)
             dv = wall_projection(vn, contact.dv, gap_out, contact.gap_rate_in, inner)
             nearly = wall_projection(vn, contact.dv, gap_out - near, contact.gap_rate_in - near, inner)
-            if carries or nearly != f64(0.0):
-                s.working.walls[end] = contact
-                s.working.wall[end] = c
-                s.working.wall_last[end] = before
-                end += 1
-                if not carries:
-                    violation = wp.max(violation, wp.abs(dv))
+            set_wall(s.working.walls, end, contact)
+            set_integer(s.working.wall, end, c)
+            set_number(s.working.wall_last, end, before)
+            end += wp.where(carries or nearly != f64(0.0), 1, 0)
+            violation = larger(violation, wp.where(carries, f64(0.0), wp.abs(dv)))
         s.working.wall_range[part] = wp.vec2i(begin, end)
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), violation)
 
