@@ -112,7 +112,7 @@ def sample(s: Scene, i: int):
     """Take what grain i may have reached unmonitored, on the way to its velocity, into its peak."""
     v = vector_at(s.grains.next_velocity, i)
     peak = wp.length(deviation(s, v, i)) + s.verlet.numbers.sampled_change
-    s.verlet.peak_deviation[i] = wp.max(s.verlet.peak_deviation[i], peak * peak)
+    set_number(s.verlet.peak_deviation, i, larger(number_at(s.verlet.peak_deviation, i), peak * peak))
 
 
 @wp.func
