@@ -9,7 +9,7 @@ import warp as wp
 
 from .access import integer_at, number_at, set_integer, vector_at
 from .record import Scene, amid_sweeps, grain_count, is_accelerated
-from .types import Ints, NeighborList
+from .types import Floats, Ints, NeighborList
 from .verlet import stayed_off_walls
 from .walls import WallContact, is_near_wall
 
@@ -79,7 +79,8 @@ def fill_cell(s: Scene, i: int):
     w = s.verlet.reference_velocity[i] - s.verlet.numbers.mean_velocity
     path = s.verlet.numbers.lifetime * wp.length(w)
     s.grid.grain[k] = i
-    s.grid.position[k] = x
+    s.grid.x[k] = x[0]
+    s.grid.y[k] = x[1]
     s.grid.velocity[k] = w
     s.grid.skin[k] = s.grains.radius[i] + s.verlet.skin[i]
     s.grid.extent[k] = s.grid.skin[k] + path
@@ -94,51 +95,91 @@ def note_pair(s: Scene, a: int, b: int):
         s.neighbors.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
 
 
+NEAR = """
+    const double own = extent.data[k], x0 = x.data[k], y0 = y.data[k];
+    unsigned near = 0;
+#if defined(__CUDA_ARCH__)
+    for (int lane = 0; lane < 8; lane++) {
+        const int other = begin + lane;
+        const double its = extent.data[other], dx = x.data[other] - x0, dy = y.data[other] - y0;
+        const double reach = (own + its) * wide;
+        near |= (dx * dx + dy * dy <= reach * reach && (its < own || (its == own && other > k))) << lane;
+    }
+#else
+    typedef double Eight __attribute__((ext_vector_type(8), aligned(8)));
+    typedef bool Bits __attribute__((ext_vector_type(8)));
+    const Eight its = *(const Eight*)(extent.data + begin);
+    const Eight dx = *(const Eight*)(x.data + begin) - x0, dy = *(const Eight*)(y.data + begin) - y0;
+    const Eight reach = (own + its) * wide;
+    const auto within = (dx * dx + dy * dy <= reach * reach) & (its <= own);
+    near = __builtin_bit_cast(unsigned char, __builtin_convertvector(within, Bits));
+#endif
+    return end - begin < 8 ? near & ((1u << (end - begin)) - 1u) : near;
+"""
+
+
+@wp.func_native(NEAR)
+def near_mask(x: Floats, y: Floats, extent: Floats, k: int, begin: int, end: int, wide: f64) -> wp.uint32:
+    """Which of eight places from begin on are before end, and hold a grain that the one at k may find."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __ffs(bits) - 1;
+#else
+    return __builtin_ctz(bits);
+#endif
+""")
+def lowest_bit(bits: wp.uint32) -> int:
+    """The lowest bit that is set."""
+    ...
+
+
 @wp.func
 def find_pairs_among(s: Scene, k: int, begin: int, end: int):
     """Find the pairs of the grain at place k with those at begin <= other < end.
 
     Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first.
     """
-    position, extent = s.grid.position, s.grid.extent
-    velocity, skin, grain = s.grid.velocity, s.grid.skin, s.grid.grain
-    lifetime = s.verlet.numbers.lifetime
-    x = vector_at(position, k)
-    own = number_at(extent, k)
-    other = begin
-    while other < end:
-        d = vector_at(position, other) - x
-        its = number_at(extent, other)
-        reach = (own + its) * TOO_WIDE
-        if wp.dot(d, d) <= reach * reach and (its < own or (its == own and other > k)):
-            w = vector_at(velocity, other) - vector_at(velocity, k)
-            path = lifetime * wp.length(w)
-            reach = (number_at(skin, k) + number_at(skin, other) + path) * TOO_WIDE
-            if wp.dot(d, d) <= reach * reach:
-                note_pair(s, grain[k], grain[other])
-        other += 1
+    x, y, extent, velocity, skin = s.grid.x, s.grid.y, s.grid.extent, s.grid.velocity, s.grid.skin
+    first = begin
+    while first < end:
+        near = near_mask(x, y, extent, k, first, end, TOO_WIDE)
+        while near != wp.uint32(0):
+            other = first + lowest_bit(near)
+            near = near & (near - wp.uint32(1))
+            if number_at(extent, other) < number_at(extent, k) or other > k:
+                w = vector_at(velocity, other) - vector_at(velocity, k)
+                path = s.verlet.numbers.lifetime * wp.length(w)
+                reach = (number_at(skin, k) + number_at(skin, other) + path) * TOO_WIDE
+                d = wp.vec2d(number_at(x, other) - number_at(x, k), number_at(y, other) - number_at(y, k))
+                if wp.dot(d, d) <= reach * reach:
+                    note_pair(s, integer_at(s.grid.grain, k), integer_at(s.grid.grain, other))
+        first += 8
 
 
 @wp.func
 def find_pairs(s: Scene, k: int):
     """Find the pairs of the grain at place k in the cells around it, or among all where that is less."""
-    x = s.grid.position[k]
-    radius = f64(2.0) * s.grid.extent[k] * TOO_WIDE
+    x, y = number_at(s.grid.x, k), number_at(s.grid.y, k)
+    radius = f64(2.0) * number_at(s.grid.extent, k) * TOO_WIDE
     width = s.grid.width
-    first_x, last_x = cell_of(x[0] - radius, s.grid.size), cell_of(x[0] + radius, s.grid.size)
-    first_y, last_y = cell_of(x[1] - radius, s.grid.size), cell_of(x[1] + radius, s.grid.size)
+    first_x, last_x = cell_of(x - radius, s.grid.size), cell_of(x + radius, s.grid.size)
+    first_y, last_y = cell_of(y - radius, s.grid.size), cell_of(y + radius, s.grid.size)
     if last_x - first_x >= width or last_y - first_y >= width:
         find_pairs_among(s, k, 0, grain_count(s))
         return
+    start = s.grid.cell_start
     for cy in range(first_y, last_y + 1):
         first = bucket_of(first_x, cy, width)
         last = bucket_of(last_x, cy, width)
         if first <= last:
-            find_pairs_among(s, k, s.grid.cell_start[first], s.grid.cell_start[last + 1])
+            find_pairs_among(s, k, integer_at(start, first), integer_at(start, last + 1))
         else:  # the row of cells is wrapped around
             row = bucket_of(0, cy, width)
-            find_pairs_among(s, k, s.grid.cell_start[row], s.grid.cell_start[last + 1])
-            find_pairs_among(s, k, s.grid.cell_start[first], s.grid.cell_start[row + width])
+            find_pairs_among(s, k, integer_at(start, row), integer_at(start, last + 1))
+            find_pairs_among(s, k, integer_at(start, first), integer_at(start, row + width))
 
 
 @wp.func

@@ -81,7 +81,8 @@ class CellGrid:
     cell_start: Ints
     cell_cursor: Ints
     grain: Ints
-    position: Vectors  # [m]
+    x: Floats  # [m]
+    y: Floats  # [m]
     velocity: Vectors  # w_i beside their mean [m/s]
     skin: Floats  # with the radius [m]
     extent: Floats  # [m]

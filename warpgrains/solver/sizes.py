@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 Counts = NDArray[np.int64]
 FEW = 40  # grains that are not worth a grid
+SEARCHED_AT_ONCE = 8  # grains (kernels/neighbors.py)
 BINS = 4096  # of the coordinate that is cut into strips
 
 
@@ -109,7 +110,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "grid": {
             **dict.fromkeys(("cell_start", "cell_cursor"), cells),
-            **dict.fromkeys(("grain", "position", "velocity", "skin", "extent"), n),
+            **dict.fromkeys(("x", "y", "extent"), n + SEARCHED_AT_ONCE),
+            **dict.fromkeys(("grain", "velocity", "skin"), n),
         },
         "neighbors": rows,
         "workspace": {
