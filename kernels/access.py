@@ -79,6 +79,18 @@ def set_integer(integers: wp.array(dtype=wp.int32), c: int, value: int):
     ...
 
 
+@wp.func_native("return couples.data[k];")
+def couple_at(couples: wp.array(dtype=wp.vec2i), k: int) -> wp.vec2i:
+    """Read two integers."""
+    ...
+
+
+@wp.func_native("couples.data[k] = value;")
+def set_couple(couples: wp.array(dtype=wp.vec2i), k: int, value: wp.vec2i):
+    """Write two integers."""
+    ...
+
+
 @wp.func_native("pairs.data[c] = source.data[k];")
 def copy_pair(pairs: wp.array(dtype=Pair), c: int, source: wp.array(dtype=Pair), k: int):
     """Copy a pair from another array."""

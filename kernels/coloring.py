@@ -15,22 +15,22 @@ list has changed.
 import warp as wp
 
 from .access import bits_at, integer_at, set_bits, set_integer
-from .neighbors import is_at, place_in_row
 from .record import Scene, grain_count, pair_count
 from .types import Ints, NeighborList
 
 MASK_COLORS = wp.constant(64)
 
 
-@wp.func
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return ~used ? __ffsll(~used) - 1 : 64;
+#else
+    return ~used ? __builtin_ctzll(~used) : 64;
+#endif
+""")
 def lowest_free(used: wp.uint64) -> int:
     """The lowest bit that is not set, or 64."""
-    color = int(0)
-    left = used
-    while (left & wp.uint64(1)) != wp.uint64(0):
-        left = left >> wp.uint64(1)
-        color = color + 1
-    return color
+    ...
 
 
 @wp.func
@@ -51,15 +51,14 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
 @wp.func
 def keep_colors(s: Scene) -> int:
     """Let pairs of the old list keep their colors; others have -1. Returns the first extra one."""
-    rows, old, used, color = s.neighbors, s.workspace.old, s.workspace.used_colors, s.workspace.color
+    rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
     extra = int(MASK_COLORS)
     for i in range(grain_count(s)):
-        k_old = old.start[i]
         for k in range(rows.start[i], rows.start[i + 1]):
             j = rows.neighbor[k]
             color[k] = -1
-            k_old = place_in_row(old, i, j, k_old)
-            if is_at(old, i, j, k_old):
+            k_old = s.workspace.old_place[k]
+            if k_old >= 0:
                 kept = s.workspace.old_color[k_old]
                 color[k] = kept
                 extra = wp.max(extra, kept + 1)

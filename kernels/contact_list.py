@@ -13,7 +13,7 @@ from .access import (
     triple_at,
     vector_at,
 )
-from .neighbors import is_active, is_at, place_in_row
+from .neighbors import is_active
 from .record import WITHOUT_ROOM, Scene, amid_sweeps, grain_count, is_accelerated
 from .verlet import stayed_silent
 
@@ -21,21 +21,25 @@ f64 = wp.float64
 
 
 @wp.func
-def save_pairs(s: Scene, i: int):
-    """Keep a grain's pairs and all that they carry."""
-    first = integer_at(s.neighbors.start, i)
-    set_integer(s.workspace.old.start, i, first)
-    s.workspace.old_wall_dv[i] = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
-    s.workspace.was_at_wall[i] = 0
-    for k in range(first, integer_at(s.neighbors.start, i + 1)):
-        c = integer_at(s.workspace.sweep_index, k)
-        last = f64(0.0)
-        if is_accelerated(s):
-            last = number_at(s.momentum.pair_last, c)
-        dv = wp.vec3d(number_at(s.contacts.pair_dv, c), number_at(s.contacts.pair_dv_start, c), last)
-        set_triple(s.workspace.old_pair_dv, k, dv)
-        set_integer(s.workspace.old.neighbor, k, integer_at(s.neighbors.neighbor, k))
-        set_integer(s.workspace.old_color, k, integer_at(s.workspace.color, k))
+def save_row(s: Scene, i: int):
+    """Keep where a grain's pairs are; no wall is kept yet."""
+    set_integer(s.workspace.old.start, i, integer_at(s.neighbors.start, i))
+    set_triple(s.workspace.old_wall_dv, i, wp.vec3d(f64(0.0), f64(0.0), f64(0.0)))
+    set_integer(s.workspace.was_at_wall, i, 0)
+
+
+@wp.func
+def save_pair(s: Scene, k: int):
+    """Keep the pair at place k of the list, and the corrections of the one at place k in sweeping order."""
+    last = f64(0.0)
+    if is_accelerated(s):
+        last = number_at(s.momentum.pair_last, k)
+    dv = wp.vec3d(number_at(s.contacts.pair_dv, k), number_at(s.contacts.pair_dv_start, k), last)
+    set_triple(s.workspace.old_pair_dv, k, dv)
+    set_integer(s.workspace.old.neighbor, k, integer_at(s.neighbors.neighbor, k))
+    set_integer(s.workspace.old_color, k, integer_at(s.workspace.color, k))
+    set_integer(s.workspace.old_index, k, integer_at(s.workspace.sweep_index, k))
+    set_integer(s.workspace.old_place, k, k)
 
 
 @wp.func
@@ -76,18 +80,33 @@ def begin_list(s: Scene):
 
 
 @wp.func
-def keep_active_pairs(s: Scene, i: int):
+def keep_pair(s: Scene, i: int, j: int, k_old: int):
     """A pair that carries a correction must stay listed: where it is lost, widen its skins, search again."""
-    k = integer_at(s.neighbors.start, i)
-    first, end = integer_at(s.workspace.old.start, i), integer_at(s.workspace.old.start, i + 1)
-    for k_old in range(first, end):
-        j = integer_at(s.workspace.old.neighbor, k_old)
-        k = place_in_row(s.neighbors, i, j, k)
-        if is_active(triple_at(s.workspace.old_pair_dv, k_old)) and not is_at(s.neighbors, i, j, k):
-            half = f64(0.5) * wp.length(s.grains.position[j] - s.grains.position[i])
-            wp.atomic_max(s.verlet.skin, i, half)
-            wp.atomic_max(s.verlet.skin, j, half)
-            s.control.searching = 1
+    if is_active(triple_at(s.workspace.old_pair_dv, integer_at(s.workspace.old_index, k_old))):
+        half = f64(0.5) * wp.length(s.grains.position[j] - s.grains.position[i])
+        wp.atomic_max(s.verlet.skin, i, half)
+        wp.atomic_max(s.verlet.skin, j, half)
+        s.control.searching = 1
+
+
+@wp.func
+def match_rows(s: Scene, i: int):
+    """Find a grain's pairs in the list before, and those of that list that are lost."""
+    rows, old = s.neighbors, s.workspace.old
+    k_old, end_old = integer_at(old.start, i), integer_at(old.start, i + 1)
+    for k in range(integer_at(rows.start, i), integer_at(rows.start, i + 1)):
+        j = integer_at(rows.neighbor, k)
+        while k_old < end_old and integer_at(old.neighbor, k_old) < j:
+            keep_pair(s, i, integer_at(old.neighbor, k_old), k_old)
+            k_old += 1
+        place = int(-1)
+        if k_old < end_old and integer_at(old.neighbor, k_old) == j:
+            place = k_old
+            k_old += 1
+        set_integer(s.workspace.old_place, k, place)
+    while k_old < end_old:
+        keep_pair(s, i, integer_at(old.neighbor, k_old), k_old)
+        k_old += 1
 
 
 @wp.func
@@ -103,14 +122,13 @@ def end_list(s: Scene):
 @wp.func
 def transfer_warm_start(s: Scene, i: int):
     """Write a grain's pairs where they are swept, with the corrections of the old list, or zero."""
-    k_old = integer_at(s.workspace.old.start, i)
     for k in range(integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)):
         j = integer_at(s.neighbors.neighbor, k)
         c = integer_at(s.workspace.sweep_index, k)
-        k_old = place_in_row(s.workspace.old, i, j, k_old)
+        k_old = integer_at(s.workspace.old_place, k)
         dv = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
-        if is_at(s.workspace.old, i, j, k_old):
-            dv = triple_at(s.workspace.old_pair_dv, k_old)
+        if k_old >= 0:
+            dv = triple_at(s.workspace.old_pair_dv, integer_at(s.workspace.old_index, k_old))
         elif amid_sweeps(s) and not stayed_silent(s, i, j):
             s.verlet.flags.missed = 1
         set_grains(s.contacts.pairs, c, i, j)
@@ -126,7 +144,9 @@ def transfer_warm_start(s: Scene, i: int):
 
 @wp.func
 def find_row_sums(s: Scene):
-    """The largest sum of a grain's shares of its contacts, one for the walls included."""
+    """The largest sum of a grain's shares of its contacts, one for the walls included, if it is monitored."""
+    if is_accelerated(s):
+        return
     n = grain_count(s)
     row_sum = s.workspace.row_sum
     for i in range(n):

@@ -7,9 +7,18 @@ the pair, so that few large grains among many small ones cost no more than the c
 
 import warp as wp
 
-from .access import integer_at, number_at, set_integer, vector_at
+from .access import (
+    couple_at,
+    integer_at,
+    number_at,
+    set_couple,
+    set_integer,
+    set_number,
+    set_vector,
+    vector_at,
+)
 from .record import Scene, amid_sweeps, grain_count, is_accelerated
-from .types import Floats, Ints, NeighborList
+from .types import Floats, Ints
 from .verlet import stayed_off_walls
 from .walls import WallContact, is_near_wall
 
@@ -36,63 +45,67 @@ def bucket_at(s: Scene, x: wp.vec2d) -> int:
 
 
 @wp.func
-def starts(count: Ints, start: Ints):
-    """Where each part starts, of parts of so many entries."""
+def ends(count: Ints, end: Ints):
+    """Where each part ends, of parts of so many entries."""
     total = int(0)
     for k in range(count.shape[0]):
-        start[k] = total
-        total = total + count[k]
+        total = total + integer_at(count, k)
+        set_integer(end, k, total)
 
 
 @wp.func
 def bucket_count(s: Scene) -> int:
     """How many buckets there are, and one."""
-    return s.grid.cell_cursor.shape[0]
+    return s.grid.cell_start.shape[0]
 
 
 @wp.func
 def clear_cell(s: Scene, b: int):
     """Empty a bucket."""
-    s.grid.cell_cursor[b] = 0
+    set_integer(s.grid.cell_start, b, 0)
 
 
 @wp.func
 def count_in_cell(s: Scene, i: int):
-    """How many grains every bucket holds, in cell_cursor."""
-    wp.atomic_add(s.grid.cell_cursor, bucket_at(s, s.grains.position[i]), 1)
-    s.neighbors.cursor[i] = 0
+    """How many grains every bucket holds, in cell_start; no pair is found yet."""
+    bucket = bucket_at(s, vector_at(s.grains.position, i))
+    set_integer(s.grid.bucket, i, bucket)
+    wp.atomic_add(s.grid.cell_start, bucket, 1)
+    set_integer(s.neighbors.firsts, i, 0)
+    set_integer(s.neighbors.seconds, i, 0)
 
 
 @wp.func
-def start_cells(s: Scene):
-    """Where every bucket starts; no pair is found yet."""
-    starts(s.grid.cell_cursor, s.grid.cell_start)
+def end_cells(s: Scene):
+    """Where every bucket ends."""
+    ends(s.grid.cell_start, s.grid.cell_start)
     s.neighbors.total[0] = 0
 
 
 @wp.func
 def fill_cell(s: Scene, i: int):
-    """Put a grain in its bucket, with its extent; cell_cursor counts down to zero."""
-    x = s.grains.position[i]
-    b = bucket_at(s, x)
-    k = s.grid.cell_start[b] + wp.atomic_sub(s.grid.cell_cursor, b, 1) - 1
-    w = s.verlet.reference_velocity[i] - s.verlet.numbers.mean_velocity
-    path = s.verlet.numbers.lifetime * wp.length(w)
-    s.grid.grain[k] = i
-    s.grid.x[k] = x[0]
-    s.grid.y[k] = x[1]
-    s.grid.velocity[k] = w
-    s.grid.skin[k] = s.grains.radius[i] + s.verlet.skin[i]
-    s.grid.extent[k] = s.grid.skin[k] + path
+    """Put a grain in its bucket, with its extent; cell_start counts down to where the bucket starts."""
+    k = wp.atomic_sub(s.grid.cell_start, integer_at(s.grid.bucket, i), 1) - 1
+    x = vector_at(s.grains.position, i)
+    w = vector_at(s.verlet.reference_velocity, i) - s.verlet.numbers.mean_velocity
+    skin = number_at(s.grains.radius, i) + number_at(s.verlet.skin, i)
+    set_integer(s.grid.grain, k, i)
+    set_number(s.grid.x, k, x[0])
+    set_number(s.grid.y, k, x[1])
+    set_vector(s.grid.velocity, k, w)
+    set_number(s.grid.skin, k, skin)
+    set_number(s.grid.extent, k, skin + s.verlet.numbers.lifetime * wp.length(w))
 
 
 @wp.func
 def note_pair(s: Scene, a: int, b: int):
-    """Count a pair in the row of its first grain, and write it down if there is room."""
-    wp.atomic_add(s.neighbors.cursor, wp.min(a, b), 1)
+    """Count a pair with its first grain, and with its second, and write it down if there is room."""
+    i, j = wp.min(a, b), wp.max(a, b)
+    wp.atomic_add(s.neighbors.firsts, i, 1)
+    wp.atomic_add(s.neighbors.seconds, j, 1)
     place = wp.atomic_add(s.neighbors.total, 0, 1)
     if place < s.neighbors.found.shape[0]:
-        s.neighbors.found[place] = wp.vec2i(wp.min(a, b), wp.max(a, b))
+        set_couple(s.neighbors.found, place, wp.vec2i(i, j))
 
 
 NEAR = """
@@ -184,45 +197,36 @@ def find_pairs(s: Scene, k: int):
 
 @wp.func
 def see_whether_roomy(s: Scene):
-    """Whether the pairs found have room; where they start, if they do."""
+    """Whether the pairs found have room."""
     s.control.searching = 0
     s.control.roomy = 1 if s.neighbors.total[0] <= s.neighbors.found.shape[0] else 0
-    if s.control.roomy != 0:
-        starts(s.neighbors.cursor, s.neighbors.start)
 
 
 @wp.func
-def found_count(s: Scene) -> int:
-    """How many pairs were found."""
-    return s.neighbors.total[0]
+def fill_rows(s: Scene):
+    """Put the pairs found in rows, ascending: sorted by second grain, and then by first.
 
-
-@wp.func
-def fill_row(s: Scene, k: int):
-    """Put a pair in its row; the cursors count down to zero."""
-    pair = s.neighbors.found[k]
-    place = wp.atomic_sub(s.neighbors.cursor, pair[0], 1) - 1
-    s.neighbors.neighbor[s.neighbors.start[pair[0]] + place] = pair[1]
-
-
-@wp.func
-def sort_row(s: Scene, i: int):
-    """Sort a row (shell sort: rows are short, but a large grain may touch thousands)."""
-    row = s.neighbors.neighbor
-    first = integer_at(s.neighbors.start, i)
-    count = integer_at(s.neighbors.start, i + 1) - first
-    step = int(1)
-    while 3 * step + 1 < count:
-        step = 3 * step + 1
-    while step > 0:
-        for k in range(first + step, first + count):
-            j = integer_at(row, k)
-            hole = int(k)
-            while hole - step >= first and integer_at(row, hole - step) > j:
-                set_integer(row, hole, integer_at(row, hole - step))
-                hole = hole - step
-            set_integer(row, hole, j)
-        step = step // 3
+    Where a part ends is counted down to where it starts.
+    """
+    found, by_second, start, second = (
+        s.neighbors.found,
+        s.neighbors.by_second,
+        s.neighbors.start,
+        s.neighbors.seconds,
+    )
+    ends(s.neighbors.firsts, start)
+    ends(second, second)
+    pairs = s.neighbors.total[0]
+    for k in range(pairs):
+        pair = couple_at(found, k)
+        place = integer_at(second, pair[1]) - 1
+        set_integer(second, pair[1], place)
+        set_couple(by_second, place, pair)
+    for k in range(pairs):
+        pair = couple_at(by_second, pairs - 1 - k)
+        place = integer_at(start, pair[0]) - 1
+        set_integer(start, pair[0], place)
+        set_integer(s.neighbors.neighbor, place, pair[1])
 
 
 @wp.func
@@ -251,21 +255,3 @@ def list_walls(s: Scene):
             if amid_sweeps(s) and s.workspace.was_at_wall[i] == 0 and not stayed_off_walls(s, i):
                 s.verlet.flags.missed = 1
     s.contacts.count.walls = listed
-
-
-@wp.func
-def place_in_row(neighbors: NeighborList, i: int, j: int, k: int) -> int:
-    """The first place at or after k in the row of i that is not before j: rows are ascending."""
-    place = int(k)
-    end = integer_at(neighbors.start, i + 1)
-    while place < end and integer_at(neighbors.neighbor, place) < j:
-        place = place + 1
-    return place
-
-
-@wp.func
-def is_at(neighbors: NeighborList, i: int, j: int, k: int) -> bool:
-    """Whether place k holds pair (i, j)."""
-    if k < integer_at(neighbors.start, i + 1):
-        return integer_at(neighbors.neighbor, k) == j
-    return False

@@ -49,22 +49,21 @@ from .conditions import (
     unordered,
     unsolved,
 )
-from .record import grain_count, wall_count
+from .record import grain_count, pair_count, wall_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 SEARCH = [
     Each(neighbors.bucket_count, neighbors.clear_cell),
     Each(grain_count, neighbors.count_in_cell, adds_up=True),
-    Serial(neighbors.start_cells),
+    Serial(neighbors.end_cells),
     Each(grain_count, neighbors.fill_cell, adds_up=True),
     Each(grain_count, neighbors.find_pairs, adds_up=True),
     Serial(neighbors.see_whether_roomy),
     If(
         roomy,
         [
-            Each(neighbors.found_count, neighbors.fill_row, adds_up=True),
-            Each(grain_count, neighbors.sort_row),
-            Each(grain_count, contact_list.keep_active_pairs, adds_up=True),
+            Serial(neighbors.fill_rows),
+            Each(grain_count, contact_list.match_rows, adds_up=True),
         ],
     ),
 ]
@@ -192,6 +191,12 @@ EXACT = [
 
 METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED, "exact": EXACT}
 
+SAVE = [
+    Each(grain_count, contact_list.save_row),
+    Each(pair_count, contact_list.save_pair),
+    Each(wall_count, contact_list.save_wall),
+]
+
 FINISH = [
     Each(grain_count, integrate.move),
     Serial(integrate.stagger),
@@ -203,16 +208,14 @@ FINISH = [
     If(
         recoloring,
         [
-            Each(grain_count, contact_list.save_pairs),
-            Each(wall_count, contact_list.save_wall),
+            *SAVE,
             Serial(contact_list.color_anew),
         ],
     ),
 ]
 
 EXPIRE = [
-    Each(grain_count, contact_list.save_pairs),
-    Each(wall_count, contact_list.save_wall),
+    *SAVE,
     Serial(contact_list.expire),
     Serial(skins.adapt_base_skin),
     Each(grain_count, skins.renew_skin),

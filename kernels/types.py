@@ -63,9 +63,11 @@ class NeighborList:
     """Candidate pairs by first grain: those of i are (i, neighbor[k]), start[i] <= k < start[i + 1]."""
 
     start: Ints
-    cursor: Ints
     neighbor: Ints
+    firsts: Ints  # of every grain: pairs that have it first
+    seconds: Ints  # and second
     found: wp.array(dtype=wp.vec2i)  # pairs as they were found; those beyond its end are only counted
+    by_second: wp.array(dtype=wp.vec2i)  # pairs by second grain
     total: Ints
 
 
@@ -79,7 +81,7 @@ class CellGrid:
     size: f64  # of a cell [m]
     width: wp.int32  # buckets a side, a power of two
     cell_start: Ints
-    cell_cursor: Ints
+    bucket: Ints  # of every grain
     grain: Ints
     x: Floats  # [m]
     y: Floats  # [m]
@@ -188,9 +190,11 @@ class Workspace:
     """What building a list takes beside the list itself."""
 
     old: NeighborList  # the list before
-    old_pair_dv: wp.array(dtype=wp.vec3d)  # its corrections: now, at the step's start, a sweep back [m/s]
+    old_index: Ints  # place of its pairs in sweeping order
+    old_pair_dv: wp.array(dtype=wp.vec3d)  # in that order: now, at the step's start, a sweep back [m/s]
     old_wall_dv: wp.array(dtype=wp.vec3d)  # the same at the walls, by grain
     was_at_wall: Ints  # whether it had the grain at a wall
+    old_place: Ints  # of every pair in the list before, or -1
     sweep_index: Ints  # place of every pair in sweeping order
     group: Ints  # set, or tile, of every pair
     color: Ints  # of every pair, where pairs are swept by colors

@@ -140,7 +140,8 @@ class SceneMemory:
         for name in ("contacts.pair_dv", "contacts.pair_dv_start"):
             self.array(name)[: len(pair)] = dv
         self.array("workspace.old_pair_dv")[: len(pair)] = dv[:, None]
-        self.array("workspace.sweep_index")[: len(pair)] = np.arange(len(pair))
+        for name in ("sweep_index", "old_index", "old_place"):
+            self.array(f"workspace.{name}")[: len(pair)] = np.arange(len(pair))
 
     def give_up_step(self) -> None:
         """Take back what an unfinished step did; the next one makes a list anew if this one was about to."""

@@ -78,7 +78,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
     """Return the length of every array of a record, by struct and name: the one table of them."""
     n, pairs = size.grains, size.pairs
     cells = grid_width(n) ** 2 + 1
-    rows = {"start": n + 1, "cursor": n + 1, "neighbor": pairs, "found": pairs, "total": 1}
+    rows = {"start": n + 1, "neighbor": pairs}
+    search = {"firsts": n + 1, "seconds": n + 1, "found": pairs, "by_second": pairs, "total": 1}
     ahead, strips = size.accelerated, size.team * size.has_strips
     has_strips = int(size.has_strips)
     parts = pairs + pairs // CHUNK + 1
@@ -109,14 +110,15 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("walls", "wall", "wall_last", "wall_range"), ahead * n),
         },
         "grid": {
-            **dict.fromkeys(("cell_start", "cell_cursor"), cells),
+            "cell_start": cells,
             **dict.fromkeys(("x", "y", "extent"), n + SEARCHED_AT_ONCE),
-            **dict.fromkeys(("grain", "velocity", "skin"), n),
+            **dict.fromkeys(("bucket", "grain", "velocity", "skin"), n),
         },
-        "neighbors": rows,
+        "neighbors": rows | search,
         "workspace": {
-            "old": rows | {"cursor": 0, "found": 0, "total": 0},
-            **dict.fromkeys(("old_pair_dv", "color", "old_color", "sweep_index", "sequence"), pairs),
+            "old": rows | dict.fromkeys(search, 0),
+            **dict.fromkeys(("old_index", "old_pair_dv", "old_color", "old_place"), pairs),
+            **dict.fromkeys(("color", "sweep_index", "sequence"), pairs),
             "group": pairs + 1,
             **dict.fromkeys(("old_wall_dv", "was_at_wall", "row_sum", "next_level", "used_colors"), n),
         },
