@@ -84,15 +84,17 @@ def colors(s: Scene):
     if resuming:
         extra = keep_colors(s)
     for i in range(n):
+        own = bits_at(used, i)  # no later row looks at it
         for k in range(integer_at(rows.start, i), integer_at(rows.start, i + 1)):
             found = integer_at(color, k)
             if not resuming or found < 0:
                 j = integer_at(rows.neighbor, k)
-                found = lowest_free(bits_at(used, i) | bits_at(used, j))
+                its = bits_at(used, j)
+                found = lowest_free(own | its)
                 if found < MASK_COLORS:
                     bit = wp.uint64(1) << wp.uint64(found)
-                    set_bits(used, i, bits_at(used, i) | bit)
-                    set_bits(used, j, bits_at(used, j) | bit)
+                    own = own | bit
+                    set_bits(used, j, its | bit)
                 else:
                     found = extra
                     extra = extra + 1

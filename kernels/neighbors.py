@@ -15,6 +15,7 @@ from .access import (
     set_integer,
     set_number,
     set_vector,
+    triple_at,
     vector_at,
 )
 from .record import Scene, amid_sweeps, grain_count, is_accelerated
@@ -23,6 +24,7 @@ from .verlet import stayed_off_walls
 from .walls import WallContact, is_near_wall
 
 f64 = wp.float64
+Begins = wp.types.vector(length=8, dtype=wp.int32)
 TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact out
 
 
@@ -119,80 +121,96 @@ NEAR = """
         near |= (dx * dx + dy * dy <= reach * reach && (its < own || (its == own && other > k))) << lane;
     }
 #else
-    typedef double Eight __attribute__((ext_vector_type(8), aligned(8)));
+    typedef double Numbers __attribute__((ext_vector_type(8), aligned(8)));
+    typedef decltype(Numbers() < Numbers()) Lanes;
     typedef bool Bits __attribute__((ext_vector_type(8)));
-    const Eight its = *(const Eight*)(extent.data + begin);
-    const Eight dx = *(const Eight*)(x.data + begin) - x0, dy = *(const Eight*)(y.data + begin) - y0;
-    const Eight reach = (own + its) * wide;
-    const auto within = (dx * dx + dy * dy <= reach * reach) & (its <= own);
-    near = __builtin_bit_cast(unsigned char, __builtin_convertvector(within, Bits));
+    const Numbers its = *(const Numbers*)(extent.data + begin);
+    const Numbers dx = *(const Numbers*)(x.data + begin) - x0, dy = *(const Numbers*)(y.data + begin) - y0;
+    const Numbers reach = (own + its) * wide;
+    const Lanes after = Lanes{0, 1, 2, 3, 4, 5, 6, 7} > Lanes(k - begin);
+    const Lanes found = (dx * dx + dy * dy <= reach * reach) & ((its < own) | ((its == own) & after));
+    near = __builtin_bit_cast(unsigned char, __builtin_convertvector(found, Bits));
 #endif
     return end - begin < 8 ? near & ((1u << (end - begin)) - 1u) : near;
 """
 
 
 @wp.func_native(NEAR)
-def near_mask(x: Floats, y: Floats, extent: Floats, k: int, begin: int, end: int, wide: f64) -> wp.uint32:
-    """Which of eight places from begin on are before end, and hold a grain that the one at k may find."""
+def near_mask(x: Floats, y: Floats, extent: Floats, k: int, begin: int, end: int, wide: f64) -> wp.uint64:
+    """Which of eight places from begin on are before end, and hold a grain that the one at k may find.
+
+    Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first.
+    """
     ...
 
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
-    return __ffs(bits) - 1;
+    return __ffsll(bits) - 1;
 #else
-    return __builtin_ctz(bits);
+    return __builtin_ctzll(bits);
 #endif
 """)
-def lowest_bit(bits: wp.uint32) -> int:
+def lowest_bit(bits: wp.uint64) -> int:
     """The lowest bit that is set."""
     ...
 
 
 @wp.func
-def find_pairs_among(s: Scene, k: int, begin: int, end: int):
-    """Find the pairs of the grain at place k with those at begin <= other < end.
-
-    Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first.
-    """
-    x, y, extent, velocity, skin = s.grid.x, s.grid.y, s.grid.extent, s.grid.velocity, s.grid.skin
-    first = begin
-    while first < end:
-        near = near_mask(x, y, extent, k, first, end, TOO_WIDE)
-        while near != wp.uint32(0):
-            other = first + lowest_bit(near)
-            near = near & (near - wp.uint32(1))
-            if number_at(extent, other) < number_at(extent, k) or other > k:
-                w = vector_at(velocity, other) - vector_at(velocity, k)
-                path = s.verlet.numbers.lifetime * wp.length(w)
-                reach = (number_at(skin, k) + number_at(skin, other) + path) * TOO_WIDE
-                d = wp.vec2d(number_at(x, other) - number_at(x, k), number_at(y, other) - number_at(y, k))
-                if wp.dot(d, d) <= reach * reach:
-                    note_pair(s, integer_at(s.grid.grain, k), integer_at(s.grid.grain, other))
-        first += 8
+def note_pairs(s: Scene, k: int, near: wp.uint64, begins: Begins):
+    """Note the pairs of the grain at place k that are within reach of each other, of those that may be."""
+    x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
+    left = near
+    while left != wp.uint64(0):
+        bit = lowest_bit(left)
+        left = left & (left - wp.uint64(1))
+        other = begins[bit // 8] + bit % 8
+        w = vector_at(velocity, other) - vector_at(velocity, k)
+        path = s.verlet.numbers.lifetime * wp.length(w)
+        reach = (number_at(skin, k) + number_at(skin, other) + path) * TOO_WIDE
+        d = wp.vec2d(number_at(x, other) - number_at(x, k), number_at(y, other) - number_at(y, k))
+        if wp.dot(d, d) <= reach * reach:
+            note_pair(s, integer_at(grain, k), integer_at(grain, other))
 
 
 @wp.func
 def find_pairs(s: Scene, k: int):
-    """Find the pairs of the grain at place k in the cells around it, or among all where that is less."""
+    """Find the pairs of the grain at place k in the cells around it, each of them once.
+
+    A row of cells is one stretch of places, or two where it is wrapped around. Eight places are tested at
+    once, and what is found in eight such tests is looked at together.
+    """
     x, y = number_at(s.grid.x, k), number_at(s.grid.y, k)
     radius = f64(2.0) * number_at(s.grid.extent, k) * TOO_WIDE
-    width = s.grid.width
+    width, start = s.grid.width, s.grid.cell_start
     first_x, last_x = cell_of(x - radius, s.grid.size), cell_of(x + radius, s.grid.size)
     first_y, last_y = cell_of(y - radius, s.grid.size), cell_of(y + radius, s.grid.size)
-    if last_x - first_x >= width or last_y - first_y >= width:
-        find_pairs_among(s, k, 0, grain_count(s))
-        return
-    start = s.grid.cell_start
-    for cy in range(first_y, last_y + 1):
-        first = bucket_of(first_x, cy, width)
-        last = bucket_of(last_x, cy, width)
-        if first <= last:
-            find_pairs_among(s, k, integer_at(start, first), integer_at(start, last + 1))
-        else:  # the row of cells is wrapped around
+    if last_x - first_x >= width:
+        first_x, last_x = 0, width - 1
+    last_y = wp.min(last_y, first_y + width - 1)
+    first, end = first_x & (width - 1), (last_x & (width - 1)) + 1
+    wrapped = first >= end
+    near = wp.uint64(0)
+    begins = Begins()
+    tests = int(0)
+    for stretch in range(wp.where(wrapped, 2, 1)):
+        left = wp.where(stretch == 1, 0, first)
+        right = wp.where(wrapped and stretch == 0, width, end)
+        for cy in range(first_y, last_y + 1):
             row = bucket_of(0, cy, width)
-            find_pairs_among(s, k, integer_at(start, row), integer_at(start, last + 1))
-            find_pairs_among(s, k, integer_at(start, first), integer_at(start, row + width))
+            begin = integer_at(start, row + left)
+            stop = integer_at(start, row + right)
+            while begin < stop:
+                found = near_mask(s.grid.x, s.grid.y, s.grid.extent, k, begin, stop, TOO_WIDE)
+                near = near | (found << wp.uint64(8 * tests))
+                begins[tests] = begin
+                begin += 8
+                tests += 1
+                if tests == 8:
+                    note_pairs(s, k, near, begins)
+                    near = wp.uint64(0)
+                    tests = 0
+    note_pairs(s, k, near, begins)
 
 
 @wp.func
@@ -240,10 +258,11 @@ def list_walls(s: Scene):
     """List the grains that may reach a wall, or are held by one, with the corrections that they carry."""
     listed = int(0)
     for i in range(grain_count(s)):
-        path = s.verlet.numbers.lifetime * wp.length(s.verlet.reference_velocity[i])
-        reach = (s.verlet.skin[i] + s.verlet.numbers.frame_skin + path) * TOO_WIDE
-        dv = s.workspace.old_wall_dv[i]
-        if is_near_wall(s.grains.position[i], s.grains.radius[i], s.walls, reach) or is_active(dv):
+        path = s.verlet.numbers.lifetime * wp.length(vector_at(s.verlet.reference_velocity, i))
+        reach = (number_at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
+        dv = triple_at(s.workspace.old_wall_dv, i)
+        x, radius = vector_at(s.grains.position, i), number_at(s.grains.radius, i)
+        if is_near_wall(x, radius, s.walls, reach) or is_active(dv):
             contact = WallContact()
             contact.i = i
             contact.dv = dv[0]

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from .access import larger, number_at, set_number, set_vector, vector_at
 from .record import Scene, grain_count, is_accelerated
 from .verlet import peak_of
 
@@ -34,8 +35,8 @@ def renew_skin(s: Scene, i: int):
     A Gauss-Seidel step that goes on keeps its w_i, with u, and its peaks; otherwise w_i is what the grain
     has now. Accelerated, of a step that goes on only what is still to come matters.
     """
-    w = s.grains.next_velocity[i]
-    needed = s.verlet.recent_deviation[i]
+    w = vector_at(s.grains.next_velocity, i)
+    needed = number_at(s.verlet.recent_deviation, i)
     margin = FORESEEN
     if s.control.resuming != 0:
         seen = peak_of(s, i)
@@ -48,9 +49,9 @@ def renew_skin(s: Scene, i: int):
             w = s.verlet.reference_velocity[i] + s.verlet.numbers.frame_velocity
             s.verlet.recent_deviation[i] = needed  # so that skins only grow as long as the step goes on
             s.verlet.peak_deviation[i] = seen * seen
-    s.verlet.skin[i] = s.verlet.numbers.base_skin + margin * s.dt * needed
-    s.verlet.reference_position[i] = s.grains.position[i]
-    s.verlet.reference_velocity[i] = w
+    set_number(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
+    set_vector(s.verlet.reference_position, i, vector_at(s.grains.position, i))
+    set_vector(s.verlet.reference_velocity, i, w)
 
 
 @wp.func
@@ -62,11 +63,11 @@ def find_lifetime(s: Scene):
     n = grain_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))
     for i in range(n):
-        mean = mean + s.verlet.reference_velocity[i] / f64(n)
+        mean = mean + vector_at(s.verlet.reference_velocity, i) / f64(n)
     spread = f64(0.0)
     for i in range(n):
-        spread = wp.max(spread, wp.length(s.verlet.reference_velocity[i] - mean))
-    steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * spread)), f64(1.0), LONGEST)
+        spread = larger(spread, wp.length_sq(vector_at(s.verlet.reference_velocity, i) - mean))
+    steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * wp.sqrt(spread))), f64(1.0), LONGEST)
     lifetime = steps * s.dt
     fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)
     s.verlet.numbers.unmonitored_change = f64(0.0)
