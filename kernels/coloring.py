@@ -54,18 +54,22 @@ def keep_colors(s: Scene) -> int:
     rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
     extra = int(MASK_COLORS)
     for i in range(grain_count(s)):
-        for k in range(rows.start[i], rows.start[i + 1]):
-            j = rows.neighbor[k]
-            color[k] = -1
-            k_old = s.workspace.old_place[k]
+        own = bits_at(used, i)
+        k, end = integer_at(rows.start, i), integer_at(rows.start, i + 1)
+        while k < end:
+            kept = int(-1)
+            k_old = integer_at(s.workspace.old_place, k)
             if k_old >= 0:
-                kept = s.workspace.old_color[k_old]
-                color[k] = kept
+                kept = integer_at(s.workspace.old_color, k_old)
                 extra = wp.max(extra, kept + 1)
                 if kept < MASK_COLORS:
+                    j = integer_at(rows.neighbor, k)
                     bit = wp.uint64(1) << wp.uint64(kept)
-                    used[i] = used[i] | bit
-                    used[j] = used[j] | bit
+                    own = own | bit
+                    set_bits(used, j, bits_at(used, j) | bit)
+            set_integer(color, k, kept)
+            k += 1
+        set_bits(used, i, own)
     return extra
 
 
@@ -85,7 +89,8 @@ def colors(s: Scene):
         extra = keep_colors(s)
     for i in range(n):
         own = bits_at(used, i)  # no later row looks at it
-        for k in range(integer_at(rows.start, i), integer_at(rows.start, i + 1)):
+        k, end = integer_at(rows.start, i), integer_at(rows.start, i + 1)
+        while k < end:
             found = integer_at(color, k)
             if not resuming or found < 0:
                 j = integer_at(rows.neighbor, k)
@@ -100,6 +105,7 @@ def colors(s: Scene):
                     extra = extra + 1
                 set_integer(color, k, found)
             set_integer(s.workspace.group, k, found)
+            k += 1
 
 
 @wp.func
@@ -111,20 +117,26 @@ def place_pairs(s: Scene):
     pairs = s.neighbors.start[grain_count(s)]
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
     sets = int(0)
-    for k in range(pairs):
+    k = int(0)
+    while k < pairs:
         sets = wp.max(sets, integer_at(group, k) + 1)
+        k += 1
     for g in range(sets + 1):
         start[g] = 0
-    for k in range(pairs):
+    k = int(0)
+    while k < pairs:
         g = integer_at(group, k) + 1
         set_integer(start, g, integer_at(start, g) + 1)
+        k += 1
     for g in range(sets):
         start[g + 1] = start[g + 1] + start[g]
-    for k in range(pairs):
+    k = int(0)
+    while k < pairs:
         g = integer_at(group, k)
         place = integer_at(start, g)
         set_integer(sweep_index, k, place)
         set_integer(start, g, place + 1)
+        k += 1
     for g in range(sets):
         start[sets - g] = start[sets - g - 1]
     start[0] = 0

@@ -94,7 +94,8 @@ def match_rows(s: Scene, i: int):
     """Find a grain's pairs in the list before, and those of that list that are lost."""
     rows, old = s.neighbors, s.workspace.old
     k_old, end_old = integer_at(old.start, i), integer_at(old.start, i + 1)
-    for k in range(integer_at(rows.start, i), integer_at(rows.start, i + 1)):
+    k, end = integer_at(rows.start, i), integer_at(rows.start, i + 1)
+    while k < end:
         j = integer_at(rows.neighbor, k)
         while k_old < end_old and integer_at(old.neighbor, k_old) < j:
             keep_pair(s, i, integer_at(old.neighbor, k_old), k_old)
@@ -104,6 +105,7 @@ def match_rows(s: Scene, i: int):
             place = k_old
             k_old += 1
         set_integer(s.workspace.old_place, k, place)
+        k += 1
     while k_old < end_old:
         keep_pair(s, i, integer_at(old.neighbor, k_old), k_old)
         k_old += 1
@@ -122,7 +124,8 @@ def end_list(s: Scene):
 @wp.func
 def transfer_warm_start(s: Scene, i: int):
     """Write a grain's pairs where they are swept, with the corrections of the old list, or zero."""
-    for k in range(integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)):
+    k, end = integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)
+    while k < end:
         j = integer_at(s.neighbors.neighbor, k)
         c = integer_at(s.workspace.sweep_index, k)
         k_old = integer_at(s.workspace.old_place, k)
@@ -140,6 +143,7 @@ def transfer_warm_start(s: Scene, i: int):
             mass_i = s.grains.mass[i]
             mass_j = s.grains.mass[j]
             s.contacts.weights[c] = wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
+        k += 1
 
 
 @wp.func

@@ -50,9 +50,11 @@ def bucket_at(s: Scene, x: wp.vec2d) -> int:
 def ends(count: Ints, end: Ints):
     """Where each part ends, of parts of so many entries."""
     total = int(0)
-    for k in range(count.shape[0]):
-        total = total + integer_at(count, k)
+    k = int(0)
+    while k < count.shape[0]:
+        total += integer_at(count, k)
         set_integer(end, k, total)
+        k += 1
 
 
 @wp.func
@@ -196,7 +198,8 @@ def find_pairs(s: Scene, k: int):
     for stretch in range(wp.where(wrapped, 2, 1)):
         left = wp.where(stretch == 1, 0, first)
         right = wp.where(wrapped and stretch == 0, width, end)
-        for cy in range(first_y, last_y + 1):
+        cy = int(first_y)
+        while cy <= last_y:
             row = bucket_of(0, cy, width)
             begin = integer_at(start, row + left)
             stop = integer_at(start, row + right)
@@ -210,6 +213,7 @@ def find_pairs(s: Scene, k: int):
                     note_pairs(s, k, near, begins)
                     near = wp.uint64(0)
                     tests = 0
+            cy += 1
     note_pairs(s, k, near, begins)
 
 
@@ -234,14 +238,17 @@ def fill_rows(s: Scene):
     )
     ends(s.neighbors.firsts, start)
     ends(second, second)
-    pairs = s.neighbors.total[0]
-    for k in range(pairs):
+    k = s.neighbors.total[0]
+    while k > 0:
+        k -= 1
         pair = couple_at(found, k)
         place = integer_at(second, pair[1]) - 1
         set_integer(second, pair[1], place)
         set_couple(by_second, place, pair)
-    for k in range(pairs):
-        pair = couple_at(by_second, pairs - 1 - k)
+    k = s.neighbors.total[0]
+    while k > 0:
+        k -= 1
+        pair = couple_at(by_second, k)
         place = integer_at(start, pair[0]) - 1
         set_integer(start, pair[0], place)
         set_integer(s.neighbors.neighbor, place, pair[1])
@@ -257,7 +264,9 @@ def is_active(dv: wp.vec3d) -> bool:
 def list_walls(s: Scene):
     """List the grains that may reach a wall, or are held by one, with the corrections that they carry."""
     listed = int(0)
-    for i in range(grain_count(s)):
+    n = grain_count(s)
+    i = int(0)
+    while i < n:
         path = s.verlet.numbers.lifetime * wp.length(vector_at(s.verlet.reference_velocity, i))
         reach = (number_at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
         dv = triple_at(s.workspace.old_wall_dv, i)
@@ -273,4 +282,5 @@ def list_walls(s: Scene):
             listed = listed + 1
             if amid_sweeps(s) and s.workspace.was_at_wall[i] == 0 and not stayed_off_walls(s, i):
                 s.verlet.flags.missed = 1
+        i += 1
     s.contacts.count.walls = listed

@@ -62,11 +62,15 @@ def find_lifetime(s: Scene):
     """
     n = grain_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))
-    for i in range(n):
+    i = int(0)
+    while i < n:
         mean = mean + vector_at(s.verlet.reference_velocity, i) / f64(n)
+        i += 1
     spread = f64(0.0)
-    for i in range(n):
+    i = int(0)
+    while i < n:
         spread = larger(spread, wp.length_sq(vector_at(s.verlet.reference_velocity, i) - mean))
+        i += 1
     steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * wp.sqrt(spread))), f64(1.0), LONGEST)
     lifetime = steps * s.dt
     fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)

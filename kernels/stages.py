@@ -149,8 +149,10 @@ def _each(count: wp.Function, stage: wp.Function, adds_up: bool) -> wp.Function:
                 end = 0
         else:
             begin, end = thread_range(team, 0, end)
-        for k in range(begin, end):
+        k = int(begin)
+        while k < end:
             stage(s, k)
+            k += 1
         barrier(team)
 
     return each
