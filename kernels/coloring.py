@@ -40,12 +40,15 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
     for i in range(n):
         next_level[i] = 0
     for i in range(n):
-        for k in range(rows.start[i], rows.start[i + 1]):
-            j = rows.neighbor[k]
-            level = wp.max(next_level[i], next_level[j])
-            group[k] = level
-            next_level[i] = level + 1
-            next_level[j] = level + 1
+        own = integer_at(next_level, i)  # no later row looks at it
+        k, end = integer_at(rows.start, i), integer_at(rows.start, i + 1)
+        while k < end:
+            j = integer_at(rows.neighbor, k)
+            level = wp.max(own, integer_at(next_level, j))
+            set_integer(group, k, level)
+            own = level + 1
+            set_integer(next_level, j, own)
+            k += 1
 
 
 @wp.func

@@ -157,13 +157,15 @@ def find_row_sums(s: Scene):
         set_number(row_sum, i, f64(0.0))
     for i in range(n):
         own = number_at(row_sum, i)
-        for k in range(integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)):
+        k, end = integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)
+        while k < end:
             j = integer_at(s.neighbors.neighbor, k)
             weight = wp.vec2d(f64(0.5), f64(0.5))
             if s.contacts.weights.shape[0] > 0:
                 weight = vector_at(s.contacts.weights, integer_at(s.workspace.sweep_index, k))
             own = own + weight[0]
             set_number(row_sum, j, number_at(row_sum, j) + weight[1])
+            k += 1
         set_number(row_sum, i, own)
     largest = f64(0.0)
     for i in range(n):

@@ -166,7 +166,7 @@ def note_pairs(s: Scene, k: int, near: wp.uint64, begins: Begins):
     while left != wp.uint64(0):
         bit = lowest_bit(left)
         left = left & (left - wp.uint64(1))
-        other = begins[bit // 8] + bit % 8
+        other = begins[bit >> 3] + (bit & 7)
         w = vector_at(velocity, other) - vector_at(velocity, k)
         path = s.verlet.numbers.lifetime * wp.length(w)
         reach = (number_at(skin, k) + number_at(skin, other) + path) * TOO_WIDE
