@@ -55,6 +55,18 @@ def set_bits(bits: wp.array(dtype=wp.uint64), i: int, value: wp.uint64):
     ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __ffsll(bits) - 1;
+#else
+    return __builtin_ctzll(bits);
+#endif
+""")
+def lowest_bit(bits: wp.uint64) -> int:
+    """The lowest bit that is set, if one is."""
+    ...
+
+
 @wp.func_native("return triples.data[k];")
 def triple_at(triples: wp.array(dtype=wp.vec3d), k: int) -> wp.vec3d:
     """Read three numbers."""

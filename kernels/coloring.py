@@ -14,23 +14,20 @@ list has changed.
 
 import warp as wp
 
-from .access import bits_at, integer_at, set_bits, set_integer
+from .access import bits_at, integer_at, lowest_bit, set_bits, set_integer
 from .record import Scene, grain_count, pair_count
 from .types import Ints, NeighborList
 
 MASK_COLORS = wp.constant(64)
 
 
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return ~used ? __ffsll(~used) - 1 : 64;
-#else
-    return ~used ? __builtin_ctzll(~used) : 64;
-#endif
-""")
+@wp.func
 def lowest_free(used: wp.uint64) -> int:
     """The lowest bit that is not set, or 64."""
-    ...
+    free = ~used
+    if free == wp.uint64(0):
+        return int(MASK_COLORS)
+    return lowest_bit(free)
 
 
 @wp.func

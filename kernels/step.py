@@ -12,6 +12,7 @@ import warp as wp
 
 from . import (
     accelerated,
+    cells,
     coloring,
     contact_list,
     exact,
@@ -53,10 +54,10 @@ from .record import grain_count, pair_count, wall_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 SEARCH = [
-    Each(neighbors.bucket_count, neighbors.clear_cell),
-    Each(grain_count, neighbors.count_in_cell, adds_up=True),
-    Serial(neighbors.end_cells),
-    Each(grain_count, neighbors.fill_cell, adds_up=True),
+    Each(cells.bucket_count, cells.clear_cell),
+    Each(grain_count, cells.count_in_cell, adds_up=True),
+    Serial(cells.end_cells),
+    Each(grain_count, cells.fill_cell, adds_up=True),
     Each(grain_count, neighbors.find_pairs, adds_up=True),
     Serial(neighbors.see_whether_roomy),
     If(

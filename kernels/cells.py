@@ -1,0 +1,81 @@
+"""Grains by cell of a grid, with what a search for pairs reads of them.
+
+The grid is wrapped around (cell (cx, cy) shares its bucket with (cx + width, cy)), so that it needs no
+bounds.
+"""
+
+import warp as wp
+
+from .access import integer_at, number_at, set_integer, set_number, set_vector, vector_at
+from .record import Scene
+from .types import Ints
+
+f64 = wp.float64
+
+
+@wp.func
+def cell_of(x: f64, size: f64) -> int:
+    """The cell of a coordinate. Far out, cells grow coarse instead of overflowing."""
+    return int(wp.clamp(wp.floor(x / size), f64(-1.0e9), f64(1.0e9)))
+
+
+@wp.func
+def bucket_of(cx: int, cy: int, width: int) -> int:
+    """The bucket of a cell in the wrapped grid."""
+    return (cx & (width - 1)) + width * (cy & (width - 1))
+
+
+@wp.func
+def ends(count: Ints, end: Ints):
+    """Where each part ends, of parts of so many entries."""
+    total = int(0)
+    k = int(0)
+    while k < count.shape[0]:
+        total += integer_at(count, k)
+        set_integer(end, k, total)
+        k += 1
+
+
+@wp.func
+def bucket_count(s: Scene) -> int:
+    """How many buckets there are, and one."""
+    return s.grid.cell_start.shape[0]
+
+
+@wp.func
+def clear_cell(s: Scene, b: int):
+    """Empty a bucket."""
+    set_integer(s.grid.cell_start, b, 0)
+
+
+@wp.func
+def count_in_cell(s: Scene, i: int):
+    """How many grains every bucket holds, in cell_start; no pair is found yet."""
+    x, size = vector_at(s.grains.position, i), s.grid.size
+    bucket = bucket_of(cell_of(x[0], size), cell_of(x[1], size), s.grid.width)
+    set_integer(s.grid.bucket, i, bucket)
+    wp.atomic_add(s.grid.cell_start, bucket, 1)
+    set_integer(s.neighbors.firsts, i, 0)
+    set_integer(s.neighbors.seconds, i, 0)
+
+
+@wp.func
+def end_cells(s: Scene):
+    """Where every bucket ends."""
+    ends(s.grid.cell_start, s.grid.cell_start)
+    s.neighbors.total[0] = 0
+
+
+@wp.func
+def fill_cell(s: Scene, i: int):
+    """Put a grain in its bucket, with its extent; cell_start counts down to where the bucket starts."""
+    k = wp.atomic_sub(s.grid.cell_start, integer_at(s.grid.bucket, i), 1) - 1
+    x = vector_at(s.grains.position, i)
+    w = vector_at(s.verlet.reference_velocity, i) - s.verlet.numbers.mean_velocity
+    skin = number_at(s.grains.radius, i) + number_at(s.verlet.skin, i)
+    set_integer(s.grid.grain, k, i)
+    set_number(s.grid.x, k, x[0])
+    set_number(s.grid.y, k, x[1])
+    set_vector(s.grid.velocity, k, w)
+    set_number(s.grid.skin, k, skin)
+    set_number(s.grid.extent, k, skin + s.verlet.numbers.lifetime * wp.length(w))
