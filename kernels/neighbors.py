@@ -18,7 +18,7 @@ from .access import (
 )
 from .cells import bucket_of, cell_of, ends
 from .record import Scene, amid_sweeps, grain_count, is_accelerated
-from .types import Floats
+from .types import CellGrid
 from .verlet import stayed_off_walls
 from .walls import WallContact, is_near_wall
 
@@ -39,12 +39,12 @@ def note_pair(s: Scene, a: int, b: int):
 
 
 NEAR = """
-    const double own = extent.data[k], x0 = x.data[k], y0 = y.data[k];
+    const double *x = grid.x.data, *y = grid.y.data, *extent = grid.extent.data, own = extent[k];
     unsigned near = 0;
 #if defined(__CUDA_ARCH__)
     for (int lane = 0; lane < 8; lane++) {
         const int other = begin + lane;
-        const double its = extent.data[other], dx = x.data[other] - x0, dy = y.data[other] - y0;
+        const double its = extent[other], dx = x[other] - x[k], dy = y[other] - y[k];
         const double reach = (own + its) * wide;
         near |= (dx * dx + dy * dy <= reach * reach && (its < own || (its == own && other > k))) << lane;
     }
@@ -52,8 +52,8 @@ NEAR = """
     typedef double Numbers __attribute__((ext_vector_type(8), aligned(8)));
     typedef decltype(Numbers() < Numbers()) Lanes;
     typedef bool Bits __attribute__((ext_vector_type(8)));
-    const Numbers its = *(const Numbers*)(extent.data + begin);
-    const Numbers dx = *(const Numbers*)(x.data + begin) - x0, dy = *(const Numbers*)(y.data + begin) - y0;
+    const Numbers its = *(const Numbers*)(extent + begin);
+    const Numbers dx = *(const Numbers*)(x + begin) - x[k], dy = *(const Numbers*)(y + begin) - y[k];
     const Numbers reach = (own + its) * wide;
     const Lanes after = Lanes{0, 1, 2, 3, 4, 5, 6, 7} > Lanes(k - begin);
     const Lanes found = (dx * dx + dy * dy <= reach * reach) & ((its < own) | ((its == own) & after));
@@ -64,7 +64,7 @@ NEAR = """
 
 
 @wp.func_native(NEAR)
-def near_mask(x: Floats, y: Floats, extent: Floats, k: int, begin: int, end: int, wide: f64) -> wp.uint64:
+def near_mask(grid: CellGrid, k: int, begin: int, end: int, wide: f64) -> wp.uint64:
     """Which of eight places from begin on are before end, and hold a grain that the one at k may find.
 
     Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first.
@@ -118,7 +118,7 @@ def find_pairs(s: Scene, k: int):
             begin = integer_at(start, row + left)
             stop = integer_at(start, row + right)
             while begin < stop:
-                found = near_mask(s.grid.x, s.grid.y, s.grid.extent, k, begin, stop, TOO_WIDE)
+                found = near_mask(s.grid, k, begin, stop, TOO_WIDE)
                 near = near | (found << wp.uint64(8 * tests))
                 begins[tests] = begin
                 begin += 8
