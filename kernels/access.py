@@ -1,6 +1,7 @@
 """Reading, writing and comparing in the innermost loops: one instruction, and nothing else.
 
 Warp's own indexing allows negative indices and any stride; a sweep would pay a fifth of its time for that.
+Loops over grains and pairs are `while` loops: a turn of Warp's `range` takes a dozen instructions.
 The arrays are contiguous and the indices are the solver's own. For Warp's `max`, which looks whether either
 number is none, it would pay a tenth.
 """

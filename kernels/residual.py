@@ -42,11 +42,12 @@ def begin_rebuild(s: Scene, i: int):
 @wp.func
 def rebuild_from_pairs(team: Team, s: Scene, k: int):
     """Apply the corrections of a set's pairs."""
-    begin, end = pairs_of(team, s, k)
+    c, end = pairs_of(team, s, k)
     velocity, contacts = s.grains.rebuilt_velocity, s.contacts
-    for c in range(begin, end):
+    while c < end:
         impulse = number_at(contacts.pair_dv, c) * normal_of(contacts.pairs, c)
         apply_pair(velocity, contacts, c, impulse)
+        c += 1
 
 
 @wp.func
@@ -68,10 +69,11 @@ def measure_residual(team: Team, s: Scene):
         wall = s.contacts.walls[c]
         wall.gap_rate_out = outer_gap_rate(wall, v[wall.i], s.walls)
         worst = larger(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
-    begin, end = thread_range(team, 0, pair_count(s))
+    c, last = thread_range(team, 0, pair_count(s))
     pairs = contacts.pairs
-    for c in range(begin, end):
+    while c < last:
         vn = wp.dot(vector_at(v, first_of(pairs, c)) - vector_at(v, second_of(pairs, c)), normal_of(pairs, c))
         dv = number_at(contacts.pair_dv, c)
         worst = larger(worst, law.natural_residual(vn, dv, gap_rate_of(pairs, c)))
+        c += 1
     wp.atomic_max(s.partial.residual, partial_index(team, s.partial.residual.shape[0]), worst)

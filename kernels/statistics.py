@@ -21,8 +21,8 @@ def overlaps(team: Team, s: Scene):
     worst = f64(0.0)
     active = int(0)
     grains, contacts = s.grains, s.contacts
-    begin, end = thread_range(team, 0, pair_count(s))
-    for c in range(begin, end):
+    c, last = thread_range(team, 0, pair_count(s))
+    while c < last:
         i = first_of(contacts.pairs, c)
         j = second_of(contacts.pairs, c)
         distance = law.distance(vector_at(grains.position, i), vector_at(grains.position, j))
@@ -31,6 +31,7 @@ def overlaps(team: Team, s: Scene):
         dv = number_at(contacts.pair_dv, c)
         set_number(contacts.pair_dv_start, c, dv)
         active += 1 if dv != f64(0.0) else 0
+        c += 1
     begin, end = thread_range(team, 0, wall_count(s))
     for c in range(begin, end):
         wall = contacts.walls[c]

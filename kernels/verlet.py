@@ -132,8 +132,11 @@ def find_frame(s: Scene):
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
     if s.control.resuming == 0:
-        for i in range(n):
-            u = u + (s.grains.next_velocity[i] - s.verlet.reference_velocity[i]) / f64(n)
+        i = int(0)
+        while i < n:
+            w = vector_at(s.verlet.reference_velocity, i)
+            u = u + (vector_at(s.grains.next_velocity, i) - w) / f64(n)
+            i += 1
     s.verlet.numbers.frame_velocity = u
 
 

@@ -21,10 +21,10 @@ def begin_attempt(s: Scene, i: int):
 @wp.func
 def start_pairs(team: Team, s: Scene, k: int):
     """Freeze the pairs of a set (eq. 4), and apply their corrections."""
-    begin, end = pairs_of(team, s, k)
+    c, end = pairs_of(team, s, k)
     grains, contacts, dt = s.grains, s.contacts, s.dt
     starting = s.control.resuming == 0
-    for c in range(begin, end):
+    while c < end:
         i = first_of(contacts.pairs, c)
         j = second_of(contacts.pairs, c)
         n, distance = law.normal(vector_at(grains.position, i), vector_at(grains.position, j))
@@ -34,6 +34,7 @@ def start_pairs(team: Team, s: Scene, k: int):
             dv = number_at(contacts.pair_dv_start, c)
             set_number(contacts.pair_dv, c, dv)
             apply_pair(grains.next_velocity, contacts, c, dv * n)
+        c += 1
 
 
 @wp.func
