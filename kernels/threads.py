@@ -83,10 +83,16 @@ def arrive(arrivals: wp.array(dtype=wp.int64)) -> wp.int64:
     ...
 
 
+@wp.func(inline=False)
+def meet(team: Team):
+    """Wait for all threads; called, so that it is compiled once and not after every stage."""
+    size = wp.int64(team.size)
+    all_here = (arrive(team.arrivals) / size + wp.int64(1)) * size
+    wait_until(team.arrivals, 0, all_here)
+
+
 @wp.func
 def barrier(team: Team):
     """Let every CPU thread see what the others have written; a team of one does not wait."""
     if team.size > 1:
-        size = wp.int64(team.size)
-        all_here = (arrive(team.arrivals) / size + wp.int64(1)) * size
-        wait_until(team.arrivals, 0, all_here)
+        meet(team)
