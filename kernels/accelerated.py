@@ -15,7 +15,17 @@ Only the working set is swept (working_set.py).
 import warp as wp
 
 from . import law
-from .access import first_of, larger, number_at, read_wall, set_number, set_vector, set_wall_dv, vector_at
+from .access import (
+    first_of,
+    larger,
+    number_at,
+    read_wall,
+    set_number,
+    set_vector,
+    set_wall_dv,
+    vector_at,
+    wall_dv_at,
+)
 from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .lanes import FOUR, lanes
 from .record import Scene, grain_count, pair_count, wall_count
@@ -156,10 +166,12 @@ def sweep_walls_ahead(team: Team, s: Scene):
     for chunk in range(first, last):
         part = wp.vec2d(f64(0.0), f64(0.0))
         bounds = s.working.wall_range[chunk]
-        for c in range(bounds[0], bounds[1]):
+        c = int(bounds[0])
+        while c < bounds[1]:
             result = correct_wall(s, c, beta, relaxation)
             part = part + wp.vec2d(result[1], result[2])
             zeta = larger(zeta, result[0])
+            c += 1
         s.momentum.wall_part[chunk] = part
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 
@@ -177,15 +189,18 @@ def begin_momentum(team: Team, s: Scene):
         s.working.wall_range[k] = nothing
     if s.control.resuming != 0:
         return
-    first, last = thread_range(team, 0, grain_count(s))
-    for i in range(first, last):
-        s.momentum.last_velocity[i] = s.grains.next_velocity[i]
-    first, last = thread_range(team, 0, pair_count(s))
-    for c in range(first, last):
-        s.momentum.pair_last[c] = s.contacts.pair_dv[c]
-    first, last = thread_range(team, 0, wall_count(s))
-    for c in range(first, last):
-        s.momentum.wall_last[c] = s.contacts.walls[c].dv
+    i, last = thread_range(team, 0, grain_count(s))
+    while i < last:
+        set_vector(s.momentum.last_velocity, i, vector_at(s.grains.next_velocity, i))
+        i += 1
+    c, last = thread_range(team, 0, pair_count(s))
+    while c < last:
+        set_number(s.momentum.pair_last, c, number_at(s.contacts.pair_dv, c))
+        c += 1
+    c, last = thread_range(team, 0, wall_count(s))
+    while c < last:
+        set_number(s.momentum.wall_last, c, wall_dv_at(s.contacts.walls, c))
+        c += 1
     if team.rank == 0:
         s.momentum.state.t = f64(1.0)
         s.momentum.state.beta = f64(0.0)

@@ -11,12 +11,22 @@ carry, at most eta each.
 import warp as wp
 
 from . import law
-from .access import first_of, gap_rate_of, larger, normal_of, number_at, second_of, set_vector, vector_at
+from .access import (
+    first_of,
+    gap_rate_of,
+    larger,
+    normal_of,
+    number_at,
+    read_wall,
+    second_of,
+    set_vector,
+    vector_at,
+)
 from .record import Scene, pair_count
 from .segments import pairs_of, walls_of
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Vectors
-from .walls import has_inner, outer_gap_rate, wall_residual
+from .walls import WallContact, has_inner, outer_gap_rate, wall_residual
 
 f64 = wp.float64
 
@@ -53,10 +63,13 @@ def rebuild_from_pairs(team: Team, s: Scene, k: int):
 @wp.func
 def rebuild_from_walls(team: Team, s: Scene):
     """Apply the corrections at the walls."""
-    begin, end = walls_of(team, s)
-    for c in range(begin, end):
-        wall = s.contacts.walls[c]
-        s.grains.rebuilt_velocity[wall.i] = s.grains.rebuilt_velocity[wall.i] - wall.dv * wall.n
+    velocity = s.grains.rebuilt_velocity
+    wall = WallContact()
+    c, end = walls_of(team, s)
+    while c < end:
+        read_wall(s.contacts.walls, c, wall)
+        set_vector(velocity, wall.i, vector_at(velocity, wall.i) - wall.dv * wall.n)
+        c += 1
 
 
 @wp.func
@@ -64,11 +77,14 @@ def measure_residual(team: Team, s: Scene):
     """The largest residual of this thread's share of the contacts."""
     worst = f64(0.0)
     v, contacts = s.grains.rebuilt_velocity, s.contacts
-    begin, end = walls_of(team, s)
-    for c in range(begin, end):
-        wall = s.contacts.walls[c]
-        wall.gap_rate_out = outer_gap_rate(wall, v[wall.i], s.walls)
-        worst = larger(worst, wall_residual(wp.dot(v[wall.i], wall.n), wall, has_inner(s.walls)))
+    wall = WallContact()
+    c, end = walls_of(team, s)
+    while c < end:
+        read_wall(contacts.walls, c, wall)
+        own = vector_at(v, wall.i)
+        wall.gap_rate_out = outer_gap_rate(wall, own, s.walls)
+        worst = larger(worst, wall_residual(wp.dot(own, wall.n), wall, has_inner(s.walls)))
+        c += 1
     c, last = thread_range(team, 0, pair_count(s))
     pairs = contacts.pairs
     while c < last:

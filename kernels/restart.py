@@ -13,7 +13,7 @@ the two would hold a push that no correction has, and that every sweep repeats.
 import warp as wp
 
 from .accelerated import mass_in_phi
-from .access import set_vector, vector_at
+from .access import number_at, set_number, set_vector, set_wall_dv, vector_at
 from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .record import Scene, grain_count
 from .stopping import decide_to_stop
@@ -81,16 +81,20 @@ def decide_ahead(s: Scene):
 def roll_back_pairs(s: Scene, part: int):
     """Take back the rejected corrections of a part's pairs."""
     bounds = s.working.pair_range[part]
-    for c in range(bounds[0], bounds[1]):
-        s.working.pair_dv[c] = s.working.pair_last[c]
+    c = int(bounds[0])
+    while c < bounds[1]:
+        set_number(s.working.pair_dv, c, number_at(s.working.pair_last, c))
+        c += 1
 
 
 @wp.func
 def roll_back_walls(s: Scene, part: int):
     """Take back the rejected corrections of a part's wall contacts."""
     bounds = s.working.wall_range[part]
-    for c in range(bounds[0], bounds[1]):
-        s.working.walls[c].dv = s.working.wall_last[c]
+    c = int(bounds[0])
+    while c < bounds[1]:
+        set_wall_dv(s.working.walls, c, number_at(s.working.wall_last, c))
+        c += 1
 
 
 @wp.func

@@ -3,11 +3,11 @@
 import warp as wp
 
 from . import law
-from .access import first_of, larger, number_at, second_of, set_number, vector_at
+from .access import first_of, larger, number_at, read_wall, second_of, set_number, vector_at
 from .record import UNPROVED, Scene, pair_count, wall_count
 from .stopping import gathered
 from .threads import Team, partial_index, thread_range
-from .walls import wall_overlap
+from .walls import WallContact, wall_overlap
 
 f64 = wp.float64
 
@@ -32,13 +32,15 @@ def overlaps(team: Team, s: Scene):
         set_number(contacts.pair_dv_start, c, dv)
         active += 1 if dv != f64(0.0) else 0
         c += 1
-    begin, end = thread_range(team, 0, wall_count(s))
-    for c in range(begin, end):
-        wall = contacts.walls[c]
+    wall = WallContact()
+    c, end = thread_range(team, 0, wall_count(s))
+    while c < end:
+        read_wall(contacts.walls, c, wall)
         x, radius = vector_at(grains.position, wall.i), number_at(grains.radius, wall.i)
         worst = larger(worst, wall_overlap(x, radius, s.walls))
         set_number(contacts.wall_dv_start, c, wall.dv)
         active += 1 if wall.dv != f64(0.0) else 0
+        c += 1
     k = partial_index(team, s.partial.overlap.shape[0])
     wp.atomic_max(s.partial.overlap, k, worst)
     wp.atomic_add(s.partial.active, k, active)

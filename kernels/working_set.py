@@ -61,10 +61,12 @@ def put_back_pairs(s: Scene, part: int):
     """Write the corrections of a part's pairs where all pairs have theirs."""
     working = s.working
     bounds = working.pair_range[part]
-    for c in range(bounds[0], bounds[1]):
+    c = int(bounds[0])
+    while c < bounds[1]:
         k = integer_at(working.pair, c)
         set_number(s.contacts.pair_dv, k, number_at(working.pair_dv, c))
         set_number(s.momentum.pair_last, k, number_at(working.pair_last, c))
+        c += 1
 
 
 @wp.func
@@ -72,10 +74,12 @@ def put_back_walls(s: Scene, part: int):
     """Write the corrections of a part's wall contacts where all have theirs."""
     working = s.working
     bounds = working.wall_range[part]
-    for c in range(bounds[0], bounds[1]):
+    c = int(bounds[0])
+    while c < bounds[1]:
         k = integer_at(working.wall, c)
         set_wall_dv(s.contacts.walls, k, wall_dv_at(working.walls, c))
         set_number(s.momentum.wall_last, k, number_at(working.wall_last, c))
+        c += 1
 
 
 @wp.func
@@ -161,7 +165,8 @@ def select_walls(team: Team, s: Scene):
     for part in range(first, last):
         begin = part * CHUNK
         end = int(begin)
-        for c in range(begin, wp.min(wall_count(s), begin + CHUNK)):
+        c = int(begin)
+        while c < wp.min(wall_count(s), begin + CHUNK):
             read_wall(s.contacts.walls, c, contact)
             before = number_at(s.momentum.wall_last, c)
             v = vector_at(s.grains.next_velocity, contact.i)
@@ -175,6 +180,7 @@ def select_walls(team: Team, s: Scene):
             set_number(s.working.wall_last, end, before)
             end += wp.where(carries or nearly != f64(0.0), 1, 0)
             violation = larger(violation, wp.where(carries, f64(0.0), wp.abs(dv)))
+            c += 1
         s.working.wall_range[part] = wp.vec2i(begin, end)
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), violation)
 
