@@ -152,14 +152,16 @@ def fill_rows(s: Scene):
     )
     ends(s.neighbors.firsts, start)
     ends(second, second)
-    k = s.neighbors.total[0]
+    pairs = s.neighbors.total[0]
+    start[grain_count(s)] = pairs
+    k = int(pairs)
     while k > 0:
         k -= 1
         pair = couple_at(found, k)
         place = integer_at(second, pair[1]) - 1
         set_integer(second, pair[1], place)
         set_couple(by_second, place, pair)
-    k = s.neighbors.total[0]
+    k = int(pairs)
     while k > 0:
         k -= 1
         pair = couple_at(by_second, k)

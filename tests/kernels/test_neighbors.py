@@ -55,6 +55,14 @@ CLOUDS: dict[str, Callable[[], Cloud]] = {
 }
 
 
+def poison(record: OneRecord) -> None:
+    """Fill what a search writes, and what lies behind the last grain, with what would be noticed."""
+    for name in ("x", "y", "extent", "velocity", "skin"):
+        record[f"grid.{name}"][:] = np.nan
+    for name in ("grid.cell_start", "grid.bucket", "grid.grain", "neighbors.firsts", "neighbors.seconds"):
+        record[name][:] = -7
+
+
 def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     radius_out = min(1e10, 5e11 * sought.radius.min())
     scene = Scene(position=sought.position, radius=sought.radius, mass=1.0, radius_out=radius_out)
@@ -64,8 +72,10 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     record.verlet_numbers["mean_velocity"] = sought.velocity.mean(axis=0)
     record.verlet_numbers["lifetime"] = sought.horizon
     record.record["grid"]["size"] = cell_size
+    poison(record)
     record.run(*SEARCH)
     record.make_room(int(record["neighbors.total"][0]))
+    poison(record)
     record.run(*SEARCH)
     assert record.record["control"]["roomy"]
     return record.memory.listed_pairs()

@@ -79,7 +79,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
     n, pairs = size.grains, size.pairs
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": pairs}
-    search = {"firsts": n + 1, "seconds": n + 1, "found": pairs, "by_second": pairs, "total": 1}
+    search = {"firsts": n, "seconds": n, "found": pairs, "by_second": pairs, "total": 1}
     ahead, strips = size.accelerated, size.team * size.has_strips
     has_strips = int(size.has_strips)
     parts = pairs + pairs // CHUNK + 1
