@@ -46,7 +46,7 @@ class Pymunk:
         space.gravity = scene.gravity
         space.damping = math.exp(-scene.drag / float(scene.mass[0]))
         for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
-            corner = _corners(radius, around)
+            corner = corners(radius, around)
             for a, b in zip(corner, np.roll(corner, -1, axis=0), strict=True):
                 space.add(pymunk.Segment(space.static_body, tuple(a), tuple(b), 0.0))
         self._bodies = []
@@ -78,7 +78,7 @@ class Box2d:
         self._world = Box2D.b2World(gravity=gravity, doSleep=False)
         walls = self._world.CreateStaticBody()
         for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
-            corner = (_corners(radius, around) * self._scale).tolist()
+            corner = (corners(radius, around) * self._scale).tolist()
             for a, b in zip(corner, [*corner[1:], corner[0]], strict=True):
                 walls.CreateEdgeFixture(vertices=[a, b], friction=0.0, restitution=0.0)
         self._bodies = []
@@ -166,7 +166,7 @@ class Lammps:
         return x.reshape(-1, 3)[:, :2]
 
 
-def _corners(radius: float, around: bool) -> FloatArray:
+def corners(radius: float, around: bool) -> FloatArray:
     """Corners of a polygon whose sides touch a circle from outside (`around`), or that lies within it."""
     angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
     reach = radius / np.cos(np.pi / CORNERS) if around else radius

@@ -3,7 +3,8 @@
     python -m tests.bench.peers -o tests/bench/results/peers.csv --picture scenes/peers.png
 
 CPU time of 10 ms simulated, set-up and compiling apart, and the worst overlaps over 2 s, sampled every 10 ms
-from the true circles. Programs that are not installed (extra `[bench]`) are left out, and said.
+from the true circles. Programs that are not installed (extra `[bench]`), and Box2D 3 where its source is not
+given, are left out, and said.
 """
 
 import argparse
@@ -20,6 +21,7 @@ from warpgrains import Scene
 from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
 
+from .box2d3 import Box2d3, is_source
 from .flow import DURATION, flowing
 from .peer_programs import FRAME, Box2d, Lammps, Pymunk, Warpgrains
 from .rows import open_table
@@ -38,8 +40,8 @@ Setting = tuple[str, str, Callable[[Scene], Any]]
 MARKERS = "osD^vP"
 
 
-def settings() -> Iterator[Setting]:
-    """Name every program and setting, and how it is set up."""
+def settings(box2d3: Path | None) -> Iterator[Setting]:
+    """Name every program and setting, and how it is set up; `box2d3` is the folder of Box2D's source."""
     accelerated = {"method": "accelerated", "order": "color", "stop": "residual"}
     for dt in (0.01, 0.005, 0.0025):
         for tolerance in (1e-1, 1e-2, 1e-3, 1e-4):
@@ -52,6 +54,11 @@ def settings() -> Iterator[Setting]:
         for substeps, iterations in ((1, 10), (1, 30), (4, 10), (10, 10), (40, 10)):
             setting = f"{substeps} sub-steps, {iterations} iterations"
             yield name, setting, partial(program, substeps=substeps, iterations=iterations)
+    soft, stiff = ((1, 4), (1, 20), (1, 40), (1, 160)), ((4, 4), (10, 4), (40, 4))
+    for steps, substeps in (*soft, *stiff):
+        setting = f"{steps * substeps} sub-steps" + f", {steps} searches, stiff" * (steps > 1)
+        make = partial(Box2d3, source=box2d3, steps=steps, substeps=substeps, stiff=steps > 1)
+        yield "Box2D 3", setting, make
     for overlap in (1e-1, 1e-2, 1e-3):
         yield "LAMMPS", f"stiff for {overlap:g} radii", partial(Lammps, overlap=overlap)
 
@@ -83,10 +90,10 @@ def measure(scene: Scene, make: Callable[[Scene], Any]) -> tuple[float, FloatArr
     return 1e3 * (process_time() - start) / frames, worst
 
 
-def rows(n: int) -> Iterator[dict[str, str]]:
+def rows(n: int, box2d3: Path | None) -> Iterator[dict[str, str]]:
     """Measure everything for so many grains."""
     scene, missing = flowing(n), set()
-    for name, setting, make in settings():
+    for name, setting, make in settings(box2d3):
         if name in missing:
             continue
         try:
@@ -129,12 +136,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
     parser.add_argument("--picture", type=Path, help="PNG file of time against overlap")
     parser.add_argument("--grains", type=int, nargs="+", default=[100, 1000], help="how many grains")
+    parser.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
     chosen = parser.parse_args(arguments)
+    if chosen.box2d3 and not is_source(chosen.box2d3):
+        parser.error(f"--box2d3: {chosen.box2d3} holds no source of Box2D 3.1 or newer (src/physics_world.c)")
     start_warp()
     measured = []
     with open_table(chosen.output, COLUMNS) as table:
         for n in chosen.grains:
-            for cells in rows(n):
+            for cells in rows(n, chosen.box2d3):
                 say(", ".join(cells.values()))
                 table.add(cells)
                 measured.append(cells)

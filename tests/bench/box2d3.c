@@ -1,0 +1,73 @@
+/* Discs within polygons in Box2D 3.1 or newer: no friction, no rebound, no sleep, one thread. */
+
+#include <stdlib.h>
+
+#include "box2d/box2d.h"
+
+typedef struct {
+    b2WorldId world;
+    int n;
+    b2BodyId bodies[];
+} Discs;
+
+static b2ShapeDef frictionless(float density) {
+    b2ShapeDef shape = b2DefaultShapeDef();
+    shape.density = density;
+    shape.material.friction = 0.0f;
+    shape.material.restitution = 0.0f;
+    return shape;
+}
+
+/* A hertz of 0 leaves the stiffness of contacts as it is by default. */
+Discs *create(int n, float gravityX, float gravityY, float hertz) {
+    Discs *discs = malloc(sizeof(Discs) + n * sizeof(b2BodyId));
+    b2WorldDef world = b2DefaultWorldDef();
+    world.gravity = (b2Vec2){gravityX, gravityY};
+    world.enableSleep = false;
+    world.workerCount = 1;
+    if (hertz > 0.0f) world.contactHertz = hertz;
+    discs->world = b2CreateWorld(&world);
+    discs->n = n;
+    return discs;
+}
+
+/* A closed polygon: a body of segments. */
+void addWall(Discs *discs, int corners, const b2Vec2 *corner) {
+    b2BodyDef body = b2DefaultBodyDef();
+    b2BodyId wall = b2CreateBody(discs->world, &body);
+    b2ShapeDef shape = frictionless(0.0f);
+    for (int k = 0; k < corners; k++) {
+        b2Segment side = {corner[k], corner[(k + 1) % corners]};
+        b2CreateSegmentShape(wall, &shape, &side);
+    }
+}
+
+void addDiscs(Discs *discs, const b2Vec2 *x, const float *radius, const float *mass, float drag) {
+    for (int i = 0; i < discs->n; i++) {
+        b2BodyDef body = b2DefaultBodyDef();
+        body.type = b2_dynamicBody;
+        body.position.x = x[i].x;
+        body.position.y = x[i].y;
+        body.linearDamping = drag / mass[i];
+        discs->bodies[i] = b2CreateBody(discs->world, &body);
+        b2ShapeDef shape = frictionless(mass[i] / (B2_PI * radius[i] * radius[i]));
+        b2Circle circle = {{0.0f, 0.0f}, radius[i]};
+        b2CreateCircleShape(discs->bodies[i], &shape, &circle);
+    }
+}
+
+void advance(Discs *discs, int steps, float dt, int substeps) {
+    for (int k = 0; k < steps; k++) b2World_Step(discs->world, dt, substeps);
+}
+
+void positions(const Discs *discs, double *x) {
+    for (int i = 0; i < discs->n; i++) {
+        x[2 * i] = b2Body_GetPosition(discs->bodies[i]).x;
+        x[2 * i + 1] = b2Body_GetPosition(discs->bodies[i]).y;
+    }
+}
+
+void destroy(Discs *discs) {
+    b2DestroyWorld(discs->world);
+    free(discs);
+}
