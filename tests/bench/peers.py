@@ -23,6 +23,7 @@ from warpgrains.console import start_warp
 
 from .box2d3 import Box2d3, is_source
 from .flow import DURATION, flowing
+from .kamino import Kamino
 from .peer_programs import FRAME, Box2d, Lammps, Pymunk, Warpgrains
 from .rows import open_table
 from .timing import say
@@ -59,6 +60,8 @@ def settings(box2d3: Path | None) -> Iterator[Setting]:
         setting = f"{steps * substeps} sub-steps" + f", {steps} searches, stiff" * (steps > 1)
         make = partial(Box2d3, source=box2d3, steps=steps, substeps=substeps, stiff=steps > 1)
         yield "Box2D 3", setting, make
+    for iterations in (24, 100, 400):
+        yield "Newton Kamino", f"{iterations} iterations", partial(Kamino, iterations=iterations)
     for overlap in (1e-1, 1e-2, 1e-3):
         yield "LAMMPS", f"stiff for {overlap:g} radii", partial(Lammps, overlap=overlap)
 

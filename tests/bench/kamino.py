@@ -1,0 +1,139 @@
+"""The common flowing scene in Newton's Kamino: projected Gauss-Seidel in Warp, in single precision."""
+
+from math import pi
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpgrains import Scene
+from warpgrains.arrays import FloatArray
+
+from .peer_programs import FRAME
+
+FIELDS = (
+    "count",
+    "shape0",
+    "shape1",
+    "point0",
+    "point1",
+    "offset0",
+    "offset1",
+    "normal",
+    "margin0",
+    "margin1",
+)
+
+
+@wp.struct
+class Contacts:
+    """What the wall writes of Newton's contacts, by their names there, and what it is."""
+
+    count: wp.array(dtype=int)
+    shape0: wp.array(dtype=int)
+    shape1: wp.array(dtype=int)
+    point0: wp.array(dtype=wp.vec3f)
+    point1: wp.array(dtype=wp.vec3f)
+    offset0: wp.array(dtype=wp.vec3f)
+    offset1: wp.array(dtype=wp.vec3f)
+    normal: wp.array(dtype=wp.vec3f)
+    margin0: wp.array(dtype=float)
+    margin1: wp.array(dtype=float)
+    outer: float
+    radius: float
+
+
+@wp.kernel
+def enter_plane(
+    q: wp.array(dtype=wp.transformf),
+    qd: wp.array(dtype=wp.spatial_vectorf),
+    force: wp.array(dtype=wp.spatial_vectorf),
+    drag: float,
+):
+    i = wp.tid()
+    x, v = wp.transform_get_translation(q[i]), wp.spatial_top(qd[i])
+    v = wp.vec3f(v[0], v[1], 0.0)
+    q[i] = wp.transformf(wp.vec3f(x[0], x[1], 0.0), wp.quat_identity(float))
+    qd[i] = wp.spatial_vector(v, wp.vec3f())
+    force[i] = wp.spatial_vector(-drag * v, wp.vec3f())
+
+
+@wp.kernel
+def touch_outer_wall(q: wp.array(dtype=wp.transformf), wall: int, contacts: Contacts):
+    i = wp.tid()
+    x = wp.transform_get_translation(q[i])
+    rho = wp.length(x)
+    if contacts.outer - rho < 2.0 * contacts.radius:
+        k = wp.atomic_add(contacts.count, 0, 1)
+        contacts.shape0[k] = i
+        contacts.shape1[k] = wall
+        contacts.point0[k] = wp.vec3f()
+        contacts.point1[k] = x * (contacts.outer / rho)
+        contacts.offset0[k] = x * (contacts.radius / rho)
+        contacts.offset1[k] = wp.vec3f()
+        contacts.normal[k] = x / rho
+        contacts.margin0[k] = contacts.radius
+        contacts.margin1[k] = 0.0
+
+
+class Kamino:
+    """Newton's Kamino, its solver named DVI: spheres kept in a plane, gaps closed within a step of 10 ms.
+
+    Newton finds contacts of spheres and of the inner cylinder that are nearer than a radius; the outer wall,
+    which it has no shape for, adds its own, in the name of the inner one. An iteration is two sweeps.
+    """
+
+    def __init__(self, scene: Scene, iterations: int):
+        import newton
+
+        self._radius, self._n = float(scene.radius[0]), len(scene.radius)
+        self._drag = scene.drag
+        self._model = model = _model(newton, scene).finalize(device="cpu")
+        model.rigid_contact_max = 8 * self._n + 64
+        config = newton.solvers.SolverKamino.Config.from_model(model, dynamics_solver="dvi")
+        config.sparse_jacobian = config.sparse_dynamics = True
+        config.dynamics.linear_solver_type = "CR"  # what it takes where dynamics are sparse
+        config.constraints.gamma, config.constraints.delta = 1.0, 0.0
+        config.dynamics.cull_speculative_contacts = False
+        config.dvi.max_alternating_iterations, config.dvi.tolerance = iterations, 0.0
+        self._solver = newton.solvers.SolverKamino(model, config=config)
+        self._pipeline = newton.CollisionPipeline(model, broad_phase="sap")
+        self._contacts = self._pipeline.contacts()
+        self._state, self._next = model.state(), model.state()
+        self._wall = Contacts()
+        for name in FIELDS:
+            setattr(self._wall, name, getattr(self._contacts, f"rigid_contact_{name}"))
+        self._wall.outer, self._wall.radius = scene.radius_out, self._radius
+
+    def advance(self, frames: int) -> None:
+        """Simulate 10 ms so many times."""
+        for _ in range(frames):
+            state = self._state
+            moving = [state.body_q, state.body_qd, state.body_f, self._drag]
+            wp.launch(enter_plane, self._n, moving, device="cpu")
+            self._pipeline.collide(state, self._contacts)
+            wp.launch(touch_outer_wall, self._n, [state.body_q, self._n, self._wall], device="cpu")
+            self._solver.step(state, self._next, None, self._contacts, FRAME)
+            self._state, self._next = self._next, state
+
+    def position(self) -> FloatArray:
+        """Centres [m], shape (n, 2)."""
+        return self._state.body_q.numpy()[:, :2].astype(np.float64)
+
+
+def _model(newton: Any, scene: Scene) -> Any:
+    """Spheres, a body each, and the inner wall, the last shape."""
+    radius, mass = float(scene.radius[0]), float(scene.mass[0])
+    shape = newton.ModelBuilder.ShapeConfig(
+        density=mass / (4.0 / 3.0 * pi * radius**3),
+        mu=0.0,
+        mu_torsional=0.0,
+        mu_rolling=0.0,
+        gap=0.5 * radius,
+    )
+    builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(*scene.gravity, 0.0))
+    for x, y in scene.position.tolist():
+        body = builder.add_body(xform=wp.transform(wp.vec3(x, y, 0.0), wp.quat_identity()))
+        builder.add_shape_sphere(body, radius=radius, cfg=shape)
+    builder.add_shape_cylinder(-1, radius=scene.radius_in, half_height=1.0, cfg=shape)
+    return builder
