@@ -117,7 +117,8 @@ def draw(measured: list[dict[str, str]], file: Path) -> None:
     from matplotlib import pyplot
 
     sizes = sorted({int(cells["n"]) for cells in measured})
-    figure, panels = pyplot.subplots(1, len(sizes), figsize=(5.0 * len(sizes), 4.2), squeeze=False)
+    size = (5.0 * len(sizes), 4.6)
+    figure, panels = pyplot.subplots(1, len(sizes), figsize=size, squeeze=False, layout="constrained")
     names = list(dict.fromkeys(cells["program"] for cells in measured))
     for panel, n in zip(panels[0], sizes, strict=True):
         for name, marker in zip(names, MARKERS, strict=False):
@@ -128,8 +129,7 @@ def draw(measured: list[dict[str, str]], file: Path) -> None:
         panel.set(title=f"{n:,} grains", xlabel="worst overlap of two grains [radii]")
         panel.grid(alpha=0.3)
     panels[0][0].set_ylabel("CPU time of 10 ms simulated [ms]")
-    panels[0][0].legend()
-    figure.tight_layout()
+    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=len(names))
     figure.savefig(file, dpi=110)
 
 
