@@ -27,7 +27,7 @@ from .access import (
     wall_dv_at,
 )
 from .chunks import CHUNK, chunks_in, part_count, wall_part_count
-from .lanes import FOUR, lanes
+from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, grain_count, pair_count, wall_count
 from .threads import Team, partial_index, thread_range
 from .types import Contacts, Grains, WorkingSet
@@ -144,7 +144,7 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
     for chunk in range(first, last):
         four, one = wp.vec3d(), wp.vec3d()
         bounds = s.working.pair_range[chunk + k]
-        rest = bounds[1] - (bounds[1] - bounds[0]) % FOUR
+        rest = end_of_fours(bounds[0], bounds[1])
         if weighted:
             four = sweep_four_weighted(s, bounds[0], rest)
             one = sweep_one_weighted(s, rest, bounds[1])

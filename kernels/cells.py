@@ -11,6 +11,7 @@ from .record import Scene
 from .types import Ints
 
 f64 = wp.float64
+AT_ONCE = wp.constant(8)  # places that a search tests; it may read as many beyond the last grain
 
 
 @wp.func

@@ -46,6 +46,12 @@ class Lanes:
     push_apart: wp.Function
 
 
+@wp.func
+def end_of_fours(begin: int, end: int) -> int:
+    """Where the last whole four of [begin, end) ends."""
+    return end - (end - begin) % FOUR
+
+
 def lanewise(count: int, formula: str) -> str:
     """Return C++ that computes a formula of x and y, lanes of a and b."""
     return f"""

@@ -16,14 +16,14 @@ from .access import (
     triple_at,
     vector_at,
 )
-from .cells import bucket_of, cell_of, ends
+from .cells import AT_ONCE, bucket_of, cell_of, ends
 from .record import Scene, amid_sweeps, grain_count, is_accelerated
 from .types import CellGrid
 from .verlet import stayed_off_walls
 from .walls import WallContact, is_near_wall
 
 f64 = wp.float64
-Begins = wp.types.vector(length=8, dtype=wp.int32)
+Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
 TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact out
 
 
@@ -119,9 +119,9 @@ def find_pairs(s: Scene, k: int):
             stop = integer_at(start, row + right)
             while begin < stop:
                 found = near_mask(s.grid, k, begin, stop, TOO_WIDE)
-                near = near | (found << wp.uint64(8 * tests))
+                near = near | (found << wp.uint64(AT_ONCE * tests))
                 begins[tests] = begin
-                begin += 8
+                begin += AT_ONCE
                 tests += 1
                 if tests == 8:
                     note_pairs(s, k, near, begins)

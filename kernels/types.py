@@ -157,7 +157,7 @@ class WorkingSet:
     """The contacts that are swept, by part (working_set.py). Empty in scenes that do not accelerate."""
 
     pairs: wp.array(dtype=Pair)
-    gap_rate: Floats  # of the pairs [m/s]
+    gap_rate: Floats  # of the pairs, side by side as lanes read them [m/s]
     pair: Ints  # its place among all
     pair_dv: Floats  # [m/s]
     pair_last: Floats  # before the last sweep [m/s]

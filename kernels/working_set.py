@@ -26,7 +26,7 @@ from .access import (
     wall_dv_at,
 )
 from .chunks import CHUNK, chunks_in, wall_part_count
-from .lanes import FOUR, lanes
+from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, wall_count
 from .stopping import gathered, is_going_on
 from .threads import Team, partial_index, thread_range
@@ -34,9 +34,7 @@ from .verlet import monitor
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
-NEAR = wp.constant(
-    f64(0.25)
-)  # of the largest change of a correction: how near to a violation a contact is swept
+NEAR = wp.constant(f64(0.25))  # of the largest change of a correction: how near to a violation one is swept
 
 
 @wp.func
@@ -146,7 +144,7 @@ def select_pairs(team: Team, s: Scene, k: int):
     for chunk in range(first, last):
         begin = wp.max(start, chunk * CHUNK)
         end = wp.min(stop, (chunk + 1) * CHUNK)
-        rest = end - (end - begin) % FOUR
+        rest = end_of_fours(begin, end)
         after_four, violation_of_four = select_four(s, begin, rest, begin)
         after, violation_of_one = select_one(s, rest, end, after_four)
         violation = larger(violation, larger(violation_of_four, violation_of_one))
@@ -166,7 +164,8 @@ def select_walls(team: Team, s: Scene):
         begin = part * CHUNK
         end = int(begin)
         c = int(begin)
-        while c < wp.min(wall_count(s), begin + CHUNK):
+        stop = wp.min(wall_count(s), begin + CHUNK)
+        while c < stop:
             read_wall(s.contacts.walls, c, contact)
             before = number_at(s.momentum.wall_last, c)
             v = vector_at(s.grains.next_velocity, contact.i)

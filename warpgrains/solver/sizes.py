@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.chunks import CHUNK
 from warpgrains.kernels.threads import GPU_PARTIALS
 
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 Counts = NDArray[np.int64]
 FEW = 40  # grains that are not worth a grid
-SEARCHED_AT_ONCE = 8  # grains (kernels/neighbors.py)
 BINS = 4096  # of the coordinate that is cut into strips
 
 
@@ -111,7 +111,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "grid": {
             "cell_start": cells,
-            **dict.fromkeys(("x", "y", "extent"), n + SEARCHED_AT_ONCE),
+            **dict.fromkeys(("x", "y", "extent"), n + AT_ONCE),
             **dict.fromkeys(("bucket", "grain", "velocity", "skin"), n),
         },
         "neighbors": rows | search,
