@@ -18,7 +18,7 @@ from .access import (
 )
 from .record import Scene
 from .segments import pairs_of, walls_of
-from .stopping import decide_to_stop
+from .stopping import decide_to_stop, gathered
 from .threads import Team, partial_index
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor, monitor_pair
@@ -107,5 +107,5 @@ def sweep_walls(team: Team, s: Scene):
 @wp.func
 def decide(s: Scene):
     """What follows on a sweep."""
-    decide_to_stop(s)
+    decide_to_stop(s, gathered(s.partial.zeta))
     add_unmonitored(s)

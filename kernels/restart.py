@@ -5,6 +5,9 @@ gone, the friction stays low, and the next run is soon as fast (Liang, Luo and S
 does not make good what going on to y has cost in phi is rejected, which stops momentum as well; so phi falls
 from sweep to sweep. Over-relaxation is what most often raises it, and is worn down each time.
 
+Where grains splash, the waves of their impacts are what is left near the end, and momentum would keep them alive
+for long. So t is held back then: the less, the further zeta has fallen, and the more sweeps it took.
+
 Velocities that are corrected in place gather rounding errors, and momentum carries these on. Now and then
 they are rebuilt from the corrections, and the last ones moved by as much: without that, the difference of
 the two would hold a push that no correction has, and that every sweep repeats.
@@ -16,7 +19,7 @@ from .accelerated import mass_in_phi
 from .access import number_at, set_number, set_vector, set_wall_dv, vector_at
 from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .record import Scene, grain_count
-from .stopping import decide_to_stop
+from .stopping import decide_to_stop, gathered
 from .threads import Team, thread_range
 
 f64 = wp.float64
@@ -24,12 +27,32 @@ ROUNDING = wp.constant(f64(2.0e-15))
 RELAXATION_BACKOFF = wp.constant(f64(0.8))  # what a rejected sweep leaves of the over-relaxation
 MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # what a stop leaves of t
 REBUILD_EVERY = wp.constant(100)  # iterations between two times that velocities are rebuilt
+NEAR_END = wp.constant(f64(6.0))  # times the tolerance: a zeta from which t is held back, to the largest of
+ENOUGH_T = wp.constant(f64(24.0))  # itself,
+T_PER_FALL = wp.constant(f64(1.5))  # times the root of how many times the tolerance the first zeta was, and
+T_PER_SWEEP = wp.constant(f64(0.2))  # times the sweeps
 LOOK_EVERY = wp.constant(10)  # sweeps between two looks, and
 FIRST_LOOKS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
 
 @wp.func
-def accept_or_reject(s: Scene):
+def take_t_on(s: Scene, zeta: f64):
+    """Choose t and beta of the next sweep (eq. 13), near the end with more friction."""
+    sweeps = s.step.iterations + 1
+    tolerance = s.stopping.tolerance
+    if sweeps == 1:
+        s.momentum.state.first_zeta = zeta
+    t = s.momentum.state.t
+    following = f64(0.5) * (f64(1.0) + wp.sqrt(f64(1.0) + f64(4.0) * t * t))
+    s.momentum.state.beta = (t - f64(1.0)) / following
+    if zeta < NEAR_END * tolerance:
+        fall = T_PER_FALL * wp.sqrt(s.momentum.state.first_zeta / tolerance)
+        following = wp.min(following, wp.max(ENOUGH_T, wp.max(fall, T_PER_SWEEP * f64(sweeps))))
+    s.momentum.state.t = following
+
+
+@wp.func
+def accept_or_reject(s: Scene, zeta: f64):
     """Reject a sweep after which phi has risen; choose how far to go on after the others."""
     part = wp.vec2d(f64(0.0), f64(0.0))
     for k in range(part_count(s)):
@@ -41,17 +64,15 @@ def accept_or_reject(s: Scene):
     for k in range(chunks_in(grain_count(s))):
         energy = energy + s.momentum.grain_part[k][0]
         size = size + s.momentum.grain_part[k][1]
-    t = s.momentum.state.t
     beta = s.momentum.state.beta
     rejected = beta > f64(0.0) and part[0] + beta * (f64(0.5) * energy - ROUNDING * size) > f64(0.0)
     if rejected:
         s.momentum.state.relaxation = RELAXATION_BACKOFF * s.momentum.state.relaxation
     if rejected or part[1] > f64(0.0):
-        s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * t)
+        s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.state.t)
         s.momentum.state.beta = f64(0.0)
     else:
-        s.momentum.state.t = f64(0.5) * (f64(1.0) + wp.sqrt(f64(1.0) + f64(4.0) * t * t))
-        s.momentum.state.beta = (t - f64(1.0)) / s.momentum.state.t
+        take_t_on(s, zeta)
     s.control.rejected = 1 if rejected else 0
 
 
@@ -65,8 +86,9 @@ def is_look_due(iterations: int) -> bool:
 @wp.func
 def decide_ahead(s: Scene):
     """What follows on an accelerated sweep; whether it was the last is settled when all is looked at."""
-    accept_or_reject(s)
-    decide_to_stop(s)
+    zeta = gathered(s.partial.zeta)
+    accept_or_reject(s, zeta)
+    decide_to_stop(s, zeta)
     iterations = s.step.iterations
     if s.control.rejected == 0 and iterations % REBUILD_EVERY == 0:
         s.control.measuring = 1

@@ -100,13 +100,12 @@ def is_going_on(s: Scene, zeta: f64) -> bool:
 
 
 @wp.func
-def decide_to_stop(s: Scene):
+def decide_to_stop(s: Scene, zeta: f64):
     """Stop after the first iteration with zeta <= tolerance, or at max_iterations; or ask for the residual.
 
     Where a contact may be missing it pauses for another list, but not at once, so that it shows how far
     all grains must reach. The residual is measured after the last iteration in any case.
     """
-    zeta = gathered(s.partial.zeta)
     iterations = s.step.iterations + 1
     s.step.iterations = iterations
     going_on = is_going_on(s, zeta)

@@ -136,6 +136,7 @@ class MomentumState:
     t: f64
     beta: f64
     relaxation: f64  # by how much a sweep goes too far at beta = 1
+    first_zeta: f64  # of the step's first sweep [m/s]
     residual: f64  # when velocities were last rebuilt [m/s] (exact.py)
 
 

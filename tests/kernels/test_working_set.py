@@ -31,6 +31,22 @@ def few(**changes: object) -> Scene:
     return scene.replace(position=position, velocity=None, radius=radius, mass=mass, radius_in=0.0, **changes)
 
 
+def tower(n: int, tolerance: float) -> Scene:
+    """Grains above each other that land together: a wave runs up and down them, and t is held back."""
+    r = 0.015
+    position = np.stack([np.zeros(n), -1.0 + 1.001 * r + 2.001 * r * np.arange(n)], axis=1)
+    return Scene(
+        position=position,
+        velocity=np.tile((0.0, -1.0), (n, 1)),
+        radius=r,
+        mass=0.1,
+        radius_out=1.0,
+        dt=0.005,
+        tolerance=tolerance,
+        max_iterations=500,
+    )
+
+
 CASES: dict[str, tuple[Callable[[], Scene], int]] = {
     "falls": (lambda: annulus(dt=0.03), 100),
     "rests": (lambda: few(dt=0.02), 100),
@@ -42,6 +58,9 @@ CASES: dict[str, tuple[Callable[[], Scene], int]] = {
     "anywhere": (lambda: random_scene(4), 8),
     "bullet": (bullet, 15),
     "explosion": (explosion, 4),
+    "tower, t of 24": (lambda: tower(40, 1e-2), 2),
+    "tower, t by the fall of zeta": (lambda: tower(60, 1e-3), 2),
+    "tower, t by the sweeps": (lambda: tower(60, 3e-3), 2),
 }
 
 

@@ -183,7 +183,7 @@ class AcceleratedTwin:
         self._v_last, self._t, self._beta, self._rho = self._v.copy(), 1.0, 0.0, 0.25
         self._look(0.0)
         for k in range(1, scene.max_iterations + 1):
-            kept = self._sweep()
+            kept = self._sweep(k)
             self.iterations = k
             checking = on_residual and kept and (k == 1 or k % 10 == 0) and self.zeta <= 2.0 * scene.tolerance
             quiet = not on_residual and kept and self.zeta <= scene.tolerance
@@ -204,8 +204,8 @@ class AcceleratedTwin:
                 if quiet and self.zeta <= scene.tolerance:
                     return
 
-    def _sweep(self) -> bool:
-        """Go on to y and sweep from there; return whether it is kept."""
+    def _sweep(self, k: int) -> bool:
+        """Go on to y and sweep from there, the k-th time; return whether it is kept."""
         beta, omega, mass = self._beta, 1.0 + self._rho * self._beta, self.scene.mass.tolist()
         before = self._v
         self._v = [v + beta * (v - last) for v, last in zip(before, self._v_last, strict=True)]
@@ -233,4 +233,9 @@ class AcceleratedTwin:
         else:
             t, self._t = self._t, (1.0 + sqrt(1.0 + 4.0 * self._t * self._t)) / 2.0
             self._beta = (t - 1.0) / self._t
+            if k == 1:
+                self._first_zeta = self.zeta
+            if self.zeta < 6.0 * self.scene.tolerance:
+                fall = 1.5 * sqrt(self._first_zeta / self.scene.tolerance)
+                self._t = min(self._t, max(24.0, fall, 0.2 * k))
         return kept
