@@ -98,7 +98,7 @@ class TestResume:
 
     def test_run_that_takes_long_gets_a_folder(self, tmp_path, monkeypatch):
         """It goes on from where it is when the time is over."""
-        sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 80.0\n[axes]"))
+        sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 800.0\n[axes]"))
         assert batch(sweep, "-o", tmp_path / "short") == 0
         monkeypatch.setattr(short, "SHORT", 0.0)
         monkeypatch.setattr(engine, "BRIEF", 0)
@@ -106,7 +106,7 @@ class TestResume:
         assert batch(sweep, "-o", out) == 0
         assert results(out) == results(tmp_path / "short")
         kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
-        assert kept.statistics.steps == 8000
+        assert kept.statistics.steps == 80_000
 
     def test_begun_sweep_needs_resume(self, tmp_path, done, capfd):
         shutil.copytree(done, tmp_path / "out")
