@@ -16,13 +16,13 @@ import warp as wp
 
 from . import law
 from .access import (
-    first_of,
     larger,
     number_at,
     read_wall,
     set_number,
     set_vector,
     set_wall_dv,
+    triple_at,
     vector_at,
     wall_dv_at,
 )
@@ -63,14 +63,14 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
     approach, push_apart = several.approach, several.push_apart
 
     @wp.func
-    def shares_of(grains: Grains, working: WorkingSet, c: int):
+    def shares_of(working: WorkingSet, c: int):
         """Parts of the corrections that grains i and j take, and mu_c."""
         share_i, share_j, mu = vector(), vector(), vector()
         for k in range(wp.static(count)):
-            weight = vector_at(working.weights, c + k)
+            weight = triple_at(working.weights, c + k)
             share_i[k] = weight[0]
             share_j[k] = weight[1]
-            mu[k] = number_at(grains.mass, first_of(working.pairs, c + k)) * weight[0]
+            mu[k] = weight[2]
         return share_i, share_j, mu
 
     @wp.func
@@ -83,7 +83,7 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
         c = int(begin)
         while c < end:
             if wp.static(weighted):
-                share_i, share_j, mu = shares_of(grains, working, c)
+                share_i, share_j, mu = shares_of(working, c)
             gap_rate = numbers_at(working.gap_rate, c)
             x = numbers_at(working.pair_dv, c)
             ahead = beta * (x - numbers_at(working.pair_last, c))

@@ -8,7 +8,7 @@ number is none, it would pay a tenth.
 
 import warp as wp
 
-from .types import Pair
+from .types import Pair, WorkingPair
 from .walls import WallContact
 
 f64 = wp.float64
@@ -104,9 +104,12 @@ def set_couple(couples: wp.array(dtype=wp.vec2i), k: int, value: wp.vec2i):
     ...
 
 
-@wp.func_native("pairs.data[c] = source.data[k];")
-def copy_pair(pairs: wp.array(dtype=Pair), c: int, source: wp.array(dtype=Pair), k: int):
-    """Copy a pair from another array."""
+@wp.func_native("""
+    const unsigned size = sizeof(wp::vec_t<2, double>);
+    pairs.data[c] = {source.data[k].n, size * source.data[k].i, size * source.data[k].j};
+""")
+def copy_pair(pairs: wp.array(dtype=WorkingPair), c: int, source: wp.array(dtype=Pair), k: int):
+    """Make a working pair of a pair."""
     ...
 
 

@@ -10,11 +10,10 @@ from typing import Any
 
 import warp as wp
 
-from .access import first_of, normal_of, second_of, set_vector, vector_at
-from .types import Floats, Pair, Vectors
+from .types import Floats, Vectors, WorkingPair
 
 f64 = wp.float64
-Pairs = wp.array(dtype=Pair)
+Pairs = wp.array(dtype=WorkingPair)
 FOUR = wp.constant(4)
 
 
@@ -31,9 +30,9 @@ class Lanes:
     sum_of, product_of, larger_of : wp.Function
         Of two numbers of each pair. Compilers do not see that Warp's own could be one instruction.
     approach : wp.Function
-        Velocities at which pairs close their gaps, `(velocity, pairs, c)` [m/s].
+        Velocities at which working pairs close their gaps, `(velocity, pairs, c)` [m/s].
     push_apart : wp.Function
-        Give grains their shares of changes of corrections, `(velocity, pairs, c, dv, share_i, share_j)`.
+        Share changes of corrections out to grains, `(velocity, pairs, c, dv, share_i, share_j)`.
     """
 
     vector: Any
@@ -70,6 +69,20 @@ def lanewise(count: int, formula: str) -> str:
     """
 
 
+VELOCITIES = """
+    #if defined(__CUDA_ARCH__)
+        struct couple : wp::vec_t<2, double> {
+            couple(wp::vec_t<2, double> v) : wp::vec_t<2, double>(v) {}
+            couple operator*(const couple &n) const { return wp::cw_mul(*this, n); }
+            couple operator*(double x) const { return wp::mul(*this, x); }
+        };
+    #else
+        typedef double couple __attribute__((vector_size(16), aligned(8)));
+    #endif
+        const auto velocity_at = [&](unsigned bytes) { return (couple *)((char *)velocity.data + bytes); };
+"""
+
+
 @cache
 def lanes(count: int) -> Lanes:
     """Return the functions of so many pairs."""
@@ -95,22 +108,25 @@ def lanes(count: int) -> Lanes:
     @wp.func_native(lanewise(count, "y > x ? y : x"))
     def larger_of(a: vector, b: vector) -> vector: ...
 
-    @wp.func
-    def approach(velocity: Vectors, pairs: Pairs, c: int):
-        vn = vector()
-        for k in range(wp.static(count)):
-            vi = vector_at(velocity, first_of(pairs, c + k))
-            vj = vector_at(velocity, second_of(pairs, c + k))
-            vn[k] = wp.dot(vi - vj, normal_of(pairs, c + k))
-        return vn
+    @wp.func_native(f"""{VELOCITIES}
+        wp::vec_t<{count}, double> vn;
+        for (int k = 0; k < {count}; k++) {{
+            const couple difference = *velocity_at(pairs.data[c + k].i) - *velocity_at(pairs.data[c + k].j);
+            const couple product = difference * *(const couple *)&pairs.data[c + k].n;
+            vn.c[k] = product[0] + product[1];
+        }}
+        return vn;
+    """)
+    def approach(velocity: Vectors, pairs: Pairs, c: int) -> vector: ...
 
-    @wp.func
-    def push_apart(velocity: Vectors, pairs: Pairs, c: int, dv: vector, share_i: vector, share_j: vector):
-        for k in range(wp.static(count)):
-            i = first_of(pairs, c + k)
-            j = second_of(pairs, c + k)
-            push = dv[k] * normal_of(pairs, c + k)
-            set_vector(velocity, i, vector_at(velocity, i) - push * share_i[k])
-            set_vector(velocity, j, vector_at(velocity, j) + push * share_j[k])
+    @wp.func_native(f"""{VELOCITIES}
+        for (int k = 0; k < {count}; k++) {{
+            const couple push = *(const couple *)&pairs.data[c + k].n * dv.c[k];
+            couple *vi = velocity_at(pairs.data[c + k].i), *vj = velocity_at(pairs.data[c + k].j);
+            *vi = *vi - push * share_i.c[k];
+            *vj = *vj + push * share_j.c[k];
+        }}
+    """)
+    def push_apart(velocity: Vectors, pairs: Pairs, c: int, dv: vector, share_i: vector, share_j: vector): ...
 
     return Lanes(vector, numbers_at, set_numbers, sum_of, product_of, larger_of, approach, push_apart)

@@ -5,8 +5,8 @@ gone, the friction stays low, and the next run is soon as fast (Liang, Luo and S
 does not make good what going on to y has cost in phi is rejected, which stops momentum as well; so phi falls
 from sweep to sweep. Over-relaxation is what most often raises it, and is worn down each time.
 
-Where grains splash, the waves of their impacts are what is left near the end, and momentum would keep them alive
-for long. So t is held back then: the less, the further zeta has fallen, and the more sweeps it took.
+Where grains splash, the waves of their impacts are what is left near the end, and momentum would keep them
+alive for long. So t is held back then: the less, the further zeta has fallen, and the more sweeps it took.
 
 Velocities that are corrected in place gather rounding errors, and momentum carries these on. Now and then
 they are rebuilt from the corrections, and the last ones moved by as much: without that, the difference of

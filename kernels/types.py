@@ -21,6 +21,15 @@ class Pair:
 
 
 @wp.struct
+class WorkingPair:
+    """A pair of the working set, 24 bytes: what one correction reads and never writes."""
+
+    n: wp.vec2d  # unit normal from i to j
+    i: wp.uint32  # where the velocity of grain i is: bytes from the first
+    j: wp.uint32
+
+
+@wp.struct
 class Grains:
     """State of the grains."""
 
@@ -157,12 +166,12 @@ class Momentum:
 class WorkingSet:
     """The contacts that are swept, by part (working_set.py). Empty in scenes that do not accelerate."""
 
-    pairs: wp.array(dtype=Pair)
-    gap_rate: Floats  # of the pairs, side by side as lanes read them [m/s]
+    pairs: wp.array(dtype=WorkingPair)
+    gap_rate: Floats  # [m/s]
     pair: Ints  # its place among all
     pair_dv: Floats  # [m/s]
     pair_last: Floats  # before the last sweep [m/s]
-    weights: Vectors  # empty where all masses are equal
+    weights: wp.array(dtype=wp.vec3d)  # shares of i and j, and mu_c; empty where all masses are equal
     pair_range: wp.array(dtype=wp.vec2i)  # first, and end, of every part
     walls: wp.array(dtype=WallContact)
     wall: Ints

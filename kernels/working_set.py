@@ -12,14 +12,17 @@ import warp as wp
 
 from .access import (
     copy_pair,
+    first_of,
     gap_rate_of,
     integer_at,
     larger,
+    normal_of,
     number_at,
     read_wall,
+    second_of,
     set_integer,
     set_number,
-    set_vector,
+    set_triple,
     set_wall,
     set_wall_dv,
     vector_at,
@@ -30,6 +33,7 @@ from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, wall_count
 from .stopping import gathered, is_going_on
 from .threads import Team, partial_index, thread_range
+from .types import Pair, Vectors
 from .verlet import monitor
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
@@ -97,7 +101,9 @@ def copy_of_pair(s: Scene, c: int, k: int):
     set_number(s.working.pair_dv, c, number_at(s.contacts.pair_dv, k))
     set_number(s.working.pair_last, c, number_at(s.momentum.pair_last, k))
     if s.contacts.weights.shape[0] > 0:
-        set_vector(s.working.weights, c, vector_at(s.contacts.weights, k))
+        weight = vector_at(s.contacts.weights, k)
+        mu = weight[0] * number_at(s.grains.mass, first_of(s.contacts.pairs, k))
+        set_triple(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))
 
 
 def selecting(count: int) -> wp.Function:
@@ -106,8 +112,17 @@ def selecting(count: int) -> wp.Function:
     It takes `(scene, begin, end, place)`, the first place in the working set, and returns the place after the
     last pair, and by how much others are violated.
     """
-    several = lanes(count)
-    numbers_at, approach = several.numbers_at, several.approach
+    vector, numbers_at = lanes(count).vector, lanes(count).numbers_at
+
+    @wp.func
+    def approach(velocity: Vectors, pairs: wp.array(dtype=Pair), c: int):
+        """Velocities at which pairs close their gaps [m/s]."""
+        vn = vector()
+        for k in range(wp.static(count)):
+            vi = vector_at(velocity, first_of(pairs, c + k))
+            vj = vector_at(velocity, second_of(pairs, c + k))
+            vn[k] = wp.dot(vi - vj, normal_of(pairs, c + k))
+        return vn
 
     @wp.func
     def select(s: Scene, begin: int, end: int, place: int):
