@@ -18,7 +18,10 @@ from .rows import SPEEDUP, Subject, row
 from .timing import in_turn, seconds
 
 SOLVED = {"method": "accelerated", "order": "color", "stop": "residual", "tolerance": 1e-2}
-SIZES = {100: 200, 1_000: 200, 10_000: 40}  # grains, and steps of 10 ms
+SIZES = (100, 1_000, 5_000, 10_000)  # grains
+STEPS = 200  # of 10 ms
+OVERLAP = {100: "<= 1e-3", 1_000: "<= 2.5e-3", 5_000: "<= 7e-3", 10_000: "<= 1e-2"}  # radii
+TIME = {100: "<= 0.06", 1_000: "<= 0.9", 5_000: "<= 8", 10_000: "<= 20"}  # ms
 VOID = {1_000: "<= 0.02", 10_000: "<= 0.05"}
 AMID = 60  # steps: 0.6 s, where all splash
 SWEEPS = 10  # after an impact
@@ -37,15 +40,15 @@ def moving(options: Options) -> Iterator[dict[str, str]]:
 
 
 def _steps(n: int, repeats: int) -> Iterator[dict[str, str]]:
-    steps, taken, reports, a_list = SIZES.get(n, 20), [], [], []
+    taken, reports, a_list = [], [], []
     for _ in range(repeats):
         simulation = Simulation(flowing(n, **SOLVED), threads=1)
         of_this_run = [simulation.step()]  # the first, so that kernels are loaded
 
         def work(simulation=simulation, of_this_run=of_this_run) -> None:
-            of_this_run.extend(simulation.step() for _ in range(steps))
+            of_this_run.extend(simulation.step() for _ in range(STEPS))
 
-        taken.append(seconds(work) / steps * 1e3)
+        taken.append(seconds(work) / STEPS * 1e3)
         reports += of_this_run[1:]
         a_list.append(seconds_of_a_list(simulation) * 1e3)
     lists, void, iterations = (
@@ -53,7 +56,9 @@ def _steps(n: int, repeats: int) -> Iterator[dict[str, str]]:
         for name in ("rebuilds", "redos", "iterations")
     )
     subject = partial(Subject, n=n, order="color")
-    yield row(subject("a flowing step, accelerated to 1e-2 m/s"), taken, "ms")
+    yield row(subject("a flowing step, accelerated to 1e-2 m/s"), taken, "ms", target=TIME.get(n, ""))
+    overlap = max(report.overlap for report in reports) / simulation.scene.smallest_radius
+    yield row(subject("worst overlap of it"), [overlap], "radii", target=OVERLAP.get(n, ""))
     yield row(subject("iterations of it"), [iterations], "")
     yield row(subject("void attempts of it"), [void], "", target=VOID.get(n, ""))
     yield row(subject("lists of it"), [lists], "")
