@@ -104,10 +104,7 @@ def set_couple(couples: wp.array(dtype=wp.vec2i), k: int, value: wp.vec2i):
     ...
 
 
-@wp.func_native("""
-    const unsigned size = sizeof(wp::vec_t<2, double>);
-    pairs.data[c] = {source.data[k].n, size * source.data[k].i, size * source.data[k].j};
-""")
+@wp.func_native("pairs.data[c] = {source.data[k].n, 2u * source.data[k].i, 2u * source.data[k].j};")
 def copy_pair(pairs: wp.array(dtype=WorkingPair), c: int, source: wp.array(dtype=Pair), k: int):
     """Make a working pair of a pair."""
     ...

@@ -79,7 +79,7 @@ VELOCITIES = """
     #else
         typedef double couple __attribute__((vector_size(16), aligned(8)));
     #endif
-        const auto velocity_at = [&](unsigned bytes) { return (couple *)((char *)velocity.data + bytes); };
+        const auto velocity_at = [&](unsigned place) { return (couple *)((double *)velocity.data + place); };
 """
 
 
