@@ -25,7 +25,7 @@ def command(module: str, *arguments: object) -> str:
     ("parts", "count"),
     [
         (QUICK, 23),
-        pytest.param(["moving"], 8, marks=pytest.mark.slow),
+        pytest.param(["moving"], 9, marks=pytest.mark.slow),
         pytest.param(["compiling"], 1, marks=pytest.mark.slow),
     ],
 )
