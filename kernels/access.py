@@ -146,6 +146,13 @@ def second_of(pairs: wp.array(dtype=Pair), c: int) -> int:
     ...
 
 
+@wp.func
+def vn_of(velocity: wp.array(dtype=wp.vec2d), pairs: wp.array(dtype=Pair), c: int) -> f64:
+    """The velocity at which a pair closes its gap [m/s]."""
+    difference = vector_at(velocity, first_of(pairs, c)) - vector_at(velocity, second_of(pairs, c))
+    return wp.dot(difference, normal_of(pairs, c))
+
+
 @wp.func_native("wall = walls.data[c];")
 def read_wall(walls: wp.array(dtype=WallContact), c: int, wall: wp.ref[WallContact]):
     """Read a contact with a wall."""

@@ -81,6 +81,7 @@ VELOCITIES = """
     #endif
         const auto velocity_at = [&](unsigned place) { return (couple *)((double *)velocity.data + place); };
 """
+"""C++ by which both numbers of a velocity, and of a normal, are computed at once."""
 
 
 @cache

@@ -21,6 +21,7 @@ from .access import (
     second_of,
     set_vector,
     vector_at,
+    vn_of,
 )
 from .record import Scene, pair_count
 from .segments import pairs_of, walls_of
@@ -88,7 +89,7 @@ def measure_residual(team: Team, s: Scene):
     c, last = thread_range(team, 0, pair_count(s))
     pairs = contacts.pairs
     while c < last:
-        vn = wp.dot(vector_at(v, first_of(pairs, c)) - vector_at(v, second_of(pairs, c)), normal_of(pairs, c))
+        vn = vn_of(v, pairs, c)
         dv = number_at(contacts.pair_dv, c)
         worst = larger(worst, law.natural_residual(vn, dv, gap_rate_of(pairs, c)))
         c += 1

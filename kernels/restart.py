@@ -27,10 +27,10 @@ ROUNDING = wp.constant(f64(2.0e-15))
 RELAXATION_BACKOFF = wp.constant(f64(0.8))  # what a rejected sweep leaves of the over-relaxation
 MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # what a stop leaves of t
 REBUILD_EVERY = wp.constant(100)  # iterations between two times that velocities are rebuilt
-NEAR_END = wp.constant(f64(6.0))  # times the tolerance: a zeta from which t is held back, to the largest of
-ENOUGH_T = wp.constant(f64(24.0))  # itself,
-T_PER_FALL = wp.constant(f64(1.5))  # times the root of how many times the tolerance the first zeta was, and
-T_PER_SWEEP = wp.constant(f64(0.2))  # times the sweeps
+NEAR_END = wp.constant(f64(6.0))  # times the tolerance: below that zeta, t is held back to the largest of
+T_ANYWAY = wp.constant(f64(24.0))
+T_PER_FALL = wp.constant(f64(1.5))  # times sqrt(zeta of the first sweep / tolerance)
+T_PER_SWEEP = wp.constant(f64(0.2))  # times the sweeps so far
 LOOK_EVERY = wp.constant(10)  # sweeps between two looks, and
 FIRST_LOOKS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
@@ -47,7 +47,7 @@ def take_t_on(s: Scene, zeta: f64):
     s.momentum.state.beta = (t - f64(1.0)) / following
     if zeta < NEAR_END * tolerance:
         fall = T_PER_FALL * wp.sqrt(s.momentum.state.first_zeta / tolerance)
-        following = wp.min(following, wp.max(ENOUGH_T, wp.max(fall, T_PER_SWEEP * f64(sweeps))))
+        following = wp.min(following, wp.max(T_ANYWAY, wp.max(fall, T_PER_SWEEP * f64(sweeps))))
     s.momentum.state.t = following
 
 

@@ -16,16 +16,15 @@ from .access import (
     gap_rate_of,
     integer_at,
     larger,
-    normal_of,
     number_at,
     read_wall,
-    second_of,
     set_integer,
     set_number,
     set_triple,
     set_wall,
     set_wall_dv,
     vector_at,
+    vn_of,
     wall_dv_at,
 )
 from .chunks import CHUNK, chunks_in, wall_part_count
@@ -33,7 +32,6 @@ from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, wall_count
 from .stopping import gathered, is_going_on
 from .threads import Team, partial_index, thread_range
-from .types import Pair, Vectors
 from .verlet import monitor
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
@@ -115,16 +113,6 @@ def selecting(count: int) -> wp.Function:
     vector, numbers_at = lanes(count).vector, lanes(count).numbers_at
 
     @wp.func
-    def approach(velocity: Vectors, pairs: wp.array(dtype=Pair), c: int):
-        """Velocities at which pairs close their gaps [m/s]."""
-        vn = vector()
-        for k in range(wp.static(count)):
-            vi = vector_at(velocity, first_of(pairs, c + k))
-            vj = vector_at(velocity, second_of(pairs, c + k))
-            vn[k] = wp.dot(vi - vj, normal_of(pairs, c + k))
-        return vn
-
-    @wp.func
     def select(s: Scene, begin: int, end: int, place: int):
         contacts = s.contacts
         near = f64(2.0) * nearness(s)
@@ -132,7 +120,9 @@ def selecting(count: int) -> wp.Function:
         free = int(place)
         c = int(begin)
         while c < end:
-            vn = approach(s.grains.next_velocity, contacts.pairs, c)
+            vn = vector()
+            for k in range(wp.static(count)):
+                vn[k] = vn_of(s.grains.next_velocity, contacts.pairs, c + k)
             carried = numbers_at(contacts.pair_dv, c) + numbers_at(s.momentum.pair_last, c)
             for k in range(wp.static(count)):
                 excess = vn[k] - gap_rate_of(contacts.pairs, c + k)

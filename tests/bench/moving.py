@@ -18,11 +18,12 @@ from .rows import SPEEDUP, Subject, row
 from .timing import in_turn, seconds
 
 SOLVED = {"method": "accelerated", "order": "color", "stop": "residual", "tolerance": 1e-2}
-SIZES = (100, 1_000, 5_000, 10_000)  # grains
-STEPS = 200  # of 10 ms
-OVERLAP = {100: "<= 1e-3", 1_000: "<= 2.5e-3", 5_000: "<= 7e-3", 10_000: "<= 1e-2"}  # radii
-TIME = {100: "<= 0.06", 1_000: "<= 0.9", 5_000: "<= 8", 10_000: "<= 20"}  # ms
-VOID = {1_000: "<= 0.02", 10_000: "<= 0.05"}
+AIMS = {  # by grains: ms a step, worst overlap in radii, void attempts a step
+    100: ("<= 0.06", "<= 1e-3", ""),
+    1_000: ("<= 0.9", "<= 2.5e-3", "<= 0.02"),
+    5_000: ("<= 8", "<= 7e-3", ""),
+    10_000: ("<= 20", "<= 1e-2", "<= 0.05"),
+}
 AMID = 60  # steps: 0.6 s, where all splash
 SWEEPS = 10  # after an impact
 ITERATIONS = 60
@@ -31,7 +32,7 @@ PLAIN = {"order": "sequential", "tolerance": 1e-12, "max_iterations": ITERATIONS
 
 def moving(options: Options) -> Iterator[dict[str, str]]:
     """Whole steps, their attempts and lists; one list, and monitored sweeps."""
-    for n in options.sizes(SIZES):
+    for n in options.sizes(AIMS):
         yield from _steps(n, options.repeats)
     for n in options.sizes((1_000, 10_000)):
         yield from _one_list(n, options.repeats)
@@ -46,21 +47,22 @@ def _steps(n: int, repeats: int) -> Iterator[dict[str, str]]:
         of_this_run = [simulation.step()]  # the first, so that kernels are loaded
 
         def work(simulation=simulation, of_this_run=of_this_run) -> None:
-            of_this_run.extend(simulation.step() for _ in range(STEPS))
+            of_this_run.extend(simulation.step() for _ in range(simulation.scene.steps))
 
-        taken.append(seconds(work) / STEPS * 1e3)
+        taken.append(seconds(work) / simulation.scene.steps * 1e3)
         reports += of_this_run[1:]
         a_list.append(seconds_of_a_list(simulation) * 1e3)
     lists, void, iterations = (
         sum(getattr(report, name) for report in reports) / len(reports)
         for name in ("rebuilds", "redos", "iterations")
     )
+    ms_aim, overlap_aim, void_aim = AIMS.get(n, ("", "", ""))
     subject = partial(Subject, n=n, order="color")
-    yield row(subject("a flowing step, accelerated to 1e-2 m/s"), taken, "ms", target=TIME.get(n, ""))
+    yield row(subject("a flowing step, accelerated to 1e-2 m/s"), taken, "ms", target=ms_aim)
     overlap = max(report.overlap for report in reports) / simulation.scene.smallest_radius
-    yield row(subject("worst overlap of it"), [overlap], "radii", target=OVERLAP.get(n, ""))
+    yield row(subject("worst overlap of it"), [overlap], "radii", target=overlap_aim)
     yield row(subject("iterations of it"), [iterations], "")
-    yield row(subject("void attempts of it"), [void], "", target=VOID.get(n, ""))
+    yield row(subject("void attempts of it"), [void], "", target=void_aim)
     yield row(subject("lists of it"), [lists], "")
     building = [lists * value for value in a_list]
     yield row(subject("building of them"), building, "ms", "the whole step", taken)
