@@ -104,6 +104,18 @@ def set_couple(couples: wp.array(dtype=wp.vec2i), k: int, value: wp.vec2i):
     ...
 
 
+@wp.func_native("return entries.data[k];")
+def entry_at(entries: wp.array(dtype=wp.vec3i), k: int) -> wp.vec3i:
+    """Read three integers."""
+    ...
+
+
+@wp.func_native("entries.data[k] = value;")
+def set_entry(entries: wp.array(dtype=wp.vec3i), k: int, value: wp.vec3i):
+    """Write three integers."""
+    ...
+
+
 @wp.func_native("pairs.data[c] = {source.data[k].n, 2u * source.data[k].i, 2u * source.data[k].j};")
 def copy_pair(pairs: wp.array(dtype=WorkingPair), c: int, source: wp.array(dtype=Pair), k: int):
     """Make a working pair of a pair."""

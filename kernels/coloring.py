@@ -14,11 +14,12 @@ list has changed.
 
 import warp as wp
 
-from .access import bits_at, integer_at, lowest_bit, set_bits, set_integer
+from .access import bits_at, entry_at, integer_at, lowest_bit, set_bits, set_entry, set_integer
 from .record import Scene, grain_count, pair_count
 from .types import Ints, NeighborList
 
 MASK_COLORS = wp.constant(64)
+TILES_EACH = wp.constant(8)  # of a thread, at least
 
 
 @wp.func
@@ -109,6 +110,18 @@ def colors(s: Scene):
 
 
 @wp.func
+def tile_length(s: Scene) -> int:
+    """How many pairs are interleaved. Threads that are dealt tiles get a few each, and all as many."""
+    length = s.tuning.tile
+    team = s.dealt.cursor.shape[0]
+    if team > 0:
+        pairs = s.contacts.count.pairs
+        tiles = team * wp.max(TILES_EACH, (pairs + team * length - 1) // (team * length))
+        length = wp.max(1, (pairs + tiles - 1) // tiles)
+    return length
+
+
+@wp.func
 def place_pairs(s: Scene):
     """Give every pair its place, sorted by set and in lexicographic order within one.
 
@@ -145,7 +158,7 @@ def place_pairs(s: Scene):
         sets = 1
     s.contacts.count.pairs = pairs
     s.contacts.count.sets = sets
-    s.control.tiled = 1 if s.merge != 0 and pairs > s.tuning.tile else 0
+    s.control.tiled = 1 if s.merge != 0 and pairs > tile_length(s) else 0
 
 
 @wp.func
@@ -160,8 +173,11 @@ def group_pairs(s: Scene):
 @wp.func
 def gather(s: Scene, i: int):
     """Write the pairs of grain i, (i, j, place in the neighbor list), where they come in the sweep."""
-    for k in range(s.neighbors.start[i], s.neighbors.start[i + 1]):
-        s.workspace.sequence[s.workspace.sweep_index[k]] = wp.vec3i(i, s.neighbors.neighbor[k], k)
+    k, end = integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)
+    while k < end:
+        entry = wp.vec3i(i, integer_at(s.neighbors.neighbor, k), k)
+        set_entry(s.workspace.sequence, integer_at(s.workspace.sweep_index, k), entry)
+        k += 1
 
 
 @wp.func
@@ -171,24 +187,31 @@ def tile_pairs(s: Scene):
     A pair waits for the tile of every pair before it on its grains, so that it finds what it would have
     found: the same bits.
     """
-    pairs = pair_count(s)
-    tile = s.tuning.tile
-    next_tile, start, sweep_index = s.workspace.next_level, s.workspace.group, s.workspace.sweep_index
+    pairs, length = pair_count(s), tile_length(s)
+    tiles = (pairs + length - 1) // length
+    sequence, next_tile, start = s.workspace.sequence, s.workspace.next_level, s.workspace.group
+    sweep_index = s.workspace.sweep_index
     for i in range(grain_count(s)):
-        next_tile[i] = 0
-    for w in range(pairs + 1):
+        set_integer(next_tile, i, 0)
+    for w in range(tiles + 1):
         start[w] = 0
-    for c in range(pairs):
-        pair = s.workspace.sequence[c]
-        w = wp.max(pair[2] // tile, wp.max(next_tile[pair[0]], next_tile[pair[1]]))
-        next_tile[pair[0]] = w
-        next_tile[pair[1]] = w
-        sweep_index[pair[2]] = w
-        start[w + 1] = start[w + 1] + 1
-    for w in range(pairs):
+    c = int(0)
+    while c < pairs:
+        pair = entry_at(sequence, c)
+        earlier = wp.max(integer_at(next_tile, pair[0]), integer_at(next_tile, pair[1]))
+        w = wp.max(pair[2] // length, earlier)
+        set_integer(next_tile, pair[0], w)
+        set_integer(next_tile, pair[1], w)
+        set_integer(sweep_index, pair[2], w)
+        set_integer(start, w + 1, integer_at(start, w + 1) + 1)
+        c += 1
+    for w in range(tiles):
         start[w + 1] = start[w + 1] + start[w]
-    for c in range(pairs):
-        k = s.workspace.sequence[c][2]
-        w = sweep_index[k]
-        sweep_index[k] = start[w]
-        start[w] = start[w] + 1
+    c = int(0)
+    while c < pairs:
+        k = entry_at(sequence, c)[2]
+        w = integer_at(sweep_index, k)
+        place = integer_at(start, w)
+        set_integer(sweep_index, k, place)
+        set_integer(start, w, place + 1)
+        c += 1

@@ -8,12 +8,12 @@ import warp as wp
 from .types import (
     CellGrid,
     Contacts,
+    Dealt,
     Floats,
     Grains,
     Ints,
     Momentum,
     NeighborList,
-    Strips,
     Verlet,
     WorkingSet,
     Workspace,
@@ -152,7 +152,7 @@ class SceneRecord:
     grid: CellGrid
     neighbors: NeighborList
     workspace: Workspace
-    strips: Strips
+    dealt: Dealt
     control: Control
     partial: Partial
     history: History
@@ -168,7 +168,7 @@ class SceneRecord:
     dt: f64  # [s]
     by_color: wp.int32  # whether pairs are swept by colors, or by levels
     merge: wp.int32  # whether all independent sets are swept as one
-    has_strips: wp.int32  # whether threads have strips of their own, or share every set out
+    is_dealt: wp.int32  # whether threads are dealt tiles, or share every set out
 
 
 Scene = wp.ref[SceneRecord]

@@ -56,7 +56,7 @@ class Shared:
 class Sets:
     """A stage `(team, scene, set)` for every independent set of pairs, in order, or what stands for sets.
 
-    A thread alone has all pairs in one (coloring.py); threads with strips have segments (strips.py).
+    A thread alone has all pairs in one (coloring.py); threads dealt tiles have segments (dealing.py).
     """
 
     stage: wp.Function
@@ -173,7 +173,7 @@ def _sets(stage: wp.Function) -> wp.Function:
         first, last = begin_pass(team, s)
         for k in range(first, last):
             stage(team, s, k)
-            end_set(team, s)
+            end_set(team, s, k)
         end_pass(team, s)
 
     return sets

@@ -15,6 +15,7 @@ from . import (
     cells,
     coloring,
     contact_list,
+    dealing,
     exact,
     gauss_seidel,
     integrate,
@@ -24,7 +25,6 @@ from . import (
     skins,
     statistics,
     stopping,
-    strips,
     verlet,
     warm_start,
     working_set,
@@ -76,7 +76,8 @@ NEW_LIST = [
     Serial(contact_list.end_list),
 ]
 
-DEAL_OUT = [Each(grain_count, coloring.gather), Serial(strips.make_strips)]
+TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
+DEAL_OUT = [*TILES, Each(grain_count, coloring.gather), Serial(dealing.deal_out)]
 
 
 def sweeping_order(dealt: bool) -> list[Stage]:
@@ -84,8 +85,7 @@ def sweeping_order(dealt: bool) -> list[Stage]:
     return [
         Serial(coloring.group_pairs),
         Serial(coloring.place_pairs),
-        If(tiled, [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]),
-        *(DEAL_OUT if dealt else []),
+        *(DEAL_OUT if dealt else [If(tiled, TILES)]),
         Each(grain_count, contact_list.transfer_warm_start),
         Serial(contact_list.find_row_sums),
     ]
@@ -225,7 +225,7 @@ EXPIRE = [
 
 
 def step(method: str, dealt: bool = False) -> list[Stage]:
-    """Return the stages of one step by a method; `dealt` where threads have strips of their own."""
+    """Return the stages of one step by a method; `dealt` where threads are dealt tiles."""
     return [
         Serial(stopping.begin),
         If(starting, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),

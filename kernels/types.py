@@ -53,7 +53,7 @@ class ContactCount:
     """How many candidate contacts there are, and in how many independent sets the pairs are swept."""
 
     pairs: wp.int32
-    sets: wp.int32  # or segments, where threads have strips (strips.py)
+    sets: wp.int32  # or segments, where threads are dealt tiles (dealing.py)
     walls: wp.int32
 
 
@@ -184,19 +184,16 @@ class WorkingSet:
 
 
 @wp.struct
-class Strips:
-    """Whose pairs are whose, where a team of threads sweeps (strips.py). Of no use to teams of one."""
+class Dealt:
+    """Whose pairs are whose, where the threads of a team are dealt tiles (dealing.py)."""
 
-    strip: Ints  # of every grain
-    bins: Ints  # pairs by place, for cutting space into strips
-    last: wp.array(dtype=wp.vec2i)  # of every grain: strip of its last pair so far, and index after it
-    cursor: Ints  # of every strip: its next pair
-    late_cursor: Ints  # the same, LAG pairs before
-    seen: Ints  # of every strip and other strip: the pair before which it waits already
-    segment: Ints  # of every pair
-    first_segment: Ints  # of every strip, and the end of the last
-    dependencies: Ints  # of every segment and strip: how many of its segments end before
-    first_wall: Ints  # of every strip, and the end of the last
+    first: Ints  # of every thread: its first place; and the end of the last
+    cursor: Ints  # its next place, while pairs are dealt
+    seen: Ints  # of every thread and other thread: the place before which it waits already
+    last: Ints  # of every grain: the place after its last pair so far, or 0
+    begins: Ints  # whether a segment begins with a pair, of every place
+    first_segment: Ints  # of every thread, and the end of the last
+    dependencies: Ints  # of every segment and thread: the place that this one must have come to
 
 
 @wp.struct

@@ -58,9 +58,9 @@ def test_same_bits_however_it_is_run(method: str) -> None:
     simulation.advance(60)
     batch = Batch([Scene.load("annulus"), scene], threads=1)
     batch.run(duration=60 * scene.dt)
-    strips = Simulation(scene, threads=2)
-    strips.advance(60)
-    states = (launched_state(scene, 60), batch.state(1), strips.state())
+    dealt = Simulation(scene, threads=2)
+    dealt.advance(60)
+    states = (launched_state(scene, 60), batch.state(1), dealt.state())
     for state in states:
         assert state.staggered
         for name in ("position", "velocity", "corrections"):

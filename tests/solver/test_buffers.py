@@ -11,7 +11,7 @@ PAIRS = 11
 GRAINS = np.array([1, 2, 7, 60])
 
 
-@pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "ahead", "strips", "shared"])
+@pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "ahead", "dealt", "shared"])
 def sizes(request: pytest.FixtureRequest) -> Sizes:
     accelerated, team = request.param
     return Sizes(GRAINS, np.full_like(GRAINS, PAIRS), np.array([0, 1, 0, 1]), accelerated, team, team)
@@ -33,4 +33,4 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
     assert (length["grains.position"] == GRAINS).all()
     assert (length["contacts.weights"] == PAIRS * sizes.weighted).all()
     assert (length["momentum.pair_last"] == PAIRS * sizes.accelerated).all()
-    assert (length["strips.strip"] == GRAINS * sizes.has_strips).all()
+    assert (length["dealt.last"] == GRAINS * sizes.is_dealt).all()

@@ -86,8 +86,8 @@ class Engine:
     @property
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes on a CPU."""
-        method, dealt = self.scenes[0].method, self._records.sizes.has_strips
-        name = f"warpgrains.kernels_{method.replace('-', '_')}{'_strips' if dealt else ''}"
+        method, dealt = self.scenes[0].method, self._records.sizes.is_dealt
+        name = f"warpgrains.kernels_{method.replace('-', '_')}{'_dealt' if dealt else ''}"
         return kernels.kernel(name, fused_step(method, dealt))
 
     @property

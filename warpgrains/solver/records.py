@@ -82,8 +82,9 @@ class SceneRecords:
             host["walls"][name] = [getattr(scene, name) for scene in scenes]
         host["walls"]["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
-        for name in ("room", "rounding", "tile", "monitor_threshold", "nearest"):
+        for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
+        host["tuning"]["tile"] = [tuning.tile(scene, sizes.is_dealt) for scene in scenes]
         host["tuning"]["acceleration"] = np.hypot(*host["gravity"].T)
         host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE
@@ -96,7 +97,7 @@ class SceneRecords:
         host["grid"]["width"] = grid_width(sizes.grains)
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated
-        host["has_strips"] = sizes.has_strips
+        host["is_dealt"] = sizes.is_dealt
 
     def begin(self) -> bool:
         """Write all starts to new memory at once; return False where scenes are not laid out alike."""

@@ -126,8 +126,7 @@ class SceneMemory:
         walls = self.array("contacts.walls")[: len(wall)]
         walls["i"], walls["dv"] = wall, corrections.wall_correction[wall]
         self.array("contacts.wall_dv_start")[: len(wall)] = walls["dv"]
-        self.array("strips.first_segment")[:] = 0
-        self.array("strips.first_wall")[1:] = len(wall)  # the first thread has them all
+        self.array("dealt.first_segment")[:] = 0
         self.record["contacts"]["count"] = len(pair), 0, len(wall)
 
     def _list_pairs(self, pair: IntArray, corrections: Corrections) -> None:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 Counts = NDArray[np.int64]
 FEW = 40  # grains that are not worth a grid
-BINS = 4096  # of the coordinate that is cut into strips
 
 
 @dataclass(frozen=True)
@@ -59,8 +58,8 @@ class Sizes:
         return cls(n, first_pairs(n), weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
 
     @property
-    def has_strips(self) -> bool:
-        """Whether threads have strips of their own."""
+    def is_dealt(self) -> bool:
+        """Whether threads are dealt tiles."""
         return self.team > 1 and not self.accelerated
 
     def of(self, k: int) -> Sizes:
@@ -80,8 +79,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": pairs}
     search = {"firsts": n, "seconds": n, "found": pairs, "by_second": pairs, "total": 1}
-    ahead, strips = size.accelerated, size.team * size.has_strips
-    has_strips = int(size.has_strips)
+    ahead, dealt = size.accelerated, int(size.is_dealt)
+    threads = size.team * dealt
     parts = pairs + pairs // CHUNK + 1
     return {
         "grains": {
@@ -122,14 +121,13 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "group": pairs + 1,
             **dict.fromkeys(("old_wall_dv", "was_at_wall", "row_sum", "next_level", "used_colors"), n),
         },
-        "strips": {
-            "bins": BINS * has_strips,
-            **dict.fromkeys(("strip", "last"), n * has_strips),
-            **dict.fromkeys(("cursor", "late_cursor"), strips),
-            "seen": strips**2,
-            "segment": pairs * has_strips,
-            **dict.fromkeys(("first_segment", "first_wall"), strips + 1),
-            "dependencies": (pairs + 1) * strips,
+        "dealt": {
+            **dict.fromkeys(("first", "first_segment"), threads + dealt),
+            "cursor": threads,
+            "seen": threads**2,
+            "last": n * dealt,
+            "begins": pairs * dealt,
+            "dependencies": (pairs + 1) * threads,
         },
         "partial": dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),
         "history": dict.fromkeys(("zeta", "residual"), size.history),

@@ -21,7 +21,8 @@ RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteratio
 MONITOR_THRESHOLD = 0.3  # of a base skin: what a grain may stray in a step without being monitored
 NEAREST = 0.01  # radii a step: half of the narrowest skin (kernels/skins.py)
 TILE = {"sequential": 32768, "color": 4096}  # pairs interleaved: many hide latency, few fit in cache
-STRIP_GRAINS = 20_000  # from which threads with strips of their own gain far more than they wait
+DEALT_TILE = 16384  # the same, where threads are dealt tiles: they wait at the borders of these
+DEALT_GRAINS = 10_000  # from which threads that are dealt tiles gain far more than they wait
 HOST_FEW, HOST_MANY = 150.0, 0.2  # sweeps that the host takes as long as for a step of n grains: a + b n
 SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gain more than they wait
 
@@ -56,9 +57,9 @@ def nearest(scene: Scene) -> float:
     return NEAREST * scene.smallest_radius / scene.dt
 
 
-def tile(scene: Scene) -> int:
-    """Return how many pairs are interleaved."""
-    return TILE[scene.order]
+def tile(scene: Scene, is_dealt: bool) -> int:
+    """Return how many pairs are interleaved at most."""
+    return DEALT_TILE if is_dealt else TILE[scene.order]
 
 
 def paying_threads(scene: Scene) -> int:
@@ -69,7 +70,7 @@ def paying_threads(scene: Scene) -> int:
     if scene.method != "gauss-seidel":
         sets = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
         return cores() if 3.0 * scene.n / sets > SHARED_SET else 1
-    return cores() if scene.n >= STRIP_GRAINS else 1
+    return cores() if scene.n >= DEALT_GRAINS else 1
 
 
 def patience(scene: Scene) -> int:
