@@ -5,6 +5,7 @@ import warp as wp
 from .record import Scene, pair_count, wall_count
 
 CHUNK = wp.constant(128)
+BLOCK = wp.constant(64)  # pairs that are corrected before the grains of the large corrections are looked at
 
 
 @wp.func

@@ -1,4 +1,8 @@
-"""Gauss-Seidel: corrections contact by contact, in place, sweep after sweep (MODEL.md, eqs. 5 to 8)."""
+"""Gauss-Seidel: corrections contact by contact, in place, sweep after sweep (MODEL.md, eqs. 5 to 8).
+
+Grains are monitored where a correction is large (verlet.py), a block of pairs at a time: whether a correction
+is large cannot be foreseen, and to find it out pair by pair costs a processor as much as the correction.
+"""
 
 import warp as wp
 
@@ -7,6 +11,7 @@ from .access import (
     first_of,
     gap_rate_of,
     larger,
+    lowest_bit,
     normal_of,
     number_at,
     read_wall,
@@ -16,19 +21,46 @@ from .access import (
     set_wall_dv,
     vector_at,
 )
+from .chunks import BLOCK
 from .record import Scene
 from .segments import pairs_of, walls_of
 from .stopping import decide_to_stop, gathered
 from .threads import Team, partial_index
 from .types import Contacts, Vectors
-from .verlet import add_unmonitored, least_monitored_correction, monitor, monitor_pair
+from .verlet import add_unmonitored, least_monitored_correction, monitor
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
+NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
+
+
+@wp.func_native("""
+#if !defined(__CUDA_ARCH__)
+    moments.data[k] = vi;
+    moments.data[k + 1] = vj;
+#endif
+""")
+def note_moment(moments: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
+    """Keep what a correction has made of two velocities: another of its block may change them again."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return velocity.data[i];
+#else
+    return moments.data[k];
+#endif
+""")
+def moment_at(moments: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
+    """Read one of them. On a GPU it is the velocity of i still: all pairs of a launch are of one set."""
+    ...
 
 
 @wp.func
-def correct_pair(velocity: Vectors, contacts: Contacts, c: int, weight: wp.vec2d) -> f64:
+def correct_pair(
+    velocity: Vectors, contacts: Contacts, c: int, weight: wp.vec2d, moments: Vectors, k: int
+) -> f64:
     """One pair's correction, in place; its grains take these shares of it. Returns |dv|."""
     i = first_of(contacts.pairs, c)
     j = second_of(contacts.pairs, c)
@@ -38,9 +70,12 @@ def correct_pair(velocity: Vectors, contacts: Contacts, c: int, weight: wp.vec2d
     vn = wp.dot(vi - vj, n)
     dv_before = number_at(contacts.pair_dv, c)
     dv = law.pair_correction(vn, dv_before, gap_rate_of(contacts.pairs, c))
-    set_vector(velocity, i, vi - dv * n * weight[0])
-    set_vector(velocity, j, vj + dv * n * weight[1])
+    vi = vi - dv * n * weight[0]
+    vj = vj + dv * n * weight[1]
+    set_vector(velocity, i, vi)
+    set_vector(velocity, j, vj)
     set_number(contacts.pair_dv, c, dv_before + dv)
+    note_moment(moments, k, vi, vj)
     return wp.abs(dv)
 
 
@@ -55,31 +90,60 @@ def correct_wall(velocity: Vectors, contacts: Contacts, c: int, wall: WallContac
     return wp.abs(dv)
 
 
+@wp.func(inline=False)
+def correct_block(s: Scene, begin: int, end: int, k: int):
+    """Correct a block. Returns the largest |dv|, and a bit for each pair: whether its own is large."""
+    velocity = s.grains.next_velocity
+    contacts = s.contacts
+    moments = s.partial.moments
+    large = least_monitored_correction(s)
+    zeta, bits = f64(0.0), wp.uint64(0)
+    c = int(begin)
+    if contacts.weights.shape[0] > 0:
+        while c < end:
+            weight = vector_at(contacts.weights, c)
+            change = correct_pair(velocity, contacts, c, weight, moments, k + 2 * (c - begin))
+            zeta = larger(zeta, change)
+            bits = (bits << ONE) | wp.where(change > large, ONE, NONE)
+            c += 1
+    else:
+        equal = wp.vec2d(f64(0.5), f64(0.5))
+        while c < end:
+            change = correct_pair(velocity, contacts, c, equal, moments, k + 2 * (c - begin))
+            zeta = larger(zeta, change)
+            bits = (bits << ONE) | wp.where(change > large, ONE, NONE)
+            c += 1
+    return zeta, bits
+
+
+@wp.func
+def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
+    """Monitor both grains of the pairs of a block that have a bit."""
+    velocity, pairs, moments = s.grains.next_velocity, s.contacts.pairs, s.partial.moments
+    left = bits
+    while left != NONE:
+        c = end - 1 - lowest_bit(left)
+        left = left & (left - ONE)
+        i, j = first_of(pairs, c), second_of(pairs, c)
+        moment = k + 2 * (c - begin)
+        monitor(s, i, moment_at(moments, moment, velocity, i))
+        monitor(s, j, moment_at(moments, moment + 1, velocity, j))
+
+
 @wp.func
 def sweep_pairs(team: Team, s: Scene, k: int):
     """Correct the pairs of a set."""
     zeta = f64(0.0)
-    velocity = s.grains.next_velocity
-    contacts = s.contacts
+    part = partial_index(team, s.partial.zeta.shape[0])
+    moment = 2 * BLOCK * part
     begin, end = pairs_of(team, s, k)
-    large = least_monitored_correction(s)
-    equal = wp.vec2d(f64(0.5), f64(0.5))
-    c = begin
-    if contacts.weights.shape[0] > 0:
-        while c < end:
-            change = correct_pair(velocity, contacts, c, vector_at(contacts.weights, c))
-            zeta = larger(zeta, change)
-            if change > large:
-                monitor_pair(s, contacts.pairs[c])
-            c += 1
-    else:
-        while c < end:
-            change = correct_pair(velocity, contacts, c, equal)
-            zeta = larger(zeta, change)
-            if change > large:
-                monitor_pair(s, contacts.pairs[c])
-            c += 1
-    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
+    while begin < end:
+        stop = wp.min(begin + BLOCK, end)
+        change, bits = correct_block(s, begin, stop, moment)
+        zeta = larger(zeta, change)
+        monitor_block(s, begin, stop, moment, bits)
+        begin = stop
+    wp.atomic_max(s.partial.zeta, part, zeta)
 
 
 @wp.func
@@ -99,7 +163,7 @@ def sweep_walls(team: Team, s: Scene):
         change = correct_wall(velocity, contacts, c, wall, inner)
         zeta = larger(zeta, change)
         if change > large:
-            monitor(s, wall.i, f64(0.0))
+            monitor(s, wall.i, vector_at(velocity, wall.i))
         c += 1
     wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
 

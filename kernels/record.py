@@ -14,6 +14,7 @@ from .types import (
     Ints,
     Momentum,
     NeighborList,
+    Vectors,
     Verlet,
     WorkingSet,
     Workspace,
@@ -82,6 +83,7 @@ class Partial:
     residual: Floats
     overlap: Floats
     active: Ints
+    moments: Vectors  # velocities of a block of pairs, as the corrections make them [m/s]
 
 
 @wp.struct

@@ -27,7 +27,6 @@ import warp as wp
 from . import law
 from .access import larger, number_at, set_number, vector_at
 from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
-from .types import Pair
 from .walls import is_near_wall
 
 f64 = wp.float64
@@ -68,21 +67,19 @@ def least_monitored_correction(s: Scene) -> f64:
 
 
 @wp.func
-def monitor(s: Scene, i: int, more: f64):
-    """Keep the peak deviation of grain i, and see whether its skin allows that and so much more [m/s]."""
-    peak = wp.length_sq(deviation(s, vector_at(s.grains.next_velocity, i), i))
-    peak = larger(number_at(s.verlet.peak_deviation, i), peak)
+def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
+    """Keep the peak deviation of grain i, which has this velocity now. Returns its square."""
+    peak = larger(number_at(s.verlet.peak_deviation, i), wp.length_sq(deviation(s, velocity, i)))
     set_number(s.verlet.peak_deviation, i, peak)
-    allowed = number_at(s.verlet.peak_limit, i) - more
-    if allowed < f64(0.0) or peak > allowed * allowed:
+    return peak
+
+
+@wp.func
+def monitor(s: Scene, i: int, velocity: wp.vec2d):
+    """Keep the peak deviation of grain i, and see whether its skin allows it."""
+    limit = number_at(s.verlet.peak_limit, i)
+    if keep_peak(s, i, velocity) > limit * limit:
         s.verlet.flags.list_expired = 1
-
-
-@wp.func(inline=False)
-def monitor_pair(s: Scene, pair: Pair):
-    """Monitor both grains; called, as it is seldom, so that a sweep's loop stays short."""
-    monitor(s, pair.i, f64(0.0))
-    monitor(s, pair.j, f64(0.0))
 
 
 @wp.func

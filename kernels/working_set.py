@@ -32,7 +32,7 @@ from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, wall_count
 from .stopping import gathered, is_going_on
 from .threads import Team, partial_index, thread_range
-from .verlet import monitor
+from .verlet import keep_peak
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
@@ -52,8 +52,11 @@ def nearness(s: Scene) -> f64:
 
 @wp.func
 def see_skin(s: Scene, i: int):
-    """Monitor a grain, and see whether its skin also allows for contacts that are near to a violation."""
-    monitor(s, i, nearness(s))
+    """Keep a grain's peak, and see whether its skin also allows for contacts that are near to a violation."""
+    allowed = number_at(s.verlet.peak_limit, i) - nearness(s)
+    peak = keep_peak(s, i, vector_at(s.grains.next_velocity, i))
+    if allowed < f64(0.0) or peak > allowed * allowed:
+        s.verlet.flags.list_expired = 1
 
 
 @wp.func
