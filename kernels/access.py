@@ -92,6 +92,18 @@ def set_integer(integers: wp.array(dtype=wp.int32), c: int, value: int):
     ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return atomicAdd(counts.data + k, 1);
+#else
+    return counts.data[k]++;
+#endif
+""")
+def count_one(counts: wp.array(dtype=wp.int32), k: int) -> int:
+    """Count one more, in a stage that adds up (stages.py). Returns how many there were."""
+    ...
+
+
 @wp.func_native("return couples.data[k];")
 def couple_at(couples: wp.array(dtype=wp.vec2i), k: int) -> wp.vec2i:
     """Read two integers."""

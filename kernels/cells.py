@@ -6,7 +6,7 @@ bounds.
 
 import warp as wp
 
-from .access import integer_at, number_at, set_integer, set_number, set_vector, vector_at
+from .access import count_one, integer_at, number_at, set_integer, set_number, set_vector, vector_at
 from .record import Scene
 from .types import Ints
 
@@ -15,9 +15,9 @@ AT_ONCE = wp.constant(8)  # places that a search tests; it may read as many beyo
 
 
 @wp.func
-def cell_of(x: f64, size: f64) -> int:
+def cell_of(x: f64, inverse_size: f64) -> int:
     """The cell of a coordinate. Far out, cells grow coarse instead of overflowing."""
-    return int(wp.clamp(wp.floor(x / size), f64(-1.0e9), f64(1.0e9)))
+    return int(wp.clamp(wp.floor(x * inverse_size), f64(-1.0e9), f64(1.0e9)))
 
 
 @wp.func
@@ -52,10 +52,10 @@ def clear_cell(s: Scene, b: int):
 @wp.func
 def count_in_cell(s: Scene, i: int):
     """How many grains every bucket holds, in cell_start; no pair is found yet."""
-    x, size = vector_at(s.grains.position, i), s.grid.size
-    bucket = bucket_of(cell_of(x[0], size), cell_of(x[1], size), s.grid.width)
+    x, inverse_size = vector_at(s.grains.position, i), s.grid.inverse_size
+    bucket = bucket_of(cell_of(x[0], inverse_size), cell_of(x[1], inverse_size), s.grid.width)
     set_integer(s.grid.bucket, i, bucket)
-    wp.atomic_add(s.grid.cell_start, bucket, 1)
+    count_one(s.grid.cell_start, bucket)
     set_integer(s.neighbors.firsts, i, 0)
     set_integer(s.neighbors.seconds, i, 0)
 

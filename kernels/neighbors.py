@@ -7,6 +7,7 @@ finds the pair, so that few large grains among many small ones cost no more than
 import warp as wp
 
 from .access import (
+    count_one,
     couple_at,
     integer_at,
     lowest_bit,
@@ -31,9 +32,9 @@ TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact
 def note_pair(s: Scene, a: int, b: int):
     """Count a pair with its first grain, and with its second, and write it down if there is room."""
     i, j = wp.min(a, b), wp.max(a, b)
-    wp.atomic_add(s.neighbors.firsts, i, 1)
-    wp.atomic_add(s.neighbors.seconds, j, 1)
-    place = wp.atomic_add(s.neighbors.total, 0, 1)
+    count_one(s.neighbors.firsts, i)
+    count_one(s.neighbors.seconds, j)
+    place = count_one(s.neighbors.total, 0)
     if place < s.neighbors.found.shape[0]:
         set_couple(s.neighbors.found, place, wp.vec2i(i, j))
 
@@ -98,9 +99,9 @@ def find_pairs(s: Scene, k: int):
     """
     x, y = number_at(s.grid.x, k), number_at(s.grid.y, k)
     radius = f64(2.0) * number_at(s.grid.extent, k) * TOO_WIDE
-    width, start = s.grid.width, s.grid.cell_start
-    first_x, last_x = cell_of(x - radius, s.grid.size), cell_of(x + radius, s.grid.size)
-    first_y, last_y = cell_of(y - radius, s.grid.size), cell_of(y + radius, s.grid.size)
+    width, start, inverse_size = s.grid.width, s.grid.cell_start, s.grid.inverse_size
+    first_x, last_x = cell_of(x - radius, inverse_size), cell_of(x + radius, inverse_size)
+    first_y, last_y = cell_of(y - radius, inverse_size), cell_of(y + radius, inverse_size)
     if last_x - first_x >= width:
         first_x, last_x = 0, width - 1
     last_y = wp.min(last_y, first_y + width - 1)

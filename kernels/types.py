@@ -91,7 +91,7 @@ class CellGrid:
     The extent of a grain is its part of the distance at which pairs are within reach.
     """
 
-    size: f64  # of a cell [m]
+    inverse_size: f64  # of a cell [1/m]
     width: wp.int32  # buckets a side, a power of two
     cell_start: Ints
     bucket: Ints  # of every grain

@@ -71,7 +71,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     record["verlet.skin"][:], record["verlet.reference_velocity"][:] = sought.reach, sought.velocity
     record.verlet_numbers["mean_velocity"] = sought.velocity.mean(axis=0)
     record.verlet_numbers["lifetime"] = sought.horizon
-    record.record["grid"]["size"] = cell_size
+    record.record["grid"]["inverse_size"] = 1.0 / cell_size
     poison(record)
     record.run(*SEARCH)
     record.make_room(int(record["neighbors.total"][0]))

@@ -93,7 +93,7 @@ class SceneRecords:
         host["stopping"]["raise_on_unconverged"] = [scene.on_unconverged == "raise" for scene in scenes]
         for name in ("tolerance", "max_iterations"):
             host["stopping"][name] = [getattr(scene, name) for scene in scenes]
-        host["grid"]["size"] = [tuning.cell_size(scene) for scene in scenes]
+        host["grid"]["inverse_size"] = [1.0 / tuning.cell_size(scene) for scene in scenes]
         host["grid"]["width"] = grid_width(sizes.grains)
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated
