@@ -29,7 +29,7 @@ from .access import (
 from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, grain_count, pair_count, wall_count
-from .threads import Team, partial_index, thread_range
+from .threads import Team, keep_largest, thread_range
 from .types import Contacts, Grains, WorkingSet
 from .walls import WallContact, has_inner, outer_gap_rate, wall_cost, wall_projection
 
@@ -153,7 +153,7 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
             one = sweep_one(s, rest, bounds[1])
         s.momentum.pair_part[chunk + k] = wp.vec2d(four[1] + one[1], four[2] + one[2])
         zeta = larger(zeta, larger(four[0], one[0]))
-    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
+    keep_largest(team, s.partial.zeta, zeta)
 
 
 @wp.func
@@ -173,7 +173,7 @@ def sweep_walls_ahead(team: Team, s: Scene):
             zeta = larger(zeta, result[0])
             c += 1
         s.momentum.wall_part[chunk] = part
-    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
+    keep_largest(team, s.partial.zeta, zeta)
 
 
 @wp.func

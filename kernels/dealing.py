@@ -20,7 +20,7 @@ from .coloring import tile_length
 from .record import Scene, grain_count, pair_count
 
 LONGEST = wp.constant(2)  # tile that one thread sweeps, in lengths: orders without rows make longer ones
-STRETCHES = wp.constant(8)  # of a tile, one of which is waited for at a time
+STRETCHES = wp.constant(4)  # of a tile, one of which is waited for at a time
 
 
 @wp.func

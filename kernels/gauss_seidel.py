@@ -25,7 +25,7 @@ from .chunks import BLOCK
 from .record import Scene
 from .segments import pairs_of, walls_of
 from .stopping import decide_to_stop, gathered
-from .threads import Team, partial_index
+from .threads import Team, keep_largest, partial_index
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
@@ -134,8 +134,7 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
 def sweep_pairs(team: Team, s: Scene, k: int):
     """Correct the pairs of a set."""
     zeta = f64(0.0)
-    part = partial_index(team, s.partial.zeta.shape[0])
-    moment = 2 * BLOCK * part
+    moment = 2 * BLOCK * partial_index(team, s.partial.zeta.shape[0])
     begin, end = pairs_of(team, s, k)
     while begin < end:
         stop = wp.min(begin + BLOCK, end)
@@ -143,7 +142,7 @@ def sweep_pairs(team: Team, s: Scene, k: int):
         zeta = larger(zeta, change)
         monitor_block(s, begin, stop, moment, bits)
         begin = stop
-    wp.atomic_max(s.partial.zeta, part, zeta)
+    keep_largest(team, s.partial.zeta, zeta)
 
 
 @wp.func
@@ -165,7 +164,7 @@ def sweep_walls(team: Team, s: Scene):
         if change > large:
             monitor(s, wall.i, vector_at(velocity, wall.i))
         c += 1
-    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), zeta)
+    keep_largest(team, s.partial.zeta, zeta)
 
 
 @wp.func

@@ -25,7 +25,7 @@ from .access import (
 )
 from .record import Scene, pair_count
 from .segments import pairs_of, walls_of
-from .threads import Team, partial_index, thread_range
+from .threads import Team, keep_largest, thread_range
 from .types import Contacts, Vectors
 from .walls import WallContact, has_inner, outer_gap_rate, wall_residual
 
@@ -93,4 +93,4 @@ def measure_residual(team: Team, s: Scene):
         dv = number_at(contacts.pair_dv, c)
         worst = larger(worst, law.natural_residual(vn, dv, gap_rate_of(pairs, c)))
         c += 1
-    wp.atomic_max(s.partial.residual, partial_index(team, s.partial.residual.shape[0]), worst)
+    keep_largest(team, s.partial.residual, worst)

@@ -6,7 +6,7 @@ from . import law
 from .access import first_of, larger, number_at, read_wall, second_of, set_number, vector_at
 from .record import UNPROVED, Scene, pair_count, wall_count
 from .stopping import gathered
-from .threads import Team, partial_index, thread_range
+from .threads import Team, keep_largest, partial_index, thread_range
 from .walls import WallContact, wall_overlap
 
 f64 = wp.float64
@@ -41,9 +41,8 @@ def overlaps(team: Team, s: Scene):
         set_number(contacts.wall_dv_start, c, wall.dv)
         active += 1 if wall.dv != f64(0.0) else 0
         c += 1
-    k = partial_index(team, s.partial.overlap.shape[0])
-    wp.atomic_max(s.partial.overlap, k, worst)
-    wp.atomic_add(s.partial.active, k, active)
+    keep_largest(team, s.partial.overlap, worst)
+    wp.atomic_add(s.partial.active, partial_index(team, s.partial.active.shape[0]), active)
 
 
 @wp.func

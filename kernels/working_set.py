@@ -31,7 +31,7 @@ from .chunks import CHUNK, chunks_in, wall_part_count
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, wall_count
 from .stopping import gathered, is_going_on
-from .threads import Team, partial_index, thread_range
+from .threads import Team, keep_largest, thread_range
 from .verlet import keep_peak
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
@@ -157,7 +157,7 @@ def select_pairs(team: Team, s: Scene, k: int):
         after, violation_of_one = select_one(s, rest, end, after_four)
         violation = larger(violation, larger(violation_of_four, violation_of_one))
         s.working.pair_range[chunk + k] = wp.vec2i(begin, after)
-    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), violation)
+    keep_largest(team, s.partial.zeta, violation)
 
 
 @wp.func
@@ -189,7 +189,7 @@ def select_walls(team: Team, s: Scene):
             violation = larger(violation, wp.where(carries, f64(0.0), wp.abs(dv)))
             c += 1
         s.working.wall_range[part] = wp.vec2i(begin, end)
-    wp.atomic_max(s.partial.zeta, partial_index(team, s.partial.zeta.shape[0]), violation)
+    keep_largest(team, s.partial.zeta, violation)
 
 
 @wp.func

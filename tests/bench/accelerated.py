@@ -51,7 +51,7 @@ def _one_sweep(options: Options) -> dict[str, str]:
     for swept in arrays:
         _us_a_sweep(swept)  # once, so that the launches are captured
     ours, plain = in_turn(options.repeats, *(partial(_us_a_sweep, swept) for swept in arrays))
-    target = "<= 1.4" if n == SWEPT else ""
+    target = "<= 1.3" if n == SWEPT else ""
     return row(
         Subject(f"one accelerated sweep, {pile.kind}", n, "color"), ours, "us", "plain", plain, target=target
     )

@@ -5,13 +5,18 @@ a little off its place, and fall in a thin liquid. At n = 1,000 they reach 5 m/s
 0.01 s: lists have to be made anew nearly every step.
 """
 
+from functools import partial
 from math import pi, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from warpgrains import Scene
+from warpgrains import Scene, Simulation, State
 from warpgrains.arrays import FloatArray
+
+from .kept import kept_state
+from .timing import say
 
 FILLING = 0.4  # of the annulus
 RADIUS_IN, RADIUS_OUT = 0.5, 2.0  # m
@@ -19,6 +24,9 @@ PITCH = 2.05  # of the lattice, in radii
 SHAKE = 0.01  # how far a grain is off its place, in radii
 GOLDEN = 0.6180339887498949
 DURATION = 2.0  # s
+SPLASHING = 0.6  # s, when all splash
+SOLVED = {"method": "accelerated", "order": "color", "stop": "residual", "tolerance": 1e-2}
+"""How it is solved where steps are measured."""
 ACCELERATED = {"method": "accelerated", "order": "color", "tolerance": 1e-3}
 """How it is solved where nothing else is said."""
 
@@ -39,6 +47,21 @@ def flowing(n: int, **changes: Any) -> Scene:
         "name": f"flow of {n}",
     }
     return Scene(**{**fields, **changes})
+
+
+def splashing(n: int, cache: Path) -> tuple[Scene, State]:
+    """Return the scene, in steps as long to its grains as 0.01 s to 1,000, and its state amid the flow."""
+    dt = 0.01 * sqrt(1_000 / n)
+    scene = flowing(n, **SOLVED, dt=dt)
+    return scene, kept_state(cache / f"flow-{n}-{SPLASHING}.npz", partial(_splash, scene))
+
+
+def _splash(scene: Scene) -> State:
+    steps = round(SPLASHING / scene.dt)
+    say(f"letting {scene.n:,} grains splash: {steps:,} steps")
+    simulation = Simulation(scene)
+    simulation.advance(steps)
+    return simulation.state()
 
 
 def _shaken_lattice(n: int, radius: float) -> FloatArray:

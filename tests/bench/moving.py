@@ -11,13 +11,13 @@ from warpgrains.arrays import FloatArray, IntArray
 
 from ..support.same_bits import assert_same_bits
 from .compiled import COMPILER, CellList, CReference
-from .flow import flowing
+from .flow import SOLVED, flowing, splashing
 from .inside import Sweeps, listed_pairs, seconds_of_a_list
 from .options import Options
+from .piles import settled_pile
 from .rows import SPEEDUP, Subject, row
 from .timing import in_turn, seconds
 
-SOLVED = {"method": "accelerated", "order": "color", "stop": "residual", "tolerance": 1e-2}
 AIMS = {  # by grains: ms a step, worst overlap in radii, void attempts a step
     100: ("<= 0.06", "<= 1e-3", ""),
     1_000: ("<= 0.9", "<= 2.5e-3", "<= 0.02"),
@@ -27,6 +27,7 @@ AIMS = {  # by grains: ms a step, worst overlap in radii, void attempts a step
 AMID = 60  # steps: 0.6 s, where all splash
 SWEEPS = 10  # after an impact
 ITERATIONS = 60
+LARGE = 100_000
 PLAIN = {"order": "sequential", "tolerance": 1e-12, "max_iterations": ITERATIONS}
 
 
@@ -35,8 +36,9 @@ def moving(options: Options) -> Iterator[dict[str, str]]:
     for n in options.sizes(AIMS):
         yield from _steps(n, options.repeats)
     for n in options.sizes((1_000, 10_000)):
-        yield from _one_list(n, options.repeats)
+        yield _one_list("flowing", _amid(n), options.repeats)
         yield _monitoring(n, options.repeats)
+    yield from _large_lists(min(LARGE, options.largest), options)
     yield _against_all_pairs(min(1_000, options.largest), options.repeats)
 
 
@@ -75,19 +77,28 @@ def _amid(n: int, **changes: object) -> Simulation:
     return simulation
 
 
-def _one_list(n: int, repeats: int) -> Iterator[dict[str, str]]:
-    simulation = _amid(n)
+def _large_lists(n: int, options: Options) -> Iterator[dict[str, str]]:
+    """Lists of many grains, which splash, and which hardly move."""
+    scene, state = splashing(n, options.cache)
+    simulation = Simulation(scene, threads=1)
+    simulation.restore(state)
+    simulation.advance(3)
+    yield _one_list("flowing", simulation, options.repeats)
+    settled = settled_pile(n, options.cache)
+    yield _one_list(settled.kind, settled.simulation(**SOLVED), options.repeats)
+
+
+def _one_list(kind: str, simulation: Simulation, repeats: int) -> dict[str, str]:
     scene, x = simulation.scene, simulation.position
     seconds_of_a_list(simulation)  # once, so that the kernels are loaded
     cells = CellList(x, _reach(x, len(listed_pairs(simulation))), scene.radius_out)
     ours, in_c = in_turn(
-        max(repeats, 5) * 20,
+        max(repeats, 5) * (20 if scene.n < LARGE else 2),
         lambda: seconds_of_a_list(simulation) * 1e6,
         lambda: seconds(cells.build) * 1e6,
     )
     other = f"cell list and colors of as many pairs, {COMPILER}"
-    subject = Subject("one list, flowing", n, "color")
-    yield row(subject, ours, "us", other, in_c, target="<= 2")
+    return row(Subject(f"one list, {kind}", scene.n, "color"), ours, "us", other, in_c, target="<= 2")
 
 
 def _reach(x: FloatArray, pairs: int) -> float:

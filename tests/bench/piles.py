@@ -5,8 +5,8 @@ hexagonal lattice a little too wide, each a little off its place, and sink in a 
 dt. All lengths of a step are in radii, all times in sqrt(radius / gravity).
 """
 
-import os
 from dataclasses import dataclass
+from functools import partial
 from math import sqrt
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,8 @@ import numpy as np
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.state import Corrections
 
+from .kept import kept_state
 from .timing import say
 
 ITERATIONS = 50  # of a step that is measured
@@ -56,12 +56,7 @@ def advance(simulation: Simulation, steps: int) -> int:
 def settled_pile(n: int, cache: Path) -> Pile:
     """Return a settled pile: from the cache, or made and put there."""
     scene, file = pile(n), cache / f"pile-{n}-{_steps_to_settle(n)}-{STEP}-{THICKNESS}.npz"
-    if not file.exists():
-        cache.mkdir(parents=True, exist_ok=True)
-        _save(_settle(scene), file)
-    with np.load(file) as kept:
-        corrections = Corrections(kept["pair"], kept["pair_correction"], kept["wall_correction"])
-        return Pile(scene, State(0, kept["position"], kept["velocity"], corrections))
+    return Pile(scene, kept_state(file, partial(_settle, scene)))
 
 
 def pile(n: int) -> Scene:
@@ -110,11 +105,3 @@ def _steps_to_settle(n: int) -> int:
         if n <= most:
             return steps
     return 200
-
-
-def _save(state: State, file: Path) -> None:
-    """Write a state; the file appears only when it is whole."""
-    unfinished = file.with_name(f"{file.stem}-{os.getpid()}.npz")
-    arrays = {"position": state.position, "velocity": state.velocity, **vars(state.corrections)}
-    np.savez(unfinished, **arrays)
-    unfinished.replace(file)

@@ -24,8 +24,8 @@ def command(module: str, *arguments: object) -> str:
 @pytest.mark.parametrize(
     ("parts", "count"),
     [
-        (QUICK, 23),
-        pytest.param(["moving"], 9, marks=pytest.mark.slow),
+        (QUICK, 32),
+        pytest.param(["moving"], 11, marks=pytest.mark.slow),
         pytest.param(["compiling"], 1, marks=pytest.mark.slow),
     ],
 )

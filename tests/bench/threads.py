@@ -3,14 +3,16 @@
 Beside it stands what the machine has to give: two simulations that share nothing, one thread each, at once.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from warpgrains import Simulation
+from warpgrains import Scene, Simulation, State
 
+from .flow import splashing
 from .inside import default_threads
 from .options import Options
 from .piles import ITERATIONS, advance, settled_pile
@@ -19,29 +21,50 @@ from .timing import in_turn, seconds
 
 SIZES = (100, 1_000, 10_000, 100_000)
 LARGE = 100_000
+ORDERS = ("sequential", "color")
+PLAIN = {"method": "gauss-seidel", "stop": "zeta", "tolerance": 1e-12, "max_iterations": ITERATIONS}
 
 
 def threads(options: Options) -> Iterator[dict[str, str]]:
-    """Every size in both orders."""
+    """Every size in both orders, at rest; many grains that splash."""
     for n in options.sizes(SIZES):
-        for order in ("sequential", "color"):
-            yield from _compare(n, order, options)
+        settled = settled_pile(n, options.cache)
+        name = f"one step of {ITERATIONS} iterations, {settled.kind}"
+        for order in ORDERS:
+            make = partial(settled.simulation, order=order)
+            yield from _compare(Subject(name, n, order), make, options.repeats, ">= 1.65")
+    flowing = splashing(min(LARGE, options.largest), options.cache)
+    n = flowing[0].n
+    for order in ORDERS:
+        make = partial(_continued, *flowing, order=order, **PLAIN)
+        subject = Subject(f"one step of {ITERATIONS} iterations, flowing", n, order)
+        yield from _compare(subject, make, options.repeats, ">= 1.5")
+    subject = Subject("one flowing step, accelerated to 1e-2 m/s", n, "color")
+    yield from _compare(subject, partial(_continued, *flowing), options.repeats, ">= 1.5")
 
 
-def _compare(n: int, order: str, options: Options) -> Iterator[dict[str, str]]:
-    settled = settled_pile(n, options.cache)
-    simulations = [settled.simulation(count, order=order) for count in (1, 2, None)]
-    apart = [settled.simulation(1, order=order) for _ in range(2)]
+def _continued(scene: Scene, state: State, threads: int | None, **changes: object) -> Simulation:
+    simulation = Simulation(scene, threads=threads, **changes)
+    simulation.restore(state)
+    advance(simulation, 3)
+    return simulation
+
+
+def _compare(
+    subject: Subject, make: Callable[[int | None], Simulation], repeats: int, target: str
+) -> Iterator[dict[str, str]]:
+    """Two threads, as many as a simulation chooses, and two simulations at once, against one thread."""
+    simulations = [make(count) for count in (1, 2, None)]
+    apart = [make(1) for _ in range(2)]
     measures = [partial(_ms_a_step, simulation) for simulation in simulations]
-    one, two, chosen, both = in_turn(options.repeats, *measures, partial(_ms_a_step_of_both, apart))
+    one, two, chosen, both = in_turn(repeats, *measures, partial(_ms_a_step_of_both, apart))
     _hold_together([*simulations, *apart])
-    name = f"one step of {ITERATIONS} iterations, {settled.kind}"
-    target = ">= 1.6" if n == LARGE else ""
-    yield row(Subject(name, n, order, "2"), two, "ms", "1 thread", one, SPEEDUP, target)
+    aim = target if subject.n == LARGE else ""
+    yield row(replace(subject, threads="2"), two, "ms", "1 thread", one, SPEEDUP, aim)
     choice = f"{default_threads(simulations[0].scene)} (default)"
-    yield row(Subject(name, n, order, choice), chosen, "ms", "1 thread", one, SPEEDUP, ">= 0.95")
-    machine = f"the same by two separate simulations at once, {settled.kind}"
-    yield row(Subject(machine, n, order, "1 + 1"), both, "ms", "1 thread", one, SPEEDUP)
+    yield row(replace(subject, threads=choice), chosen, "ms", "1 thread", one, SPEEDUP, ">= 0.95")
+    machine = replace(subject, name=f"{subject.name}, by two separate simulations at once", threads="1 + 1")
+    yield row(machine, both, "ms", "1 thread", one, SPEEDUP)
 
 
 def _ms_a_step(simulation: Simulation) -> float:

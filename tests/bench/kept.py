@@ -1,0 +1,28 @@
+"""States that take long to reach, kept in a folder for the next run."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from warpgrains import State
+from warpgrains.scene.state import Corrections
+
+
+def kept_state(file: Path, reach: Callable[[], State]) -> State:
+    """Return the state in a file; where there is none, reach it and put it there."""
+    if not file.exists():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        _save(reach(), file)
+    with np.load(file) as kept:
+        corrections = Corrections(kept["pair"], kept["pair_correction"], kept["wall_correction"])
+        return State(0, kept["position"], kept["velocity"], corrections)
+
+
+def _save(state: State, file: Path) -> None:
+    """Write a state; the file appears only when it is whole."""
+    unfinished = file.with_name(f"{file.stem}-{os.getpid()}.npz")
+    arrays = {"position": state.position, "velocity": state.velocity, **vars(state.corrections)}
+    np.savez(unfinished, **arrays)
+    unfinished.replace(file)
