@@ -5,7 +5,8 @@ import warp as wp
 from .record import Scene, pair_count, wall_count
 
 CHUNK = wp.constant(128)
-BLOCK = wp.constant(64)  # pairs that are corrected before the grains of the large corrections are looked at
+BLOCK = wp.constant(64)  # pairs, after which the grains of large corrections are looked at
+MOMENTS = wp.constant(136)  # of a thread: two a pair of a block, and a gap that no cache line bridges
 
 
 @wp.func

@@ -58,10 +58,16 @@ def begin_dealing(s: Scene, length: int):
     while c < pairs:
         set_integer(s.dealt.begins, c, 0)
         c += 1
-    c = int(0)
-    while c < pairs * team:
-        set_integer(s.dealt.dependencies, c, 0)
-        c += 1
+
+
+@wp.func
+def begin_segment(s: Scene, place: int):
+    """Let a segment begin with the pair at this place, if none does; it waits for nobody yet."""
+    if integer_at(s.dealt.begins, place) == 0:
+        set_integer(s.dealt.begins, place, 1)
+        team = s.dealt.cursor.shape[0]
+        for other in range(team):
+            s.dealt.dependencies[place * team + other] = 0
 
 
 @wp.func
@@ -74,10 +80,10 @@ def wait_for(s: Scene, w: int, place: int, before: int, stretch: int):
     if before > s.dealt.seen[w * team + other]:
         end = wp.min((before + stretch - 1) // stretch * stretch, s.dealt.cursor[other])
         s.dealt.seen[w * team + other] = end
+        begin_segment(s, place)
         s.dealt.dependencies[place * team + other] = end
-        s.dealt.begins[place] = 1
         if end < first[other + 1]:
-            s.dealt.begins[end] = 1
+            begin_segment(s, end)
 
 
 @wp.func
@@ -108,7 +114,7 @@ def number_segments(s: Scene):
         s.dealt.first_segment[w] = segments
         c, end = int(first[w]), first[w + 1]
         if c < end:
-            s.dealt.begins[c] = 1
+            begin_segment(s, c)
         while c < end:
             if integer_at(s.dealt.begins, c) != 0:
                 s.contacts.set_start[segments] = c

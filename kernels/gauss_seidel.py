@@ -21,7 +21,7 @@ from .access import (
     set_wall_dv,
     vector_at,
 )
-from .chunks import BLOCK
+from .chunks import BLOCK, MOMENTS
 from .record import Scene
 from .segments import pairs_of, walls_of
 from .stopping import decide_to_stop, gathered
@@ -92,7 +92,7 @@ def correct_wall(velocity: Vectors, contacts: Contacts, c: int, wall: WallContac
 
 @wp.func(inline=False)
 def correct_block(s: Scene, begin: int, end: int, k: int):
-    """Correct a block. Returns the largest |dv|, and a bit for each pair: whether its own is large."""
+    """Correct a block, its moments from place k on. Returns the largest |dv|, and bits of the large ones."""
     velocity = s.grains.next_velocity
     contacts = s.contacts
     moments = s.partial.moments
@@ -134,7 +134,7 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
 def sweep_pairs(team: Team, s: Scene, k: int):
     """Correct the pairs of a set."""
     zeta = f64(0.0)
-    moment = 2 * BLOCK * partial_index(team, s.partial.zeta.shape[0])
+    moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
     begin, end = pairs_of(team, s, k)
     while begin < end:
         stop = wp.min(begin + BLOCK, end)

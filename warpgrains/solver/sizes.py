@@ -11,7 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpgrains.kernels.cells import AT_ONCE
-from warpgrains.kernels.chunks import BLOCK, CHUNK
+from warpgrains.kernels.chunks import CHUNK, MOMENTS
 from warpgrains.kernels.threads import GPU_PARTIALS
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "partial": {
             **dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),
-            "moments": 2 * BLOCK * size.team * (1 - ahead),
+            "moments": MOMENTS * size.team * (1 - ahead),
         },
         "history": dict.fromkeys(("zeta", "residual"), size.history),
     }
