@@ -5,8 +5,6 @@ import warp as wp
 from .record import Scene, pair_count, wall_count
 
 CHUNK = wp.constant(128)
-BLOCK = wp.constant(64)  # pairs, after which the grains of large corrections are looked at
-MOMENTS = wp.constant(136)  # of a thread: two a pair of a block, and a gap that no cache line bridges
 
 
 @wp.func

@@ -15,7 +15,7 @@ list has changed.
 import warp as wp
 
 from .access import bits_at, entry_at, integer_at, lowest_bit, set_bits, set_entry, set_integer
-from .record import Scene, grain_count, pair_count
+from .record import Scene, dealt_threads, grain_count, pair_count
 from .types import Ints, NeighborList
 
 MASK_COLORS = wp.constant(64)
@@ -113,7 +113,7 @@ def colors(s: Scene):
 def tile_length(s: Scene) -> int:
     """How many pairs are interleaved. Threads that are dealt tiles get a few each, and all as many."""
     length = s.tuning.tile
-    team = s.dealt.cursor.shape[0]
+    team = dealt_threads(s)
     if team > 0:
         pairs = s.contacts.count.pairs
         tiles = team * wp.max(TILES_EACH, (pairs + team * length - 1) // (team * length))

@@ -17,7 +17,7 @@ import warp as wp
 
 from .access import entry_at, integer_at, set_integer
 from .coloring import tile_length
-from .record import Scene, grain_count, pair_count
+from .record import Scene, dealt_threads, grain_count, pair_count
 
 LONGEST = wp.constant(2)  # tile that one thread sweeps, in lengths: orders without rows make longer ones
 STRETCHES = wp.constant(4)  # of a tile, one of which is waited for at a time
@@ -38,7 +38,7 @@ def piece_end(s: Scene, begin: int, length: int) -> int:
 @wp.func
 def begin_dealing(s: Scene, length: int):
     """Find where the places of every thread begin; nothing is dealt yet, and nobody waits."""
-    team, pairs, first = s.dealt.cursor.shape[0], pair_count(s), s.dealt.first
+    team, pairs, first = dealt_threads(s), pair_count(s), s.dealt.first
     for w in range(team + 1):
         first[w] = 0
     begin, piece = int(0), int(0)
@@ -65,7 +65,7 @@ def begin_segment(s: Scene, place: int):
     """Let a segment begin with the pair at this place, if none does; it waits for nobody yet."""
     if integer_at(s.dealt.begins, place) == 0:
         set_integer(s.dealt.begins, place, 1)
-        team = s.dealt.cursor.shape[0]
+        team = dealt_threads(s)
         for other in range(team):
             s.dealt.dependencies[place * team + other] = 0
 
@@ -73,7 +73,7 @@ def begin_segment(s: Scene, place: int):
 @wp.func
 def wait_for(s: Scene, w: int, place: int, before: int, stretch: int):
     """Let the pair at this place, of thread w, come after all of another thread before a place of its."""
-    team, first = s.dealt.cursor.shape[0], s.dealt.first
+    team, first = dealt_threads(s), s.dealt.first
     other = int(0)
     while before > first[other + 1]:
         other += 1
@@ -108,7 +108,7 @@ def deal(s: Scene, w: int, begin: int, end: int, stretch: int):
 @wp.func
 def number_segments(s: Scene):
     """Number the segments, and tell where each begins, and what it comes after."""
-    team, first = s.dealt.cursor.shape[0], s.dealt.first
+    team, first = dealt_threads(s), s.dealt.first
     segments = int(0)
     for w in range(team):
         s.dealt.first_segment[w] = segments
@@ -135,7 +135,7 @@ def deal_out(s: Scene):
     begin, piece = int(0), int(0)
     while begin < pairs:
         end = piece_end(s, begin, length)
-        deal(s, piece % s.dealt.cursor.shape[0], begin, end, wp.max(1, length // STRETCHES))
+        deal(s, piece % dealt_threads(s), begin, end, wp.max(1, length // STRETCHES))
         begin = end
         piece += 1
     number_segments(s)

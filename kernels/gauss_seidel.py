@@ -21,16 +21,17 @@ from .access import (
     set_wall_dv,
     vector_at,
 )
-from .chunks import BLOCK, MOMENTS
-from .record import Scene
-from .segments import pairs_of, walls_of
+from .record import Scene, wall_count
+from .segments import pairs_of
 from .stopping import decide_to_stop, gathered
-from .threads import Team, keep_largest, partial_index
+from .threads import Team, keep_largest, partial_index, thread_range
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
+BLOCK = wp.constant(64)  # pairs, after which the grains of large corrections are looked at
+MOMENTS = wp.constant(2 * BLOCK + 8)  # of a thread: two a pair, and a gap that no cache line bridges
 NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 
 
@@ -152,7 +153,7 @@ def sweep_walls(team: Team, s: Scene):
     velocity = s.grains.next_velocity
     contacts = s.contacts
     inner = has_inner(s.walls)
-    begin, end = walls_of(team, s)
+    begin, end = thread_range(team, 0, wall_count(s))
     wall = WallContact()
     large = least_monitored_correction(s)
     c = begin

@@ -170,7 +170,6 @@ class SceneRecord:
     dt: f64  # [s]
     by_color: wp.int32  # whether pairs are swept by colors, or by levels
     merge: wp.int32  # whether all independent sets are swept as one
-    is_dealt: wp.int32  # whether threads are dealt tiles, or share every set out
 
 
 Scene = wp.ref[SceneRecord]
@@ -193,6 +192,12 @@ def pair_count(s: Scene) -> int:
 def is_accelerated(s: Scene) -> bool:
     """Whether the method looks one sweep back."""
     return s.momentum.pair_last.shape[0] > 0
+
+
+@wp.func
+def dealt_threads(s: Scene) -> int:
+    """How many threads are dealt tiles; 0 where a thread is alone, or all share every set out."""
+    return s.dealt.cursor.shape[0]
 
 
 @wp.func

@@ -23,8 +23,8 @@ from .access import (
     vector_at,
     vn_of,
 )
-from .record import Scene, pair_count
-from .segments import pairs_of, walls_of
+from .record import Scene, pair_count, wall_count
+from .segments import pairs_of
 from .threads import Team, keep_largest, thread_range
 from .types import Contacts, Vectors
 from .walls import WallContact, has_inner, outer_gap_rate, wall_residual
@@ -66,7 +66,7 @@ def rebuild_from_walls(team: Team, s: Scene):
     """Apply the corrections at the walls."""
     velocity = s.grains.rebuilt_velocity
     wall = WallContact()
-    c, end = walls_of(team, s)
+    c, end = thread_range(team, 0, wall_count(s))
     while c < end:
         read_wall(s.contacts.walls, c, wall)
         set_vector(velocity, wall.i, vector_at(velocity, wall.i) - wall.dv * wall.n)
@@ -79,7 +79,7 @@ def measure_residual(team: Team, s: Scene):
     worst = f64(0.0)
     v, contacts = s.grains.rebuilt_velocity, s.contacts
     wall = WallContact()
-    c, end = walls_of(team, s)
+    c, end = thread_range(team, 0, wall_count(s))
     while c < end:
         read_wall(contacts.walls, c, wall)
         own = vector_at(v, wall.i)

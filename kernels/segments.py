@@ -8,7 +8,7 @@ one in the common order.
 
 import warp as wp
 
-from .record import Scene, wall_count
+from .record import Scene, dealt_threads
 from .threads import Team, barrier, thread_range, wait_until
 
 
@@ -50,7 +50,7 @@ def begin_pass(team: Team, s: Scene):
     """Begin a pass over the pairs. Returns this thread's first set, or segment, and the end of its last."""
     first = int(0)
     last = s.contacts.count.sets
-    if s.is_dealt != 0:
+    if dealt_threads(s) > 0:
         begin_own_segments(team.ended, team.rank)
         first = s.dealt.first_segment[team.rank]
         last = s.dealt.first_segment[team.rank + 1]
@@ -60,7 +60,7 @@ def begin_pass(team: Team, s: Scene):
 @wp.func
 def end_set(team: Team, s: Scene, k: int):
     """Let others go on with what this set, or segment, has changed."""
-    if s.is_dealt != 0:
+    if dealt_threads(s) > 0:
         tell_place(team.ended, team.rank, s.contacts.set_start[k + 1])
     else:
         barrier(team)
@@ -71,7 +71,7 @@ def pairs_of(team: Team, s: Scene, k: int):
     """The pairs that this thread sweeps of a set, or of its segment, which may have to wait."""
     begin = s.contacts.set_start[k]
     end = s.contacts.set_start[k + 1]
-    if s.is_dealt != 0:
+    if dealt_threads(s) > 0:
         wait_for_others(team, s, k)
     else:
         begin, end = thread_range(team, begin, end)
@@ -79,14 +79,7 @@ def pairs_of(team: Team, s: Scene, k: int):
 
 
 @wp.func
-def walls_of(team: Team, s: Scene):
-    """The grains at the walls that this thread sweeps."""
-    first, last = thread_range(team, 0, wall_count(s))
-    return first, last
-
-
-@wp.func
 def end_pass(team: Team, s: Scene):
     """End a pass: no thread goes on before all have ended their segments."""
-    if s.is_dealt != 0:
+    if dealt_threads(s) > 0:
         barrier(team)

@@ -4,10 +4,10 @@ import warp as wp
 
 from . import law
 from .access import first_of, freeze_pair, number_at, second_of, set_number, vector_at
-from .record import Scene
+from .record import Scene, wall_count
 from .residual import apply_pair
-from .segments import pairs_of, walls_of
-from .threads import Team
+from .segments import pairs_of
+from .threads import Team, thread_range
 from .walls import frozen_wall
 
 
@@ -40,7 +40,7 @@ def start_pairs(team: Team, s: Scene, k: int):
 @wp.func
 def start_walls(team: Team, s: Scene):
     """Freeze the walls, and apply their corrections."""
-    begin, end = walls_of(team, s)
+    begin, end = thread_range(team, 0, wall_count(s))
     for c in range(begin, end):
         contact = s.contacts.walls[c]
         i = contact.i

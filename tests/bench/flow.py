@@ -5,7 +5,6 @@ a little off its place, and fall in a thin liquid. At n = 1,000 they reach 5 m/s
 0.01 s: lists have to be made anew nearly every step.
 """
 
-from functools import partial
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from warpgrains import Scene, Simulation, State
 from warpgrains.arrays import FloatArray
 
 from .kept import kept_state
-from .timing import say
 
 FILLING = 0.4  # of the annulus
 RADIUS_IN, RADIUS_OUT = 0.5, 2.0  # m
@@ -53,15 +51,14 @@ def splashing(n: int, cache: Path) -> tuple[Scene, State]:
     """Return the scene, in steps as long to its grains as 0.01 s to 1,000, and its state amid the flow."""
     dt = 0.01 * sqrt(1_000 / n)
     scene = flowing(n, **SOLVED, dt=dt)
-    return scene, kept_state(cache / f"flow-{n}-{SPLASHING}.npz", partial(_splash, scene))
+    return scene, kept_state(cache / f"flow-{n}-{SPLASHING}.npz", lambda: splashed(scene).state())
 
 
-def _splash(scene: Scene) -> State:
-    steps = round(SPLASHING / scene.dt)
-    say(f"letting {scene.n:,} grains splash: {steps:,} steps")
-    simulation = Simulation(scene)
-    simulation.advance(steps)
-    return simulation.state()
+def splashed(scene: Scene, threads: int | None = None) -> Simulation:
+    """Return the scene where all splash, as it is about to step on."""
+    simulation = Simulation(scene, threads=threads)
+    simulation.advance(round(SPLASHING / scene.dt))
+    return simulation
 
 
 def _shaken_lattice(n: int, radius: float) -> FloatArray:

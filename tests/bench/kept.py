@@ -3,10 +3,11 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from warpgrains import State
+from warpgrains import Scene, Simulation, State
 from warpgrains.scene.state import Corrections
 
 
@@ -18,6 +19,14 @@ def kept_state(file: Path, reach: Callable[[], State]) -> State:
     with np.load(file) as kept:
         corrections = Corrections(kept["pair"], kept["pair_correction"], kept["wall_correction"])
         return State(0, kept["position"], kept["velocity"], corrections)
+
+
+def continued(scene: Scene, state: State, threads: int | None, **changes: Any) -> Simulation:
+    """Continue from a state, with lists that are past their first steps."""
+    simulation = Simulation(scene, threads=threads, **changes)
+    simulation.restore(state)
+    simulation.advance(3)
+    return simulation
 
 
 def _save(state: State, file: Path) -> None:

@@ -11,8 +11,9 @@ from warpgrains.arrays import FloatArray, IntArray
 
 from ..support.same_bits import assert_same_bits
 from .compiled import COMPILER, CellList, CReference
-from .flow import SOLVED, flowing, splashing
+from .flow import SOLVED, flowing, splashed, splashing
 from .inside import Sweeps, listed_pairs, seconds_of_a_list
+from .kept import continued
 from .options import Options
 from .piles import settled_pile
 from .rows import SPEEDUP, Subject, row
@@ -24,7 +25,6 @@ AIMS = {  # by grains: ms a step, worst overlap in radii, void attempts a step
     5_000: ("<= 8", "<= 7e-3", ""),
     10_000: ("<= 20", "<= 1e-2", "<= 0.05"),
 }
-AMID = 60  # steps: 0.6 s, where all splash
 SWEEPS = 10  # after an impact
 ITERATIONS = 60
 LARGE = 100_000
@@ -72,18 +72,12 @@ def _steps(n: int, repeats: int) -> Iterator[dict[str, str]]:
 
 def _amid(n: int, **changes: object) -> Simulation:
     """Return the scene where all splash, as it is about to step on."""
-    simulation = Simulation(flowing(n, **{**SOLVED, **changes}), threads=1)
-    simulation.advance(AMID)
-    return simulation
+    return splashed(flowing(n, **{**SOLVED, **changes}), threads=1)
 
 
 def _large_lists(n: int, options: Options) -> Iterator[dict[str, str]]:
     """Lists of many grains, which splash, and which hardly move."""
-    scene, state = splashing(n, options.cache)
-    simulation = Simulation(scene, threads=1)
-    simulation.restore(state)
-    simulation.advance(3)
-    yield _one_list("flowing", simulation, options.repeats)
+    yield _one_list("flowing", continued(*splashing(n, options.cache), threads=1), options.repeats)
     settled = settled_pile(n, options.cache)
     yield _one_list(settled.kind, settled.simulation(**SOLVED), options.repeats)
 
@@ -130,8 +124,7 @@ def _monitoring(n: int, repeats: int) -> dict[str, str]:
 
 
 def _against_all_pairs(n: int, repeats: int) -> dict[str, str]:
-    simulation = Simulation(flowing(n, **PLAIN), threads=1)
-    simulation.advance(AMID)
+    simulation = splashed(flowing(n, **PLAIN), threads=1)
     reference = CReference(simulation.scene, simulation.state())
     ours, in_c = in_turn(
         repeats,

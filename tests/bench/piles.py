@@ -16,7 +16,7 @@ import numpy as np
 from warpgrains import Scene, Simulation, State
 from warpgrains.arrays import FloatArray
 
-from .kept import kept_state
+from .kept import continued, kept_state
 from .timing import say
 
 ITERATIONS = 50  # of a step that is measured
@@ -42,10 +42,7 @@ class Pile:
 
     def simulation(self, threads: int | None = 1, **changes: Any) -> Simulation:
         """Continue from the settled state, with lists that are past their first steps."""
-        simulation = Simulation(self.scene, threads=threads, **changes)
-        simulation.restore(self.state)
-        advance(simulation, 3)
-        return simulation
+        return continued(self.scene, self.state, threads, **changes)
 
 
 def advance(simulation: Simulation, steps: int) -> int:

@@ -10,10 +10,11 @@ from functools import partial
 
 import numpy as np
 
-from warpgrains import Scene, Simulation, State
+from warpgrains import Simulation
 
 from .flow import splashing
 from .inside import default_threads
+from .kept import continued
 from .options import Options
 from .piles import ITERATIONS, advance, settled_pile
 from .rows import SPEEDUP, Subject, row
@@ -37,18 +38,11 @@ def threads(options: Options) -> Iterator[dict[str, str]]:
     flowing = splashing(min(LARGE, options.largest), options.cache)
     n = flowing[0].n
     for order in ORDERS:
-        make = partial(_continued, *flowing, order=order, **PLAIN)
+        make = partial(continued, *flowing, order=order, **PLAIN)
         subject = Subject(f"one step of {ITERATIONS} iterations, flowing", n, order)
         yield from _compare(subject, make, options.repeats, ">= 1.5")
     subject = Subject("one flowing step, accelerated to 1e-2 m/s", n, "color")
-    yield from _compare(subject, partial(_continued, *flowing), options.repeats, ">= 1.5")
-
-
-def _continued(scene: Scene, state: State, threads: int | None, **changes: object) -> Simulation:
-    simulation = Simulation(scene, threads=threads, **changes)
-    simulation.restore(state)
-    advance(simulation, 3)
-    return simulation
+    yield from _compare(subject, partial(continued, *flowing), options.repeats, ">= 1.5")
 
 
 def _compare(

@@ -97,7 +97,6 @@ class SceneRecords:
         host["grid"]["width"] = grid_width(sizes.grains)
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated
-        host["is_dealt"] = sizes.is_dealt
 
     def begin(self) -> bool:
         """Write all starts to new memory at once; return False where scenes are not laid out alike."""

@@ -11,7 +11,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpgrains.kernels.cells import AT_ONCE
-from warpgrains.kernels.chunks import CHUNK, MOMENTS
+from warpgrains.kernels.chunks import CHUNK
+from warpgrains.kernels.gauss_seidel import MOMENTS
 from warpgrains.kernels.threads import GPU_PARTIALS
 
 if TYPE_CHECKING:
