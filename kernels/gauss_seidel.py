@@ -24,14 +24,12 @@ from .access import (
 from .record import Scene, wall_count
 from .segments import pairs_of
 from .stopping import decide_to_stop, gathered
-from .threads import Team, keep_largest, partial_index, thread_range
+from .threads import BLOCK, MOMENTS, Team, keep_largest, partial_index, thread_range
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
 from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
-BLOCK = wp.constant(64)  # pairs, after which the grains of large corrections are looked at
-MOMENTS = wp.constant(2 * BLOCK + 8)  # of a thread: two a pair, and a gap that no cache line bridges
 NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 
 

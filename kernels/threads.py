@@ -9,6 +9,8 @@ import warp as wp
 from .types import Floats
 
 GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
+BLOCK = wp.constant(64)  # pairs that a thread corrects before it looks at the grains of large corrections
+MOMENTS = wp.constant(2 * BLOCK + 8)  # of a thread: two a pair, and a gap that no cache line bridges
 
 
 @wp.struct

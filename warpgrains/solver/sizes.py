@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.chunks import CHUNK
-from warpgrains.kernels.gauss_seidel import MOMENTS
-from warpgrains.kernels.threads import GPU_PARTIALS
+from warpgrains.kernels.threads import GPU_PARTIALS, MOMENTS
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
