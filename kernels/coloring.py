@@ -50,10 +50,45 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
 
 
 @wp.func
+def renumber_extra_colors(s: Scene) -> int:
+    """Number the colors above 64 that are kept without gaps, in their order. Returns the first free one.
+
+    Each belongs to one pair, and with gaps they would grow from list to list. Without, there are never more
+    sets than the largest list so far has pairs, for which `set_start` has capacity. A color that is given
+    belongs to a list with at least as many other pairs: those of lower colors that keep it from these. A
+    color that is kept was given in an earlier list, and renumbering only lowers it.
+    """
+    pairs, color, rank = integer_at(s.neighbors.start, grain_count(s)), s.workspace.color, s.workspace.group
+    old_pairs = integer_at(s.workspace.old.start, grain_count(s))
+    k = int(0)
+    while k < old_pairs:
+        set_integer(rank, k, 0)
+        k += 1
+    k = int(0)
+    while k < pairs:
+        if integer_at(color, k) >= MASK_COLORS:
+            set_integer(rank, integer_at(color, k) - MASK_COLORS, 1)
+        k += 1
+    extra = int(MASK_COLORS)
+    k = int(0)
+    while k < old_pairs:
+        kept = integer_at(rank, k)
+        set_integer(rank, k, extra)
+        extra += kept
+        k += 1
+    k = int(0)
+    while k < pairs:
+        if integer_at(color, k) >= MASK_COLORS:
+            set_integer(color, k, integer_at(rank, integer_at(color, k) - MASK_COLORS))
+        k += 1
+    return extra
+
+
+@wp.func
 def keep_colors(s: Scene) -> int:
     """Let pairs of the old list keep their colors; others have -1. Returns the first extra one."""
     rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
-    extra = int(MASK_COLORS)
+    extra = int(0)
     for i in range(grain_count(s)):
         own = bits_at(used, i)
         k, end = integer_at(rows.start, i), integer_at(rows.start, i + 1)
@@ -62,16 +97,19 @@ def keep_colors(s: Scene) -> int:
             k_old = integer_at(s.workspace.old_place, k)
             if k_old >= 0:
                 kept = integer_at(s.workspace.old_color, k_old)
-                extra = wp.max(extra, kept + 1)
                 if kept < MASK_COLORS:
                     j = integer_at(rows.neighbor, k)
                     bit = wp.uint64(1) << wp.uint64(kept)
                     own = own | bit
                     set_bits(used, j, bits_at(used, j) | bit)
+                else:
+                    extra += 1
             set_integer(color, k, kept)
             k += 1
         set_bits(used, i, own)
-    return extra
+    if extra == 0:
+        return int(MASK_COLORS)
+    return renumber_extra_colors(s)
 
 
 @wp.func
