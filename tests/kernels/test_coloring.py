@@ -82,7 +82,7 @@ def test_every_pair_has_its_place(pairs: IntArray, by_color: bool) -> None:
 
 @pytest.mark.parametrize("name", ["star", "complete", "dense"])
 def test_kept_colors_stay_within_the_capacity(name: str) -> None:
-    """Lists that follow each other within a step: colors keep their order, and sets never outgrow the list."""
+    """Of lists that follow each other within a step, colors keep their order, and sets stay few."""
     every, rng = GRAPHS[name], np.random.default_rng(0)
     listed = np.ones(len(every), bool)
     record, color = grouped(every, by_color=True)
