@@ -69,11 +69,12 @@ class ExactSolver:
                 q, left = found.q, residual
             if found.residual > tolerance or residual > 0.5 * last:
                 break
-        if left <= max(BETTER * before, tolerance):
+        is_better = before > tolerance and left <= max(BETTER * before, tolerance)
+        if is_better:
             contacts.write(q)
         else:
             record["to_search"] = 0  # a proof that no velocities solve the step
-        record["control"]["corrected"] = 1
+        record["control"]["corrected"], record["control"]["declined"] = 1, not is_better
 
 
 class FrozenContacts:

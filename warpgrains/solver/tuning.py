@@ -23,7 +23,7 @@ NEAREST = 0.01  # radii a step: half of the narrowest skin (kernels/skins.py)
 TILE = {"sequential": 32768, "color": 4096}  # pairs interleaved: many hide latency, few fit in cache
 DEALT_TILE = 16384  # the same, where threads are dealt tiles: they wait at the borders of these
 DEALT_GRAINS = 20_000  # from which threads that are dealt tiles gain far more than they wait
-HOST_FEW, HOST_MANY = 150.0, 0.2  # sweeps that the host takes as long as for a step of n grains: a + b n
+HOST_FEW, HOST_MANY = 750.0, 0.15  # sweeps that the host takes as long as for a step of n grains: a + b n
 SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gain more than they wait
 
 
