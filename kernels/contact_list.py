@@ -140,8 +140,8 @@ def transfer_warm_start(s: Scene, i: int):
         if is_accelerated(s):
             set_number(s.momentum.pair_last, c, dv[2])
         if s.contacts.weights.shape[0] > 0:
-            mass_i = s.grains.mass[i]
-            mass_j = s.grains.mass[j]
+            mass_i = s.grains.contact_mass[i]
+            mass_j = s.grains.contact_mass[j]
             s.contacts.weights[c] = wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
         k += 1
 

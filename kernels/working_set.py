@@ -103,7 +103,7 @@ def copy_of_pair(s: Scene, c: int, k: int):
     set_number(s.working.pair_last, c, number_at(s.momentum.pair_last, k))
     if s.contacts.weights.shape[0] > 0:
         weight = vector_at(s.contacts.weights, k)
-        mu = weight[0] * number_at(s.grains.mass, first_of(s.contacts.pairs, k))
+        mu = weight[0] * number_at(s.grains.contact_mass, first_of(s.contacts.pairs, k))
         set_triple(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))
 
 
