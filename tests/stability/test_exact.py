@@ -10,7 +10,7 @@ import pytest
 from hard_scenes import heap, past_the_origin, random_masses, stack
 from launched import launched_state
 from same_bits import contents, dense_pair_correction
-from sample_scenes import SUDDEN, chain
+from sample_scenes import SUDDEN, chain, dense_start
 from schemes import contact_mass
 from scipy import sparse
 
@@ -50,6 +50,26 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "long steps": partial(heap, 60, spacing=2.0, dt=0.1),
     **{scene.__name__: scene for scene in SUDDEN},
 }
+
+
+@pytest.mark.parametrize("seed", [0, 11])
+def test_sweeps_go_on_where_the_host_declines(seed: int) -> None:
+    """A dense start that has no solution ends with the bits that sweeps alone give it."""
+    scene = dense_start(seed, 0.9, tolerance=1e-7, max_iterations=700)
+    exactly, sweeps = (Simulation(scene, method=method) for method in ("exact", "accelerated"))
+    tried, alone = exactly.step(), sweeps.step()
+    assert tried.factorizations > 0
+    assert tried.iterations == alone.iterations == 700
+    assert tried.residual == alone.residual > scene.tolerance
+    assert np.array_equal(exactly.position, sweeps.position)
+
+
+def test_host_is_not_asked_where_sweeps_converge() -> None:
+    """Whether the residual falls too slowly is not told before it was measured twice in a step."""
+    simulation = Simulation(heap(100), method="exact", tolerance=1e-6, max_iterations=10_000, stop="residual")
+    reports = [simulation.step() for _ in range(200)]
+    assert sum(50 < report.iterations < 100 for report in reports) > 10
+    assert not any(report.factorizations for report in reports if report.iterations < 100)
 
 
 def assert_optimal(simulation: Simulation) -> None:
