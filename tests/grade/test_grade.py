@@ -122,6 +122,7 @@ def test_each_call_has_a_limit_of_time(hasty: Grader, tmp_path: Path, what: str)
     assert "does not answer within 3 s" in (parts(verdict)[CONTACT].ended or "")
 
 
+@pytest.mark.slow
 def test_a_homework_has_a_limit_of_time(tmp_path: Path) -> None:
     grader = Grader(tmp_path, limits=Limits(patience=60.0, in_all=10.0))
     source = tmp_path / "homework.c"

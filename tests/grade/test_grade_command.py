@@ -130,7 +130,9 @@ def test_a_compiler_that_fails_behind_the_fence_is_used_without(
 
 
 RUNNING = {
-    "a homework": contact_that("for (;;) wait_for(1.0);", WAITS),
+    "a homework": contact_that(
+        "", f"{WAITS}__attribute__((constructor)) void stay(void) {{ for (;;) wait_for(1.0); }}\n"
+    ),
     "the compiler": "#define A x x x x\n"
     + "".join(f"#define {b} {a} {a} {a} {a}\n" for a, b in pairwise("ABCDEFGHIJKLMNOP"))
     + "P\n",
@@ -138,14 +140,29 @@ RUNNING = {
 
 
 @pytest.mark.parametrize("what", RUNNING)
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_a_signal_leaves_nothing_behind(tmp_path: Path, what: str, number: signal.Signals) -> None:
-    work = tmp_path / "work"
+    code, out, err = signalled(tmp_path, what, number)
+    assert code == (143 if number == signal.SIGTERM else 130)
+    assert out == b""
+    assert b"Traceback" not in err
+    assert programs_in(tmp_path / "work") == []
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_a_homework_ends_with_a_killed_command(tmp_path: Path) -> None:
+    assert signalled(tmp_path, "a homework", signal.SIGKILL)[0] == -signal.SIGKILL
+    wait_until(lambda: programs_in(tmp_path / "work") == [])
+
+
+def signalled(folder: Path, what: str, number: signal.Signals) -> tuple[int, bytes, bytes]:
+    """Send a signal to a command that grades, once something runs, and return its exit code and output."""
+    work = folder / "work"
     work.mkdir()
     for name in "abc":
-        homework(tmp_path / "all" / f"{name}.c", RUNNING[what])
+        homework(folder / "all" / f"{name}.c", RUNNING[what])
     command = subprocess.Popen(
-        [sys.executable, "-m", "warpgrains", "grade", str(tmp_path / "all"), "--json"],
+        [sys.executable, "-m", "warpgrains", "grade", str(folder / "all"), "--json"],
         env={**os.environ, "TMPDIR": str(work)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -158,11 +175,7 @@ def test_a_signal_leaves_nothing_behind(tmp_path: Path, what: str, number: signa
     finally:
         command.kill()
         command.wait()
-    assert command.returncode == (143 if number == signal.SIGTERM else 130)
-    assert out == b""
-    assert b"Traceback" not in err
-    assert programs_in(work) == []
-    assert list(work.iterdir()) == []
+    return command.returncode, out, err
 
 
 def wait_until(holds: Callable[[], object]) -> None:

@@ -20,6 +20,9 @@
 
 #include "child.h"
 
+#ifdef __linux__
+#include <sys/prctl.h>
+#endif
 #if defined(__linux__) && (defined(__x86_64__) || defined(__aarch64__))
 #define FILTERED
 #include <ucontext.h>
@@ -141,7 +144,6 @@ void startClock(double seconds) {
 #include <linux/audit.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
-#include <sys/prctl.h>
 
 #ifdef __x86_64__
 #define MACHINE AUDIT_ARCH_X86_64
@@ -195,6 +197,9 @@ int confine(size_t bytes, int seconds) {
     limit(RLIMIT_FSIZE, PRINTED);
     limit(RLIMIT_CORE, 0);
     limit(RLIMIT_NOFILE, 32);
+#ifdef __linux__
+    prctl(PR_SET_PDEATHSIG, SIGKILL); /* so that it ends with the process that asks, however that ends */
+#endif
 #ifdef RLIMIT_NPROC
     limit(RLIMIT_NPROC, 0);
 #endif
