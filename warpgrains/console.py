@@ -13,6 +13,8 @@ from tempfile import TemporaryFile
 from time import monotonic
 from typing import Any, NoReturn, Protocol
 
+from warpgrains.turns import BUILDING
+
 BETWEEN_LINES = 30.0  # seconds, where no terminal can show a bar
 INTERRUPTED = 130
 """Exit code of a command that Ctrl-C has ended."""
@@ -149,12 +151,17 @@ def stdout_kept_clean() -> Iterator[None]:
         yield
 
 
-@cache
 def start_warp() -> None:
     """Initialise Warp without its banner, and without its remark that this machine has no GPU.
 
     It also says no more which modules it loads, unless its `log_level` has been set.
     """
+    with BUILDING:
+        _start_warp()
+
+
+@cache
+def _start_warp() -> None:
     import warp
 
     if warp.config.log_level == warp.LOG_INFO:

@@ -63,7 +63,15 @@ def test_first_violation_is_reported(change: str, method: str, threads: int, rep
 
 def test_every_access_is_checked() -> None:
     """C++ that uses data of a scene is passed to `checked`, and writes elements as ARRAY.data[INDEX]."""
-    elsewhere = {"advance.py", "gpu.py", "placing.py", "pushing.py", "segments.py", "threads.py"}
+    elsewhere = {
+        "advance.py",
+        "gpu.py",
+        "placing.py",
+        "pushing.py",
+        "segments.py",
+        "threads.py",
+        "waiting.py",
+    }
     for file in Path(warpgrains.kernels.__file__).parent.glob("*.py"):
         if file.name in elsewhere:  # counters of threads, and arrays that are not a scene's
             continue
