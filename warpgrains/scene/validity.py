@@ -22,6 +22,7 @@ ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
+LEAST_LENGTH, MOST_LENGTH = 1e-140, 1e150  # m, of the radius of the outer wall
 MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
 
 SETTINGS: dict[str, Callable[[str, Any], Any]] = {
@@ -78,13 +79,23 @@ def checked_grains(scene: Scene) -> dict[str, Any]:
 
 def require_places(scene: Scene) -> None:
     """Raise SceneError unless all grains are between the walls, apart, and in places that have digits."""
+    _require_size(scene)
     scene.walls.require_inside(scene.position, scene.radius)
     require_distinct("position", scene.position)
+
+
+def _require_size(scene: Scene) -> None:
+    """Raise SceneError unless positions have digits for a gap, and squares."""
     smallest = scene.smallest_radius
     if scene.radius_out / MOST_RADII >= smallest:
         raise SceneError(
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
             f" grain {int(np.argmin(scene.radius))}, {smallest} m, for positions to have digits for a gap"
+        )
+    if not LEAST_LENGTH <= scene.radius_out <= MOST_LENGTH:
+        raise SceneError(
+            f"radius_out is {scene.radius_out} m: it must be between {LEAST_LENGTH:g} and {MOST_LENGTH:g} m,"
+            " for squares of distances to be finite and not zero; choose another unit of length"
         )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
+from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
     lock_checkpoint,
@@ -14,7 +15,7 @@ from warpgrains.simulation.checkpoint import (
     write_checkpoint,
 )
 from warpgrains.simulation.options import RunOptions, steps_of
-from warpgrains.simulation.run import Observer, Outputs, run
+from warpgrains.simulation.run import Observer, Outputs, require_observer, run
 from warpgrains.simulation.stepper import Stepper
 from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.statistics import RunStatistics, Summary
@@ -30,7 +31,7 @@ class Simulation(Stepper):
     Parameters
     ----------
     scene : Scene
-        What is simulated.
+        What is simulated; or a file or the name of a shipped scene, see `Scene.load`.
     device : str
         A Warp device, "cpu" or "cuda:0".
     threads : int, optional
@@ -41,9 +42,15 @@ class Simulation(Stepper):
     Raises
     ------
     SceneError
-        The device is unknown, the number of threads is not positive, or a change makes no scene.
+        There is no such scene, the device is unknown, the number of threads is not positive, or an override
+        is not what it must be.
     SimulationError
         The scene does not fit in memory.
+
+    Notes
+    -----
+    A copy, by `copy.copy` too, and an unpickled simulation have their own memory. They continue from the
+    exact state with the same bits, as after `load`; `last_start` needs a step first.
 
     Examples
     --------
@@ -111,17 +118,19 @@ class Simulation(Stepper):
         """
         options = RunOptions(
             steps=steps_of(self.scene, steps, duration),
-            record=None if record is None else str(record),
+            record=None if record is None else checks.path("record", record),
             fps=fps,
             color_by=color_by,
             forces=forces,
             draw_as=draw_as,
-            checkpoint=None if checkpoint is None else str(checkpoint),
+            checkpoint=None if checkpoint is None else checks.path("checkpoint", checkpoint),
             every=every,
             until=until if isinstance(until, str) else None,
         )
         if checkpoint is not None and callable(until):
             raise SceneError("until is a callable, which no checkpoint can hold")
+        if observer is not None:
+            require_observer(observer)
         outputs = Outputs(observer=observer, until=criterion(until, self.scene))
         return run(self, options, RunStatistics(), progress, outputs)
 
@@ -171,7 +180,7 @@ class Simulation(Stepper):
         SceneError
             It cannot be written there; as an `OutputError`, if a run does so.
         """
-        path = Path(path)
+        path = Path(checks.path("path", path))
         with lock_checkpoint(path):
             write_checkpoint(path, Checkpoint(self.scene, self.state(), None, RunStatistics()))
 
@@ -191,7 +200,7 @@ class Simulation(Stepper):
         SceneError
             The checkpoint cannot be read.
         """
-        kept = read_checkpoint(Path(path))
+        kept = read_checkpoint(Path(checks.path("path", path)))
         simulation = cls(kept.scene, device, threads)
         simulation.restore(kept.state)
         return simulation

@@ -114,7 +114,7 @@ class RunFolder:
             raise OutputError(f"'{self.result}' {OTHERWISE}")
 
     def _is_of_another(self, found: str) -> bool:
-        """Whether a scene file is whole, and that of another run; what else differs from this run's is damaged.
+        """Whether a scene file is whole, and that of another run: else it is this run's, or damaged.
 
         The first line names the run and its values, which the lines after it have too: in the file of another
         run, both differ.
