@@ -94,25 +94,33 @@ class Simulation(Stepper):
             simulation that it is given is to stop, see `warpgrains.simulation.until.criterion`.
         record : str or Path, optional
             A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present
-            state first; or a picture of the end (.png, .pdf, .svg).
+            state first; or a picture of the end (.png, .pdf, .svg). If it is a symbolic link, the file that
+            it leads to is written, as for all outputs.
         fps : float
-            Wanted frames per second of simulated time [1/s], see `recording_stride`.
-        color_by, forces, draw_as
-            What the frames show, see `Recorder`.
+            Wanted frames per second of simulated time [1/s]. A frame is recorded every k steps, the whole
+            number k nearest to 1 / (fps dt), at least 1; the file states the rate that results.
+        color_by : str
+            Color of the grains: "speed", "pressure", "radius", or "palette", which tells neighbors apart.
+        forces : bool
+            Whether to draw force chains.
+        draw_as : str
+            What grains of a USD file are: "discs", "spheres", "points", or "light", points without colors and
+            velocities for long runs of many grains.
         checkpoint : str or Path, optional
             An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
         every : int
             Steps between two checkpoints.
-        observer : Observer, optional
-            Looks at the simulation now and then, such as `warpgrains.analysis.Series`.
+        observer : object, optional
+            Measures during the run, such as a `warpgrains.analysis.Series`. Its ``observe(simulation)`` is
+            called at multiples of its ``every`` steps, its ``flush()`` before a checkpoint and at the end.
         progress : bool
             Whether to show a progress bar on standard error.
 
         Raises
         ------
         SceneError
-            The recording or the checkpoint cannot be written there; as an `OutputError`, if another run
-            does so at the same time.
+            An argument is not what it must be, or the recording or the checkpoint cannot be written there; as
+            an `OutputError`, if another run does so at the same time.
         SimulationError
             A step failed.
         """
@@ -158,7 +166,7 @@ class Simulation(Stepper):
         Parameters
         ----------
         color_by : str
-            "speed", "pressure", "radius" or "palette", see `GrainColors`.
+            Color of the grains: "speed", "pressure", "radius", or "palette", which tells neighbors apart.
         forces : bool
             Whether to draw force chains.
 
