@@ -156,7 +156,7 @@ class Stepper(Shown):
 
     @property
     def position(self) -> FloatArray:
-        """Centres of the grains [m], shape (n, 2); a copy, which is read-only: `restore` sets them."""
+        """Centres of the grains [m], shape (n, 2); a read-only copy."""
         return checks.frozen(self._engine.grains(0, "position"))
 
     @property
