@@ -80,6 +80,7 @@ CALLS = {
     "gravity": (lambda s, b: s.scene.replace(gravity=MATRIX), "gravity is array.*: it must be two numbers"),
     "name": (lambda s, b: s.scene.replace(name=MATRIX), "name is array.*: it must be a text"),
     "order": (lambda s, b: s.scene.replace(order=MATRIX), "unknown order array.* known: color, sequential"),
+    "port": (lambda s, b: s.view(port=-1), "port is -1: it must be between 1 and 65535"),
     "steps": (lambda s, b: s.run(MATRIX), "steps is array.*: it must be a whole number"),
     "threads": (lambda s, b: Simulation("annulus", threads=MATRIX), "threads is array.*: it must be a whole"),
 }
@@ -210,6 +211,15 @@ class TestOverflow:
                 SceneError, match=r"radius_out is 1e.* m: it must be between 1e-140 and 1e.150 m"
             ):
                 Scene(position=[[0.2 * size, 0.0]], radius=radius, mass=1.0, radius_out=size)
+
+    @pytest.mark.parametrize("layout", ["random", "grid"])
+    def test_domain_of_a_file(self, tmp_path, layout):
+        """It is refused before grains are placed in it."""
+        path = tmp_path / "large.toml"
+        grains = f'layout = "{layout}"\ncount = 5\nradius = 1e154\nmass = 1.0'
+        path.write_text(f"[domain]\nradius_out = 1e156\n[grains]\n{grains}\n")
+        with pytest.raises(SceneError, match=r"radius_out is 1e\+156 m: it must be between"):
+            Scene.load(path)
 
     @pytest.mark.parametrize("size", [1e-140, 1e150])
     def test_largest_and_smallest_domain(self, size):

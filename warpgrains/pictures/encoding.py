@@ -69,11 +69,10 @@ class Encoding:
             It cannot be written: the message is the first line that ffmpeg says of it.
         """
         self._wait()
-        self._complaints.seek(0)
-        complaint = _SOURCE.sub("", self._complaints.readline().decode(errors="replace").strip())
-        code = self._process.returncode
-        if code or complaint:
-            raise OSError(EIO, complaint or f"ffmpeg ended with code {code}")
+        if self._process.returncode:
+            self._complaints.seek(0)
+            complaint = _SOURCE.sub("", self._complaints.readline().decode(errors="replace").strip())
+            raise OSError(EIO, complaint or f"ffmpeg ended with code {self._process.returncode}")
 
     def stop(self) -> None:
         """End the process, and leave the file as it is."""

@@ -22,7 +22,6 @@ ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
-LEAST_LENGTH, MOST_LENGTH = 1e-140, 1e150  # m, of the radius of the outer wall
 MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
 
 SETTINGS: dict[str, Callable[[str, Any], Any]] = {
@@ -92,11 +91,7 @@ def _require_size(scene: Scene) -> None:
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
             f" grain {int(np.argmin(scene.radius))}, {smallest} m, for positions to have digits for a gap"
         )
-    if not LEAST_LENGTH <= scene.radius_out <= MOST_LENGTH:
-        raise SceneError(
-            f"radius_out is {scene.radius_out} m: it must be between {LEAST_LENGTH:g} and {MOST_LENGTH:g} m,"
-            " for squares of distances to be finite and not zero; choose another unit of length"
-        )
+    scene.walls.require_size()
 
 
 def require_agreement(scene: Scene) -> None:

@@ -150,8 +150,9 @@ class Simulation(Stepper):
         Raises
         ------
         SceneError
-            viser is not installed.
+            viser is not installed, or the port is no port.
         """
+        checks.whole_number("port", port, most=65535)
         try:
             from warpgrains.view.page import Page
         except ModuleNotFoundError as error:
