@@ -1,6 +1,7 @@
 """The scenes of a batch: which of them are in memory together, and where the others' states are."""
 
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
@@ -139,14 +140,14 @@ class ResidentSets:
         """Return the exact state of scene k."""
         if self._resident is not None and self._number[k] == self._in_memory:
             return self._resident.state(k)
-        return self._states[k] or first_state(self._scenes[k])
+        return deepcopy(self._states[k]) or first_state(self._scenes[k])
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
         if self._resident is not None and self._number[k] == self._in_memory:
             self._resident.load(k, state)
         else:
-            self._states[k] = state
+            self._states[k] = deepcopy(state)
 
     def work(self, steps: Sequence[int], on_progress: OnProgress) -> Iterator[Done]:
         """Do so many steps of each scene, set after set; yield what became of every scene, in any order."""

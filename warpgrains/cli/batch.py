@@ -117,7 +117,7 @@ def _require_no_other(files: RunFolder) -> None:
         files.require_own()
     except OutputError:
         raise
-    except SceneError:
+    except (SceneError, OSError):
         pass
 
 

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from warnings import warn
 
 from warpgrains.console import progress_bar
+from warpgrains.errors import SceneError
 from warpgrains.files import require_place
-from warpgrains.pictures.kinds import STILLS, require_drawing
+from warpgrains.pictures.kinds import FILMS, STILLS, require_drawing
 from warpgrains.pictures.shots import Painter
+from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import EVERY, Criterion
@@ -37,6 +39,13 @@ class Observer(Protocol):
 
     def flush(self) -> None:
         """Put all that was seen on the disk: there is to be a checkpoint, or the run ends."""
+
+
+def require_observer(observer: Observer) -> None:
+    """Raise SceneError unless something can observe a run."""
+    if not all(callable(getattr(observer, name, None)) for name in ("observe", "flush")):
+        raise SceneError(f"observer is {checks.shown(observer)}: it must have every, observe() and flush()")
+    checks.whole_number("observer.every", getattr(observer, "every", None))
 
 
 class Outputs(NamedTuple):
@@ -178,9 +187,10 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
             return Film(Path(options.record), scene, options.rate, painter)
         require_place("picture", Path(options.record), *STILLS)
         return None
-    from warpgrains.usd.recorder import Recorder, chunks_of
+    from warpgrains.usd.recorder import SUFFIXES, Recorder, chunks_of
 
     record = Path(options.record)
+    require_place("output", record, *SUFFIXES, *FILMS, *STILLS)
     is_whole = statistics.frames > 0 and record.is_file() and not chunks_of(record).exists()
     if is_whole and statistics.steps == options.steps:
         return None

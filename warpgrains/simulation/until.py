@@ -59,6 +59,8 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
     if until is None:
         return None
     if not isinstance(until, str):
+        if not callable(until):
+            raise SceneError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
         return Criterion(until, 0, "what was asked for")
     name, *rest = (word.strip() for word in until.split(","))
     checks.one_of("until", name, ("rest",))

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from warpgrains.errors import OutputError
-from warpgrains.files import csv_line, write_whole
+from warpgrains.files import csv_line, read_regular, write_whole
 from warpgrains.sweep.parts import Parts
 from warpgrains.sweep.results import SECONDS, columns_of
 from warpgrains.sweep.run_folder import RESULT, RunFolder
@@ -101,7 +101,7 @@ class SweepFolder:
         """Raise OutputError or SceneError if results here are of another sweep."""
         for base in sweep.bases:
             scene = self.path / _SCENES / f"{base.name}.toml"
-            if scene.exists() and scene.read_bytes() != base.text.encode():
+            if scene.exists() and read_regular(scene) != base.text.encode():
                 raise OutputError(
                     f"'{scene}' is another scene than this sweep starts from: choose another -o"
                 )

@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import Row, read_table, table_text, write_whole
+from warpgrains.files import Row, read_regular, read_table, table_text, write_whole
 from warpgrains.locks import Lock
+from warpgrains.scene.document import parse_toml
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
@@ -98,15 +99,34 @@ class RunFolder:
         if not self.is_begun:
             return
         try:
-            found = self.scene_file.read_bytes().decode()
+            found = read_regular(self.scene_file).decode()
         except UnicodeDecodeError:
             raise SceneError(f"'{self.scene_file}' is no text: {AGAIN}") from None
-        if found != self.text:
+        except SceneError as error:
+            raise SceneError(f"{error}: {AGAIN}") from None
+        if self._is_of_another(found):
             raise OutputError(
                 f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
             )
+        if found != self.text:
+            raise SceneError(f"'{self.scene_file}' is damaged: {AGAIN}")
         if self.is_finished and self._measures_otherwise():
             raise OutputError(f"'{self.result}' {OTHERWISE}")
+
+    def _is_of_another(self, found: str) -> bool:
+        """Whether a scene file is whole, and that of another run: else it is this run's, or damaged.
+
+        The first line names the run and its values, which the lines after it have too: in the file of another
+        run, both differ.
+        """
+        (head, _, body), (own_head, _, own_body) = found.partition("\n"), self.text.partition("\n")
+        if head == own_head or body == own_body or not head.startswith("# run "):
+            return False
+        try:
+            parse_toml(found, self.scene_file)
+        except SceneError:
+            return False
+        return True
 
     def lock(self) -> Lock:
         """Return the lock on the run, that on its checkpoint: no sweep and no ``run --resume`` shares it."""
@@ -174,8 +194,8 @@ class RunFolder:
 
     def _measures_otherwise(self) -> bool:
         """Whether the result has good columns, but not those of this sweep."""
-        with suppress(OSError), self.result.open("rb") as lines:
-            names = lines.readline().decode(errors="replace").rstrip("\n").split(",")
+        with suppress(OSError, SceneError):
+            names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
             columns = columns_of(name for name in names if name in QUANTITIES)
             return names == [*self.labels, *columns, SECONDS] and columns != columns_of(self.measured)
         return False
