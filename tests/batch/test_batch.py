@@ -135,6 +135,7 @@ def test_own_durations_and_other_spans() -> None:
     assert [summary.steps for summary in batch.run(duration=0.1)] == [10, 5]
     assert [batch.state(k).steps for k in range(2)] == [20, 25]
 
+
 class TestUntil:
     """A scene ends where it ends alone, whatever the others do."""
 

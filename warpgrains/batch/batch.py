@@ -1,6 +1,6 @@
 """Batch: many scenes, advanced together."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from warpgrains.arrays import FloatArray
@@ -111,7 +111,7 @@ class Batch(Shown):
 
     def run(
         self,
-        steps: int | None = None,
+        steps: int | Sequence[int] | None = None,
         duration: float | None = None,
         progress: bool = False,
         until: str | Question | None = None,
@@ -122,8 +122,8 @@ class Batch(Shown):
 
         Parameters
         ----------
-        steps : int, optional
-            How many; or
+        steps : int or sequence of int, optional
+            How many, or how many of each scene; or
         duration : float, optional
             for how long [s]; by default every scene for its own duration.
         progress : bool
@@ -143,7 +143,12 @@ class Batch(Shown):
         SceneError
             The steps are no number of steps; or `until` is no criterion for one of the scenes.
         """
-        wanted = [steps_of(scene, steps, duration) for scene in self.scenes]
+        each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
+        if len(each) != len(self):
+            raise SceneError(
+                f"steps are {len(each)} numbers: a batch of {len(self)} scenes needs one of each"
+            )
+        wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
         criteria = [found for scene in self.scenes if (found := criterion(until, scene)) is not None]
         with progress_bar(sum(wanted), shown=progress) as bar:
             outcomes = self._advance(wanted, bar.update, criteria or None)

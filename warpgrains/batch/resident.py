@@ -82,6 +82,7 @@ class ResidentSet:
         self._threads = threads
         self._engines: list[Engine] = []
         self._numbers: list[list[int]] = []
+        self._is_halted = False
         self.place: dict[int, tuple[Engine, int]] = {}
         for method in sorted({scene.method for scene in scenes.values()}):
             numbers = [k for k, scene in scenes.items() if scene.method == method]
@@ -117,7 +118,8 @@ class ResidentSet:
         done = {k: Done(k, RunStatistics(), None, None) for k in self.place}
         running = {k: ResidentScene(engine.scenes[at], engine, at) for k, (engine, at) in self.place.items()}
         going = [k for k in self.place if steps[k] > 0]
-        while going:
+        self._is_halted = False
+        while going and not self._is_halted:
             due = [0] * len(steps)
             for k in going:
                 taken = done[k].statistics.steps
@@ -144,6 +146,7 @@ class ResidentSet:
 
     def halt(self) -> None:
         """Let the steps under way be the last, those that take long given up."""
+        self._is_halted = True
         for engine in self._engines:
             engine.halt()
 

@@ -15,7 +15,6 @@ from warpgrains.scene import checks
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.scene.state import State
     from warpgrains.solver.statistics import RunStatistics
 
 EVERY = 10  # steps between two tests
@@ -24,35 +23,15 @@ TOLERANCES = 10.0  # or in the scene's tolerance, where that is more: what a ste
 FALLS = 5.0  # how long it must hold, in sqrt(d / g)
 
 
-class Running(Protocol):
-    """A scene while it runs: a `Simulation`, or one of a `Batch`."""
-
-    @property
-    def scene(self) -> Scene:
-        """The scene."""
-
-    @property
-    def steps(self) -> int:
-        """Time steps since the start."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-
-    @property
-    def position(self) -> FloatArray:
-        """Centres of the grains [m], shape (n, 2)."""
+class Moving(Protocol):
+    """Grains that move: a `Simulation`, a scene of a `Batch`, a `Snapshot`."""
 
     @property
     def velocity(self) -> FloatArray:
         """Velocities of the grains [m/s], shape (n, 2)."""
 
-    def state(self) -> State:
-        """Return the exact state."""
-
 
 Question = Callable[[Any], bool]
-"""Is given what is `Running`."""
 
 
 @dataclass(frozen=True)
@@ -65,18 +44,19 @@ class Criterion:
     """For how many steps it must hold."""
     name: str
 
-    def is_met(self, running: Running, statistics: RunStatistics) -> bool:
+    def is_met(self, moving: Moving, statistics: RunStatistics) -> bool:
         """Test, every `EVERY` steps of a run, whether it ends now; count for how long that has held.
 
         Parameters
         ----------
-        running : Running
+        moving : Moving
+            Its grains.
         statistics : RunStatistics
             What the run has done; `held` and `met` are updated.
         """
         if statistics.steps % EVERY == 0:
             held = statistics.held + EVERY if statistics.held else 1
-            statistics.held = held if self.holds(running) else 0
+            statistics.held = held if self.holds(moving) else 0
             statistics.met = statistics.held > self.steps
         return statistics.met
 
@@ -146,8 +126,8 @@ def _rest(given: dict[str, float], scene: Scene) -> Criterion:
         bounds["speed"] = max(FROUDE * sqrt(gravity * diameter), TOLERANCES * scene.tolerance)
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
-    def holds(running: Running) -> bool:
-        square = (running.velocity**2).sum(axis=1)
+    def holds(moving: Moving) -> bool:
+        square = (moving.velocity**2).sum(axis=1)
         return bool(square.max() <= speed**2 and 0.5 * scene.mass @ square <= energy)
 
     return Criterion(holds, ceil(time / scene.dt), "rest")
