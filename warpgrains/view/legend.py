@@ -8,7 +8,8 @@ from warpgrains.pictures.shots import Setting
 def table(rows: dict[str, str]) -> str:
     """Return names and values as a table; a value's element has the class "value" and its name as data."""
     cells = (
-        f'<tr><td style="width: 50%">{escape(name)}</td><td class="value" data-name="{escape(name)}">{escape(value)}</td></tr>'
+        f'<tr><td style="width: 50%">{escape(name)}</td>'
+        f'<td class="value" data-name="{escape(name)}">{escape(value)}</td></tr>'
         for name, value in rows.items()
     )
     return f'<table style="width: 100%; font-size: 0.8em; margin: 0.4em 1em">{"".join(cells)}</table>'
