@@ -1,7 +1,7 @@
 """Batch: many scenes, advanced together."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown
 from warpgrains.simulation.options import steps_of
+from warpgrains.simulation.until import Criterion, Question, criterion
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
@@ -132,7 +133,11 @@ class Batch(Shown):
         return [done.report for done in outcomes if done.report is not None]
 
     def run(
-        self, steps: int | None = None, duration: float | None = None, progress: bool = False
+        self,
+        steps: int | Sequence[int] | None = None,
+        duration: float | None = None,
+        progress: bool = False,
+        until: str | Question | None = None,
     ) -> list[SceneSummary]:
         """Advance every scene by many time steps.
 
@@ -140,27 +145,44 @@ class Batch(Shown):
 
         Parameters
         ----------
-        steps : int, optional
-            How many; or
+        steps : int or sequence of int, optional
+            How many, or how many of each scene; or
         duration : float, optional
             for how long [s]; by default every scene for its own duration.
         progress : bool
             Whether to show a progress bar on standard error.
+        until : str or callable, optional
+            What ends each scene earlier, as in `Simulation.run`: "rest", or a callable. A callable is given a
+            scene of the batch, with the attributes `scene`, `steps`, `time`, `position`, `velocity` and the
+            method `state` of a `Simulation`.
 
         Returns
         -------
         list of SceneSummary
-            One a scene; `error` tells why it failed, if it did.
+            One a scene; `error` tells why it failed, if it did, and `met` whether it ended at `until`.
+
+        Raises
+        ------
+        SceneError
+            The steps are no number of steps; or `until` is no criterion for one of the scenes.
         """
-        wanted = [steps_of(scene, steps, duration) for scene in self.scenes]
+        each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
+        if len(each) != len(self):
+            raise SceneError(
+                f"steps are {len(each)} numbers: a batch of {len(self)} scenes needs one of each"
+            )
+        wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
+        criteria = [found for scene in self.scenes if (found := criterion(until, scene)) is not None]
         with progress_bar(sum(wanted), shown=progress) as bar:
-            outcomes = self._advance(wanted, bar.update)
+            outcomes = self._advance(wanted, bar.update, criteria or None)
         return [SceneSummary(**vars(done.statistics.summary(None)), error=done.error) for done in outcomes]
 
-    def _advance(self, steps: list[int], on_progress: OnProgress) -> list[Done]:
-        """Do so many steps of each scene, and keep the last reports."""
+    def _advance(
+        self, steps: list[int], on_progress: OnProgress, criteria: list[Criterion] | None = None
+    ) -> list[Done]:
+        """Do so many steps of each scene, or fewer where its criterion is met, and keep the last reports."""
         with self._driver.advancing():
-            outcomes = sorted(self._sets.work(steps, on_progress))
+            outcomes = sorted(self._sets.work(steps, on_progress, criteria))
             for done in outcomes:
                 self._reports[done.k] = done.report or self._reports[done.k]
         return outcomes

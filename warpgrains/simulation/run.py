@@ -18,7 +18,7 @@ from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.until import EVERY, Criterion
+from warpgrains.simulation.until import Criterion, steps_to_test
 from warpgrains.solver.statistics import RunStatistics, Summary, named
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def carry_out(
                 warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
             statistics.add(done)
             statistics.seconds = perf_counter() - start
-            if _is_met(simulation, statistics, outputs.until):
+            if outputs.until is not None and outputs.until.is_met(simulation, statistics):
                 options = replace(options, steps=statistics.steps)
             _keep(simulation, options, statistics, outputs)
     if options.record is not None and options.shows == "still":
@@ -153,15 +153,6 @@ def carry_out(
     statistics.seconds = perf_counter() - start
     if outputs.until is not None and not statistics.met:
         warn(f"{outputs.until.name} was not met within {simulation.time:g} s", stacklevel=3)
-
-
-def _is_met(simulation: Simulation, statistics: RunStatistics, until: Criterion | None) -> bool:
-    """Ask, where it is time to, whether the run is to end now, and count for how long that has held."""
-    if until is not None and statistics.steps % EVERY == 0:
-        held = statistics.held + EVERY if statistics.held else 1
-        statistics.held = held if until.holds(simulation) else 0
-        statistics.met = statistics.held > until.steps
-    return statistics.met
 
 
 @contextmanager
@@ -230,7 +221,7 @@ def _steps_to_next(
     recorder, observer, until = outputs
     ends = [options.steps]
     if until is not None:
-        ends.append((statistics.steps // EVERY + 1) * EVERY)
+        ends.append(statistics.steps + steps_to_test(statistics.steps))
     if observer is not None:
         ends.append(statistics.steps + observer.every - simulation.steps % observer.every)
     if recorder is not None:

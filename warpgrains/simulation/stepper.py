@@ -195,7 +195,8 @@ class Stepper(Shown):
 
     def wall_contacts(self) -> WallContacts:
         """Return the contacts with the walls of the last step, one entry a grain."""
-        return wall_contacts(self.scene, self._engine.corrections(0))
+        last_position = self._engine.grains(0, "last_position")
+        return wall_contacts(self.scene, last_position, self._engine.corrections(0))
 
     def state(self) -> State:
         """Return the exact state, from which `restore` continues with the same bits."""

@@ -28,7 +28,15 @@ from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_
 from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.parts import OTHERWISE
-from warpgrains.sweep.results import SECONDS, columns_of, failure, require_result, result
+from warpgrains.sweep.results import (
+    MET,
+    SECONDS,
+    columns_of,
+    failure,
+    more_columns,
+    require_result,
+    result,
+)
 from warpgrains.sweep.sweep import Run
 
 RESULT = "result.csv"
@@ -58,6 +66,13 @@ class RunFolder:
     """Its scene file."""
     measured: tuple[str, ...] = ()
     """Names of quantities that are measured."""
+    until: str | None = None
+    """What ends the run before its last step, see `criterion`."""
+
+    @property
+    def more(self) -> tuple[str, ...]:
+        """The columns of its result that not every sweep has."""
+        return more_columns(self.measured, self.until)
 
     @property
     def scene_file(self) -> Path:
@@ -150,7 +165,7 @@ class RunFolder:
         if self.checkpoint.exists():
             return self._kept()
         scene = Scene(**{**scene_fields(self.text, self.scene_file), "name": self.labels["scene"]})
-        options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint))
+        options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint), until=self.until)
         if execution.fps is not None:
             from warpgrains.usd.recorder import chunks_of
 
@@ -165,7 +180,12 @@ class RunFolder:
         """Return the checkpoint of this run; what it says of places counts for nothing."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
-        if options is None or kept.scene.text != self.text or options.steps != kept.scene.steps:
+        steps = kept.statistics.steps if kept.statistics.met else kept.scene.steps
+        if options is None or (kept.scene.text, options.until, options.steps) != (
+            self.text,
+            self.until,
+            steps,
+        ):
             raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
         record = None if options.record is None else str(self.recording)
         series = None if options.series is None else str(self.series)
@@ -179,25 +199,25 @@ class RunFolder:
 
     def finish(self, end: Snapshot, done: RunStatistics) -> None:
         """Save the result of the run, which is at its end: from then on it is finished."""
-        self._finish(result(self.labels, end, done, self.measured))
+        self._finish(result(self.labels, end, done, self.more))
 
     def fail(self, reason: str, seconds: float = 0.0) -> None:
         """Save that the run has failed: from then on it is finished."""
-        self._finish(failure(self.labels, reason, seconds, self.measured))
+        self._finish(failure(self.labels, reason, seconds, self.more))
 
     def row(self) -> Row:
         """Return the result; if it cannot be read, that the run has failed for this reason."""
         try:
-            return require_result(read_table(self.result), self.labels, self.measured)
+            return require_result(read_table(self.result), self.labels, self.more)
         except SceneError:
-            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}", measured=self.measured)
+            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}", more=self.more)
 
     def _measures_otherwise(self) -> bool:
         """Whether the result has good columns, but not those of this sweep."""
         with suppress(OSError, SceneError):
             names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
-            columns = columns_of(name for name in names if name in QUANTITIES)
-            return names == [*self.labels, *columns, SECONDS] and columns != columns_of(self.measured)
+            columns = columns_of(name for name in names if name in (MET, *QUANTITIES))
+            return names == [*self.labels, *columns, SECONDS] and columns != columns_of(self.more)
         return False
 
     def _finish(self, row: Row) -> None:
