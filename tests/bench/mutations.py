@@ -9,34 +9,36 @@ python -m tests.bench.mutations --only verlet -o verlet.csv
 
 import argparse
 import csv
+import multiprocessing
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from functools import partial
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
+
+import pytest
+import warp as wp
 
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_suffix(".toml")
 COLUMNS = ("file", "line", "old", "new", "effect", "detected by", "seconds")
 TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
-QUICK = (
-    "verlet",
-    "contact_list",
-    "monitoring",
-    "coloring",
-    "missing_contacts",
-    "accelerated_stages",
-    "working_set",
-)
-TESTS = [f"tests/kernels/test_{name}.py" for name in QUICK]
+QUICK = {
+    "verlet": ("verlet", "monitoring", "contact_list", "missing_contacts"),
+    "skins": ("verlet", "missing_contacts"),
+    "contact_list": ("contact_list", "verlet", "missing_contacts"),
+    "working_set": ("accelerated_stages", "working_set"),
+    "restart": ("momentum", "accelerated_stages", "working_set"),
+    "coloring": ("coloring", "color_order"),
+}
+"""Tests that decide fast, by file of kernels/, the fastest first."""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"
 BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|IndentationError")
 
@@ -80,7 +82,6 @@ def mutants() -> list[Mutant]:
 
 def copy_package(folder: Path, mutant: Mutant) -> None:
     """Copy the package and its tests, with the mutant's file."""
-    ignored = shutil.ignore_patterns("__pycache__", "results")
     copied = {
         "warpgrains": "warpgrains",
         "kernels": "warpgrains/kernels",
@@ -88,54 +89,108 @@ def copy_package(folder: Path, mutant: Mutant) -> None:
         "tests": "tests",
     }
     for source, target in copied.items():
-        shutil.copytree(ROOT / source, folder / target, ignore=ignored, dirs_exist_ok=True)
+        shutil.copytree(ROOT / source, folder / target, dirs_exist_ok=True)
     shutil.copy(ROOT / "pyproject.toml", folder)
     if mutant.file:
         target = folder / "warpgrains" / "kernels" / f"{mutant.file}.py"
         target.write_text(mutant.source.replace(mutant.old, mutant.new))
 
 
-def first_failure(folder: Path, cache: Path, tests: list[str]) -> str:
-    """Run tests until one fails; return its name, NONE, or LATE."""
-    line = [sys.executable, "-m", "pytest", "-n", "0", "-x", "-q", "-p", "no:cacheprovider", *tests]
-    environment = os.environ | {"PYTHONPATH": str(folder), "WARP_CACHE_PATH": str(cache)}
-    try:
-        done = subprocess.run(
-            line, cwd=folder, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT
-        )
-    except subprocess.TimeoutExpired:
-        return LATE
-    if done.returncode == 0:
-        return NONE
-    if BUILD_ERRORS.search(done.stdout):
-        return UNBUILT
-    failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", done.stdout, re.MULTILINE)
-    return failed[1] if failed else f"exit code {done.returncode}"
+class FirstFailure:
+    """A plugin of pytest that keeps the name of the first test that fails."""
+
+    name = NONE
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed and self.name == NONE:
+            self.name = UNBUILT if BUILD_ERRORS.search(report.longreprtext) else report.nodeid
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        if report.failed and self.name == NONE:
+            self.name = UNBUILT if BUILD_ERRORS.search(report.longreprtext) else f"import of {report.nodeid}"
 
 
-def detect(mutant: Mutant, tests: list[str], warm: Path) -> dict[str, object]:
-    """Return the row of a mutant; its cache begins as a copy of a warm one, which serves what is unchanged."""
-    start = monotonic()
-    with TemporaryDirectory() as name:
-        folder = Path(name)
+@wp.kernel
+def nothing() -> None:
+    pass
+
+
+def prepare(cache: Path) -> None:
+    """Start Warp and precompile its headers: every process forked from this one begins with them."""
+    wp.config.log_level = wp.LOG_WARNING
+    wp.config.kernel_cache_dir, wp.config.use_precompiled_headers = str(cache), True
+    wp.load_module(sys.modules[__name__], device="cpu")
+
+
+def run_tests(answer: Connection, folder: Path, cache: Path, tests: list[str]) -> None:
+    """Run tests of a copy of the package until one fails, and send its name; in a process of its own."""
+    os.chdir(folder)
+    sys.path.insert(0, str(folder))
+    wp.config.kernel_cache_dir = str(cache)
+    first = FirstFailure()
+    options = ["-n", "0", "-x", "-q", "-p", "no:cacheprovider"]
+    with (folder / "log").open("w") as log, redirect_stdout(log), redirect_stderr(log):
+        code = pytest.main([*options, *tests], plugins=[first])
+    answer.send(first.name if first.name != NONE or code == 0 else f"exit code {int(code)}")
+
+
+class Trial:
+    """A mutant whose tests run in a process of their own, in a folder of its own."""
+
+    def __init__(self, mutant: Mutant, tests: list[str], warm: Path):
+        self._mutant, self._start, self._folder = mutant, monotonic(), TemporaryDirectory()
+        folder, cache = Path(self._folder.name), warm
         copy_package(folder, mutant)
-        shutil.copytree(warm, folder / "cache", copy_function=os.link)
-        found = first_failure(folder, folder / "cache", tests)
-    line = mutant.line if mutant.file else ""
-    cells = (mutant.file, line, mutant.old, mutant.new, mutant.effect, found, f"{monotonic() - start:.0f}")
-    return dict(zip(COLUMNS, cells, strict=True))
+        if mutant.file:  # what it leaves unchanged is compiled already
+            cache = folder / "cache"
+            shutil.copytree(warm, cache, copy_function=os.link)
+        self.answer, end = multiprocessing.Pipe(duplex=False)
+        context = multiprocessing.get_context("fork")
+        self._process = context.Process(target=run_tests, args=(end, folder, cache, tests))
+        self._process.start()
+        end.close()
+
+    def seconds_left(self) -> float:
+        """Return how long the tests may still take."""
+        return max(0.0, self._start + TIME_LIMIT - monotonic())
+
+    def row(self) -> dict[str, object]:
+        """End it, and return its row."""
+        found = LATE
+        if self.answer.poll():
+            try:
+                found = self.answer.recv()
+            except EOFError:
+                found = "the process ended"
+        self._process.kill()
+        self._process.join()
+        self._folder.cleanup()
+        mutant, seconds = self._mutant, f"{monotonic() - self._start:.0f}"
+        line = mutant.line if mutant.file else ""
+        cells = (mutant.file, line, mutant.old, mutant.new, mutant.effect, found, seconds)
+        return dict(zip(COLUMNS, cells, strict=True))
 
 
 def rows(chosen: list[Mutant], tests: list[str], jobs: int) -> Iterator[dict[str, object]]:
-    """Run the package as it is, which warms the cache, and then every mutant."""
-    with TemporaryDirectory() as name, ThreadPoolExecutor(jobs) as pool:
+    """Run the package as it is, which warms the cache, and then every mutant, a few at a time."""
+    with TemporaryDirectory() as name:
         warm = Path(name)
-        start = monotonic()
-        copy_package(warm / "package", Mutant())
-        found = first_failure(warm / "package", warm / "cache", tests)
-        yield dict.fromkeys(COLUMNS, "") | {"detected by": found, "seconds": f"{monotonic() - start:.0f}"}
-        if found == NONE:
-            yield from pool.map(partial(detect, tests=tests, warm=warm / "cache"), chosen)
+        prepare(warm)
+        yield from trials([Mutant()], tests, 1, warm)
+        yield from trials(chosen, tests, jobs, warm)
+
+
+def trials(chosen: list[Mutant], tests: list[str], jobs: int, warm: Path) -> Iterator[dict[str, object]]:
+    """Run mutants, and yield the rows in the order in which they end."""
+    left, running = list(chosen), []
+    while left or running:
+        while left and len(running) < jobs:
+            running.append(Trial(left.pop(0), tests, warm))
+        wait([trial.answer for trial in running], min(trial.seconds_left() for trial in running))
+        for trial in running[:]:
+            if trial.answer.poll() or trial.seconds_left() == 0.0:
+                running.remove(trial)
+                yield trial.row()
 
 
 def main() -> None:
