@@ -12,7 +12,7 @@ starts anew with these velocities.
 
 import warp as wp
 
-from .access import set_vector, vector_at
+from .access import at, put
 from .record import Scene
 from .restart import REBUILD_EVERY, decide_ahead
 from .stopping import gathered
@@ -46,7 +46,7 @@ def stop_when_slow(s: Scene):
 @wp.func
 def take_corrected_velocity(s: Scene, i: int):
     """Go on from the velocity that the host's corrections make."""
-    set_vector(s.grains.next_velocity, i, vector_at(s.grains.rebuilt_velocity, i))
+    put(s.grains.next_velocity, i, at(s.grains.rebuilt_velocity, i))
 
 
 @wp.func

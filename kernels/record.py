@@ -143,6 +143,17 @@ class RunStatistics:
 
 
 @wp.struct
+class Violation:
+    """The first index outside of its array, where they are tested (access.py)."""
+
+    found: wp.int64  # 0: none; 1: one; 2: one, and the stage is known
+    array: wp.int64  # address of its first element
+    length: wp.int64
+    index: wp.int64
+    stage: wp.int64  # number of its name (stages.py)
+
+
+@wp.struct
 class SceneRecord:
     """One scene: its state, its list of contacts, and its parameters."""
 
@@ -160,6 +171,7 @@ class SceneRecord:
     history: History
     step: StepState
     statistics: RunStatistics
+    violation: Violation
     to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
     stopping: StoppingCriterion
     tuning: Tuning

@@ -8,6 +8,7 @@ one in the common order.
 
 import warp as wp
 
+from .access import at
 from .record import Scene, dealt_threads
 from .threads import Team, barrier, thread_range, wait_until
 
@@ -40,7 +41,7 @@ def wait_for_others(team: Team, s: Scene, segment: int):
     places_of_a_pass = wp.int64(1) << wp.int64(32)
     begun = team.ended[8 * team.rank] / places_of_a_pass * places_of_a_pass
     for other in range(team.size):
-        needed = s.dealt.dependencies[segment * team.size + other]
+        needed = at(s.dealt.dependencies, segment * team.size + other)
         if needed > 0:
             wait_until(team.ended, 8 * other, begun + wp.int64(needed))
 
@@ -52,8 +53,8 @@ def begin_pass(team: Team, s: Scene):
     last = s.contacts.count.sets
     if dealt_threads(s) > 0:
         begin_own_segments(team.ended, team.rank)
-        first = s.dealt.first_segment[team.rank]
-        last = s.dealt.first_segment[team.rank + 1]
+        first = at(s.dealt.first_segment, team.rank)
+        last = at(s.dealt.first_segment, team.rank + 1)
     return first, last
 
 
@@ -61,7 +62,7 @@ def begin_pass(team: Team, s: Scene):
 def end_set(team: Team, s: Scene, k: int):
     """Let others go on with what this set, or segment, has changed."""
     if dealt_threads(s) > 0:
-        tell_place(team.ended, team.rank, s.contacts.set_start[k + 1])
+        tell_place(team.ended, team.rank, at(s.contacts.set_start, k + 1))
     else:
         barrier(team)
 
@@ -69,8 +70,8 @@ def end_set(team: Team, s: Scene, k: int):
 @wp.func
 def pairs_of(team: Team, s: Scene, k: int):
     """The pairs that this thread sweeps of a set, or of its segment, which may have to wait."""
-    begin = s.contacts.set_start[k]
-    end = s.contacts.set_start[k + 1]
+    begin = at(s.contacts.set_start, k)
+    end = at(s.contacts.set_start, k + 1)
     if dealt_threads(s) > 0:
         wait_for_others(team, s, k)
     else:

@@ -6,6 +6,7 @@ team is a launch, and its end is the barrier. No result depends on the size of t
 
 import warp as wp
 
+from .access import at, raise_to
 from .types import Floats
 
 GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
@@ -60,8 +61,8 @@ def partial_index(team: Team, partials: int) -> int:
 def keep_largest(team: Team, parts: Floats, value: wp.float64):
     """Keep a number if it is the largest of this thread's; it writes seldom, as others write beside it."""
     k = partial_index(team, parts.shape[0])
-    if value > parts[k]:
-        wp.atomic_max(parts, k, value)
+    if value > at(parts, k):
+        raise_to(parts, k, value)
 
 
 @wp.func_native("""

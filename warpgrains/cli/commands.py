@@ -1,5 +1,6 @@
 """The commands: a line a command in `COMMANDS`, its options, and where it is."""
 
+import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from importlib import import_module
@@ -21,6 +22,8 @@ class Command(NamedTuple):
     def do(self, arguments: Namespace) -> int:
         """Carry it out, and return the exit code; what is heavy is imported only now."""
         module, _, function = self.home.partition(".")
+        if getattr(arguments, "check_bounds", False):
+            os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"  # read when the kernels are imported
         with interrupts_end_at_once():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
         return int(do(arguments))

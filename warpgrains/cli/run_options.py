@@ -37,6 +37,7 @@ def add_run(parser: ArgumentParser) -> None:
     add("--method", metavar="METHOD", help="gauss-seidel, accelerated or exact (default: the scene's)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)")
+    add("--check-bounds", action="store_true", help="test every array index in the kernels, to find defects")
     add_set(parser)
     stepping = parser.add_argument_group("step by step").add_argument
     keys = "take a step a key press and print its report: N next, R run, S stop, Q quit"

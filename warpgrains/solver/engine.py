@@ -11,7 +11,9 @@ import numpy as np
 import warp as wp
 
 from warpgrains.arrays import IndexArray
+from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as kernels
+from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import (
     BEYOND_WALL,
@@ -233,6 +235,8 @@ class Engine:
 
     def finish_open_steps(self) -> None:
         """Bring every scene between two steps, count the steps done, and say what failed."""
+        if CHECKED:
+            self._raise_violation()
         if self._halt[0]:
             self._halt[0] = 0
             self._records.host["control"]["halted"] = 0
@@ -244,6 +248,13 @@ class Engine:
                 self._service.give_up(k)
         self._steps += self._submitted - self.left
         self._submitted[:] = self.left
+
+    def _raise_violation(self) -> None:
+        """Raise SimulationError if a kernel has used an index outside of its array."""
+        for k in range(len(self.scenes)):
+            violation = self._records.violation(k)
+            if violation is not None:
+                raise SimulationError(f"step {self._done(k) + 1}: {violation}: please report this scene")
 
     def _solve_open_steps(self) -> None:
         """Solve to their ends the steps amid which lists are to grow."""
