@@ -1,10 +1,11 @@
 """Change the kernels in one place at a time, and find the test that detects it.
 
-Every mutant is a copy of the package in a folder of its own, whose kernels compile to a cache of its own. The first
-row is the package as it is, which must pass. One CSV row a mutant tells its file, line, texts and effect, the test
-that failed first, "none" if all passed, or "time limit", and the seconds taken.
+Every mutant of mutations.toml is a copy of the package in a folder of its own, whose kernels compile to a
+cache of its own. The first row is the package as it is, which must pass. One CSV row a mutant has its file,
+line, texts and effect, the test that failed first ("none" if all passed, "time limit" if one did not end), and
+the seconds taken.
 
-python -m tests.bench.mutations --only verlet -o verlet.csv
+python -m tests.bench.mutations --only verlet skins -o mutations.csv
 """
 
 import argparse
@@ -30,15 +31,15 @@ ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_suffix(".toml")
 COLUMNS = ("file", "line", "old", "new", "effect", "detected by", "seconds")
 TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
-QUICK = {
-    "verlet": ("verlet", "monitoring", "contact_list", "missing_contacts"),
-    "skins": ("verlet", "missing_contacts"),
-    "contact_list": ("contact_list", "verlet", "missing_contacts"),
+DECIDING = {
+    "verlet": ("verlet", "resumed", "monitoring", "missing_contacts"),
+    "skins": ("resumed", "missing_contacts"),
+    "contact_list": ("contact_list", "resumed", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),
-    "restart": ("momentum", "accelerated_stages", "working_set"),
-    "coloring": ("coloring", "color_order"),
+    "restart": ("momentum", "working_set"),
+    "coloring": ("coloring", "dealing"),
 }
-"""Tests that decide fast, by file of kernels/, the fastest first."""
+"""Test files of tests/kernels that decide on the mutants of a file, the fastest first."""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"
 BUILD_ERRORS = re.compile(r"WarpCodegen\w*Error|kernel build failed|SyntaxError|IndentationError")
 
@@ -53,9 +54,9 @@ class Mutant:
         Of kernels/, without its suffix; empty for the package as it is.
     old, new : str
     effect : str
-        "result" or "speed".
+        What it changes: "result" (or the proof of one), "speed" alone, or "nothing".
     reason : str
-        Why it changes speed alone.
+        Why it changes no result.
     """
 
     file: str = ""
@@ -171,13 +172,18 @@ class Trial:
         return dict(zip(COLUMNS, cells, strict=True))
 
 
-def rows(chosen: list[Mutant], tests: list[str], jobs: int) -> Iterator[dict[str, object]]:
-    """Run the package as it is, which warms the cache, and then every mutant, a few at a time."""
+def rows(files: list[str], tests: list[str], jobs: int, most: int) -> Iterator[dict[str, object]]:
+    """Run the package as it is, which warms the cache, and then the mutants of some files."""
+    deciding = {file: tests or [f"tests/kernels/test_{name}.py" for name in DECIDING[file]] for file in files}
     with TemporaryDirectory() as name:
         warm = Path(name)
         prepare(warm)
-        yield from trials([Mutant()], tests, 1, warm)
-        yield from trials(chosen, tests, jobs, warm)
+        all_tests = list(dict.fromkeys(test for several in deciding.values() for test in several))
+        (as_it_is,) = trials([Mutant()], all_tests, 1, warm)
+        yield as_it_is
+        for file in files if as_it_is["detected by"] == NONE else []:
+            chosen = [mutant for mutant in mutants() if mutant.file == file][:most]
+            yield from trials(chosen, deciding[file], jobs, warm)
 
 
 def trials(chosen: list[Mutant], tests: list[str], jobs: int, warm: Path) -> Iterator[dict[str, object]]:
@@ -193,27 +199,36 @@ def trials(chosen: list[Mutant], tests: list[str], jobs: int, warm: Path) -> Ite
                 yield trial.row()
 
 
-def main() -> None:
-    """Write one row a mutant; exit with 1 where tests fail as it is, or a changed result is not detected."""
-    parser = argparse.ArgumentParser(
-        prog="python -m tests.bench.mutations", description=__doc__.partition("\n")[0]
+def is_as_it_should_be(row: dict[str, object]) -> bool:
+    """Return whether the package as it is passes, or a mutant is built and, if results change, detected."""
+    found = row["detected by"]
+    return (
+        found == NONE
+        if not row["file"]
+        else found != UNBUILT and (found != NONE or row["effect"] != "result")
     )
-    files = sorted({mutant.file for mutant in mutants()})
+
+
+def main() -> None:
+    """Write the rows; exit with 1 where one is not as it should be."""
+    summary = (__doc__ or "").partition("\n")[0]
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.mutations", description=summary)
+    files = list(DECIDING)
     parser.add_argument("--only", nargs="+", choices=files, default=files, help="files of kernels/ to change")
-    parser.add_argument("--tests", nargs="+", default=TESTS, help="test files, those that decide fast first")
+    parser.add_argument("--tests", nargs="+", default=[], help="test files (default: those of `DECIDING`)")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time")
+    parser.add_argument("--most", type=int, default=1000, help="mutants of a file, the first ones")
     parser.add_argument("-o", "--output", type=Path, default=Path("mutations.csv"))
     options = parser.parse_args()
-    chosen = [mutant for mutant in mutants() if mutant.file in options.only]
     fine = True
     with options.output.open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
-        for row in rows(chosen, options.tests, options.jobs):
+        for row in rows(options.only, options.tests, options.jobs, options.most):
             writer.writerow(row)
             file.flush()
             print(row["file"] or "as it is", row["line"], row["effect"], row["detected by"], flush=True)
-            fine &= (row["detected by"] != NONE) == (row["effect"] != "") or row["effect"] == "speed"
+            fine &= is_as_it_should_be(row)
     sys.exit(0 if fine else 1)
 
 

@@ -1,6 +1,6 @@
-"""What comes between two accelerated sweeps, stage by stage: the decisions of (13) and (14), and the working set.
+"""The working set of the accelerated method, stage by stage.
 
-Numbers are eighths, normals are along an axis and slides are sides of a right triangle, so that nothing is rounded
+Numbers are eighths, normals are along an axis and slides are sides of a right triangle: nothing is rounded,
 and many contacts are exactly at a bound.
 """
 
@@ -37,7 +37,9 @@ class Accelerated:
         record._records.keep_history(0, 40)
         record["grains.next_velocity"][:] = eighths(rng, -8, 9, (N, 2))
         self.pairs, self.walls = record["contacts.pairs"][:PAIRS], record["contacts.walls"]
-        self.pairs["i"], self.pairs["j"] = np.sort(rng.permuted(np.tile(np.arange(N), (PAIRS, 1)), axis=1)[:, :2]).T
+        self.pairs["i"], self.pairs["j"] = np.sort(
+            rng.permuted(np.tile(np.arange(N), (PAIRS, 1)), axis=1)[:, :2]
+        ).T
         axes = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
         self.pairs["n"], self.pairs["gap_rate"] = axes[rng.integers(0, 4, PAIRS)], eighths(rng, 0, 20, PAIRS)
         self.walls["i"], self.walls["n"] = rng.permutation(N), axes[rng.integers(0, 4, N)]
@@ -102,6 +104,8 @@ def test_selection(iterations: int, zeta: float, nearest: float, h: float, inner
     record, whole = ahead.record, ahead.record.record
     whole["step"]["iterations"], whole["step"]["zeta"], whole["tuning"]["nearest"] = iterations, zeta, nearest
     v, pairs, walls = record["grains.next_velocity"], ahead.pairs, ahead.walls
+    pairs["gap_rate"][0], record["contacts.pair_dv"][0] = -50.0, 1.0  # what they are violated by is swept
+    walls["gap_rate_out"][0], walls["dv"][0] = -40.0, 1.0
     dv, last = record["contacts.pair_dv"][:PAIRS], record["momentum.pair_last"][:PAIRS]
     excess = ((v[pairs["i"]] - v[pairs["j"]]) * pairs["n"]).sum(axis=1) - pairs["gap_rate"]
     carries = (dv != 0.0) | (last != 0.0)
@@ -164,7 +168,10 @@ def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
     rng = np.random.default_rng(0)
     new = {name: rng.uniform(1.0, 2.0, PAIRS) for name in ("pair_dv", "pair_last", "dv", "wall_last")}
     record["working.pair_dv"][at], record["working.pair_last"][at] = new["pair_dv"][k], new["pair_last"][k]
-    record["working.walls"]["dv"][there], record["working.wall_last"][there] = new["dv"][c], new["wall_last"][c]
+    record["working.walls"]["dv"][there], record["working.wall_last"][there] = (
+        new["dv"][c],
+        new["wall_last"][c],
+    )
     expected = [array.copy() for array in carried(record)]
     for array, name, which in zip(expected, new, (k, k, c, c), strict=True):
         array[which] = new[name][which]
@@ -197,7 +204,9 @@ def test_rejected_sweep_is_taken_back() -> None:
     assert np.array_equal(record["grains.next_velocity"], record["momentum.last_velocity"])
 
 
-@pytest.mark.parametrize(("limit", "peak", "expired"), [(5.125, 5.0, 0), (5.125, 5.0 + 2**-40, 1), (0.1, 0.0, 1)])
+@pytest.mark.parametrize(
+    ("limit", "peak", "expired"), [(5.125, 5.0, 0), (5.125, 5.0 + 2**-40, 1), (0.1, 0.0, 1)]
+)
 @pytest.mark.parametrize("kept", [True, False])
 def test_skin_at_a_look(limit: float, peak: float, expired: int, kept: bool) -> None:
     """p_i + h, with h = 1/8 of what is nearly violated, is what the skin must allow."""

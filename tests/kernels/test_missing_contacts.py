@@ -1,7 +1,7 @@
 """Scenes in which one term of (11) or (11b) alone tells that a contact is missing from the list.
 
 Grains of radius 1 m at steps of 1 s, so that speeds are lengths. The first list reaches SKIN beyond a grain
-at rest. Every scene is run at many gaps, some of them just beyond what is listed; the reference visits all pairs.
+at rest. Every scene is run at many gaps, some just beyond what is listed; the reference visits all pairs.
 """
 
 from collections.abc import Callable, Iterable
@@ -40,7 +40,10 @@ def mirrored(x: FloatArray, velocity: FloatArray, mass: object = 1.0, **changes:
     """Return grains at x > 0 that move towards their mirror images: the frame is at rest."""
     masses = np.broadcast_to(mass, np.shape(x))
     return scene_of(
-        np.append(-x[::-1], x), np.append(-velocity[::-1], velocity), np.append(masses[::-1], masses), **changes
+        np.append(-x[::-1], x),
+        np.append(-velocity[::-1], velocity),
+        np.append(masses[::-1], masses),
+        **changes,
     )
 
 
@@ -57,7 +60,7 @@ def step_both(make: MakeReference, scene: Scene, steps: int) -> list[StepReport]
 def pushed(gap: float, speed: float, before: float = 0.0) -> Scene:
     """Return two grains that heavy ones, touching them, push towards each other, and fast ones far away.
 
-    They move at `before`, and after the first sweep faster by `speed`; the fast ones let a list last one step.
+    They move at `before`, and after the first sweep faster by `speed`; with fast ones a list lasts one step.
     """
     x = 0.5 * gap + np.array([1.0, 3.0, 100.0])
     velocity = -np.array([before, before + speed, -0.4])
@@ -87,7 +90,7 @@ def test_grain_that_does_not_come_so_far(reference: MakeReference) -> None:
 
 
 def test_grain_that_creeps_below_the_threshold(reference: MakeReference) -> None:
-    """A row in contact, each grain slightly slower than the one behind it: the first is pushed on, sweep by sweep."""
+    """A row in contact, each grain slightly slower than the next: sweep by sweep, the first is pushed on."""
     grains = 30
     for beyond in (JUST, 0.01, 0.05, 0.1, 0.2):
         gap = 2.0 * SKIN * (1.0 + beyond)
@@ -114,7 +117,9 @@ def test_list_that_outlives_its_time(reference: MakeReference) -> None:
         lifetime = min(64.0, np.floor(0.5 / speed))
         for late in (JUST, 0.2, 0.5, 0.9, 1.0 - JUST):
             gap = 2.0 * speed * (lifetime + late)
-            met = step_both(reference, mirrored(0.5 * gap + np.array([1.0]), np.array([-speed])), int(lifetime) + 2)
+            met = step_both(
+                reference, mirrored(0.5 * gap + np.array([1.0]), np.array([-speed])), int(lifetime) + 2
+            )
             assert met[-1].contacts == 1
 
 
@@ -158,7 +163,12 @@ def test_wall_from_just_outside_the_list(reference: MakeReference, wall: str) ->
                 back = -1.0 if wall == "outer" else 1.0
                 scene = Scene(
                     position=[[0.0, at], [0.0, at + 2.0 * back], [200.0, 200.0], [-200.0, -200.0]],
-                    velocity=[[0.0, -back * before], [0.0, -back * (before + speed)], [0.4, 0.0], [-0.4, 0.0]],
+                    velocity=[
+                        [0.0, -back * before],
+                        [0.0, -back * (before + speed)],
+                        [0.4, 0.0],
+                        [-0.4, 0.0],
+                    ],
                     radius=1.0,
                     mass=[1.0, HEAVY, 1.0, 1.0],
                     radius_in=40.0,
