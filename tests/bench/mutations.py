@@ -2,8 +2,8 @@
 
 Every mutant of mutations.toml is a copy of the package in a folder of its own, whose kernels compile to a
 cache of its own. The first row is the package as it is, which must pass. One CSV row a mutant has its file,
-line, texts and effect, the test that failed first ("none" if all passed, "time limit" if one did not end), and
-the seconds taken.
+line, texts and effect, the test that failed first, and the seconds taken. "none" means that all tests passed,
+"time limit" that one did not end.
 
 python -m tests.bench.mutations --only verlet skins -o mutations.csv
 """
@@ -36,7 +36,7 @@ DECIDING = {
     "skins": ("resumed", "missing_contacts"),
     "contact_list": ("contact_list", "resumed", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),
-    "restart": ("momentum", "working_set"),
+    "restart": ("momentum", "accelerated_stages", "working_set"),
     "coloring": ("coloring", "dealing"),
 }
 """Test files of tests/kernels that decide on the mutants of a file, the fastest first."""
@@ -200,13 +200,11 @@ def trials(chosen: list[Mutant], tests: list[str], jobs: int, warm: Path) -> Ite
 
 
 def is_as_it_should_be(row: dict[str, object]) -> bool:
-    """Return whether the package as it is passes, or a mutant is built and, if results change, detected."""
+    """Return whether the package as it is passes, or a mutant is built and, if it changes results, detected."""
     found = row["detected by"]
-    return (
-        found == NONE
-        if not row["file"]
-        else found != UNBUILT and (found != NONE or row["effect"] != "result")
-    )
+    if row["effect"] == "result":
+        return found not in (NONE, UNBUILT)
+    return found == NONE or (row["file"] != "" and found != UNBUILT)
 
 
 def main() -> None:

@@ -14,9 +14,8 @@ from warpgrains.kernels.chunks import part_count, wall_part_count
 from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each, Serial, Sets, Shared
 
-N, PAIRS, STARTS, CHUNK = 150, 300, [0, 130, 131, 300], 128
+N, PAIRS, STARTS = 150, 300, [0, 130, 131, 300]
 PARTS = [(0, 128), (128, 130), (130, 131), (131, 256), (256, 300)]
-LIES = [0, 1, 2, 3, 4]  # of a set's chunk: chunk + set
 TOLERANCE = 2.0**-4
 
 
@@ -76,20 +75,20 @@ class Accelerated:
         self.record.run(Sets(working_set.select_pairs), Shared(working_set.select_walls))
 
     def chosen(self, walls: bool) -> list[int]:
-        """Return the contacts of the working set, having checked where they lie."""
-        name, parts, lies = ("pair", PARTS, LIES) if not walls else ("wall", [(0, 128), (128, N)], [0, 1])
+        """Return the contacts of the working set, and check that each part begins where its contacts do."""
+        name, parts = ("wall", [(0, 128), (128, N)]) if walls else ("pair", PARTS)
         chosen = []
-        for (begin, end), part in zip(parts, lies, strict=True):
+        for part, (begin, end) in enumerate(parts):
             first, last = self.record[f"working.{name}_range"][part].tolist()
             assert first == begin
             assert last <= end
             chosen += self.record[f"working.{name}"][first:last].tolist()
         return chosen
 
-    def places(self, walls: bool) -> list[int]:
+    def indices(self, walls: bool) -> list[int]:
         kind, count = ("wall", 2) if walls else ("pair", len(PARTS))
         ranges = self.record[f"working.{kind}_range"][:count].tolist()
-        return [place for first, last in ranges for place in range(first, last)]
+        return [index for first, last in ranges for index in range(first, last)]
 
 
 NEAR = [(0, 9.0, 0.125, 0.0), (1, 9.0, 0.125, 0.125), (5, 1.0, 9.0, 0.25)]
@@ -150,7 +149,7 @@ def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
     ahead = Accelerated(equal)
     record = ahead.record
     ahead.select()
-    k, at = ahead.chosen(walls=False), ahead.places(walls=False)
+    k, at = ahead.chosen(walls=False), ahead.indices(walls=False)
     copies, pairs = record["working.pairs"][at], ahead.pairs[k]
     assert np.array_equal(copies["n"], pairs["n"])
     assert np.array_equal(copies["i"], 2 * pairs["i"])
@@ -162,7 +161,7 @@ def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
         share = record["contacts.weights"][k]
         mu = share[:, 0] * record["grains.mass"][pairs["i"]]
         assert np.array_equal(record["working.weights"][at], np.column_stack([share, mu]))
-    c, there = ahead.chosen(walls=True), ahead.places(walls=True)
+    c, there = ahead.chosen(walls=True), ahead.indices(walls=True)
     assert np.array_equal(record["working.walls"][there], ahead.walls[c])
     assert np.array_equal(record["working.wall_last"][there], record["momentum.wall_last"][c])
     rng = np.random.default_rng(0)
@@ -189,7 +188,7 @@ def test_rejected_sweep_is_taken_back() -> None:
     ahead = Accelerated()
     record = ahead.record
     ahead.select()
-    at, there = ahead.places(walls=False), ahead.places(walls=True)
+    at, there = ahead.indices(walls=False), ahead.indices(walls=True)
     others = np.setdiff1d(np.arange(PAIRS), at)
     before = record["working.pair_dv"][others].copy()
     record["momentum.last_velocity"][:] = np.arange(2 * N).reshape(N, 2)
@@ -208,7 +207,7 @@ def test_rejected_sweep_is_taken_back() -> None:
     ("limit", "peak", "expired"), [(5.125, 5.0, 0), (5.125, 5.0 + 2**-40, 1), (0.1, 0.0, 1)]
 )
 @pytest.mark.parametrize("kept", [True, False])
-def test_skin_at_a_look(limit: float, peak: float, expired: int, kept: bool) -> None:
+def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> None:
     """p_i + h, with h = 1/8 of what is nearly violated, is what the skin must allow."""
     ahead = Accelerated()
     record, flags = ahead.record, ahead.record.record["verlet"]["flags"]
@@ -231,7 +230,7 @@ def test_skin_at_a_look(limit: float, peak: float, expired: int, kept: bool) -> 
 
 
 DONE = [
-    # iterations, on_residual, rejected, violation, zeta after the look, whether it goes on
+    # iterations, on_residual, rejected, violation, zeta after the scan, whether it goes on
     (0, 0, 0, 9.0, 0.03, 1),
     (4, 0, 0, 0.01, 0.03, 0),
     (4, 0, 0, 0.5, 0.5, 1),
@@ -243,7 +242,7 @@ DONE = [
 
 
 @pytest.mark.parametrize(("iterations", "on_residual", "rejected", "violation", "zeta", "left"), DONE)
-def test_last_look(
+def test_last_scan(
     iterations: int, on_residual: int, rejected: int, violation: float, zeta: float, left: int
 ) -> None:
     """By zeta, what contacts outside the set are violated by is a change to come."""

@@ -1,4 +1,4 @@
-"""A list made anew: what the old one carried is found again in the new one, in both directions."""
+"""A new list: each contact finds again what it carried in the old one, and those that carry stay listed."""
 
 import numpy as np
 import pytest
@@ -166,7 +166,7 @@ def test_list_that_expires(iterations: int) -> None:
     assert record["verlet"]["flags"]["missed"] == 0
 
 
-def test_colors_anew_are_asked_for_once() -> None:
+def test_new_colors_are_asked_for_once() -> None:
     listed = Listed(cloud("color", "gauss-seidel", True), NARROW)
     control = listed.record.record["control"]
     control["recoloring"], control["unordered"] = 1, 0
@@ -176,7 +176,7 @@ def test_colors_anew_are_asked_for_once() -> None:
     assert np.array_equal(listed.record["workspace.old.start"], listed.record["neighbors.start"])
 
 
-def test_step_waits_for_a_list_that_has_no_room() -> None:
+def test_step_waits_for_capacity() -> None:
     listed = Listed(cloud("sequential", "gauss-seidel", True), NARROW)
     control, step = listed.record.record["control"], listed.record.record["step"]
     for roomy in (1, 0):

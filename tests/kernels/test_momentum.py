@@ -116,7 +116,7 @@ def test_zeta_of_the_first_sweep_is_kept() -> None:
 @pytest.mark.parametrize("rejected", [0, 1])
 @pytest.mark.parametrize("zeta", [2.0 * TOLERANCE, 3.0 * TOLERANCE])
 @pytest.mark.parametrize("last", [1000, 0])
-def test_when_all_contacts_are_looked_at(zeta: float, rejected: int, last: int) -> None:
+def test_when_all_contacts_are_scanned(zeta: float, rejected: int, last: int) -> None:
     """After iterations 1, 2, 4, 8, every tenth, and the last; eta is measured after those that are kept."""
     record = record_with()
     control = record.record["control"]
