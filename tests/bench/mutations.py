@@ -200,7 +200,7 @@ def trials(chosen: list[Mutant], tests: list[str], jobs: int, warm: Path) -> Ite
 
 
 def is_as_it_should_be(row: dict[str, object]) -> bool:
-    """Return whether the package as it is passes, or a mutant is built and, if it changes results, detected."""
+    """Return whether the package as it is passes, or a mutant is built, and detected if results change."""
     found = row["detected by"]
     if row["effect"] == "result":
         return found not in (NONE, UNBUILT)
