@@ -84,7 +84,8 @@ class Listed:
         )
 
     def expire(self) -> None:
-        """Set the list aside, and spoil what a new one has to write."""
+        """Set the list aside, and spoil what is left of older ones, and what a new one has to write."""
+        self.record["workspace.old_wall_dv"][:], self.record["workspace.was_at_wall"][:] = 9.0, 1
         self.record.run(*EXPIRE)
         for name in (*(PAIR[name] for name in self.names), "contacts.weights"):
             self.record[name][:] = np.nan
@@ -167,13 +168,34 @@ def test_list_that_expires(iterations: int) -> None:
 
 
 def test_new_colors_are_asked_for_once() -> None:
+    """The list stays, and every contact carries what it did."""
     listed = Listed(cloud("color", "gauss-seidel", True), NARROW)
-    control = listed.record.record["control"]
+    listed.carry()
+    carried, control = listed.carried(), listed.record.record["control"]
     control["recoloring"], control["unordered"] = 1, 0
-    listed.record["workspace.old.start"][:] = -7
+    listed.record["workspace.old.start"][:], listed.record["workspace.old_place"][:] = -7, -7
     listed.record.run(*SAVE, Serial(contact_list.color_anew))
     assert (control["recoloring"], control["unordered"]) == (0, 1)
     assert np.array_equal(listed.record["workspace.old.start"], listed.record["neighbors.start"])
+    listed.record["contacts.pair_dv"][:] = np.nan
+    listed.record.run(*sweeping_order(dealt=False))
+    assert listed.carried()[0] == carried[0]
+
+
+def test_pairs_keep_their_colors_as_long_as_a_step_goes_on() -> None:
+    listed = Listed(cloud("color", "gauss-seidel", True), WIDE)
+    rng = np.random.default_rng(0)
+    colors = rng.permutation(64)[: int(listed.record["workspace.color"][: len(listed.pairs)].max()) + 1]
+    listed.record["workspace.color"][:] = colors[listed.record["workspace.color"] % len(colors)]
+    for skin in (NARROW, WIDE):
+        before = dict(zip(listed.pairs, listed.record["workspace.color"].tolist(), strict=False))
+        listed.record.record["step"]["iterations"] = 1
+        listed.expire()
+        listed.search(skin)
+        after = dict(zip(listed.pairs, listed.record["workspace.color"].tolist(), strict=False))
+        both = before.keys() & after.keys()
+        assert len(both) > 20
+        assert {pair: before[pair] for pair in both} == {pair: after[pair] for pair in both}
 
 
 def test_step_waits_for_capacity() -> None:
