@@ -2,7 +2,7 @@
 
 A sweep is coordinate descent on the dual objective of the step (MODEL.md, eq. 14),
 
-    phi = 1/2 sum_i m_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = m_i m_j / (m_i + m_j), m_i at a wall.
+    phi = 1/2 sum_i M_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = M_i M_j / (M_i + M_j), M_i at a wall.
 
 Between two sweeps, corrections x and velocities go on along the line from the last ones,
 y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13).
@@ -30,9 +30,9 @@ RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta 
 
 @wp.func
 def mass_in_phi(grains: Grains, contacts: Contacts, i: int) -> f64:
-    """Mass of a grain; where all masses are equal, phi is by unit mass."""
+    """Return the contact mass of a grain; where all masses are equal, phi is by unit mass."""
     if contacts.weights.shape[0] > 0:
-        return at(grains.mass, i)
+        return at(grains.contact_mass, i)
     return f64(1.0)
 
 

@@ -133,8 +133,8 @@ def transfer_warm_start(s: Scene, i: int):
         if is_accelerated(s):
             put(s.momentum.pair_last, c, dv[2])
         if s.contacts.weights.shape[0] > 0:
-            mass_i = at(s.grains.mass, i)
-            mass_j = at(s.grains.mass, j)
+            mass_i = at(s.grains.contact_mass, i)
+            mass_j = at(s.grains.contact_mass, j)
             shares = wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
             put(s.contacts.weights, c, shares)
         k += 1

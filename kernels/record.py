@@ -60,6 +60,7 @@ class Control:
     attempting: wp.int32
     fresh: wp.int32
     corrected: wp.int32  # whether the host has tried to solve the step
+    declined: wp.int32  # whether it could not, so that sweeps alone go on to the step's end
     resuming: wp.int32  # whether the attempt goes on where the last list expired
     unfinished: wp.int32  # whether iterations are left to do
     recoloring: wp.int32

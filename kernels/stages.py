@@ -16,9 +16,10 @@ from zlib import crc32
 import warp as wp
 
 from .access import CHECKED
+from .pace import barrier
 from .record import Scene
-from .segments import begin_pass, end_pass, end_set
-from .threads import Team, barrier, thread_range
+from .segments import begin_pass, end_pass, end_set, next_set
+from .threads import Team, is_member, thread_range
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
@@ -170,7 +171,9 @@ def _each(count: wp.Function, stage: wp.Function, adds_up: bool) -> wp.Function:
     def each(team: Team, s: Scene):
         begin = int(0)
         end = count(s)
-        if wp.static(adds_up):
+        if not is_member(team):
+            end = 0
+        elif wp.static(adds_up):
             if team.rank > 0:
                 end = 0
         else:
@@ -190,7 +193,8 @@ def _shared(stage: wp.Function) -> wp.Function:
 
     @wp.func(inline=False)
     def shared(team: Team, s: Scene):
-        stage(team, s)
+        if is_member(team):
+            stage(team, s)
         note(team, s)
         barrier(team)
 
@@ -202,10 +206,12 @@ def _sets(stage: wp.Function) -> wp.Function:
 
     @wp.func(inline=False)
     def sets(team: Team, s: Scene):
-        first, last = begin_pass(team, s)
-        for k in range(first, last):
+        begin_pass(team, s)
+        k = int(next_set(team, s, -1))
+        while k >= 0:
             stage(team, s, k)
             end_set(team, s, k)
+            k = next_set(team, s, k)
         note(team, s)
         end_pass(team, s)
 
@@ -217,7 +223,7 @@ def _if(condition: wp.Function, body: wp.Function) -> wp.Function:
     def run_if(team: Team, s: Scene):
         holds = condition(s)
         barrier(team)  # before a stage of the body changes what others have still to read
-        if holds:
+        if holds and is_member(team):
             body(team, s)
 
     return run_if
@@ -228,7 +234,7 @@ def _while(condition: wp.Function, body: wp.Function) -> wp.Function:
     def run_while(team: Team, s: Scene):
         holds = condition(s)
         barrier(team)
-        while holds:
+        while holds and is_member(team):
             body(team, s)
             holds = condition(s)
             barrier(team)

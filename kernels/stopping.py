@@ -49,8 +49,10 @@ def begin(s: Scene):
     s.control.unsolved = 1
     s.control.accepted = 0
     s.control.starting = 1 - wp.max(s.control.unlisted, s.control.corrected)
-    if s.control.starting != 0 or s.control.corrected != 0:
-        s.control.resuming = 0
+    if s.control.starting != 0:
+        s.control.declined = 0
+    if s.control.unlisted == 0:
+        s.control.resuming = s.control.declined
 
 
 @wp.func
@@ -59,10 +61,11 @@ def see_whether_listed(s: Scene):
 
     An attempt whose list expired goes on unless a contact that it did not have may have acted.
     """
+    is_new = s.control.unordered != 0
     s.control.unordered = 0
     s.control.attempting = 1 - s.control.unlisted
     s.control.fresh = 1 - s.control.corrected
-    if s.control.resuming != 0:
+    if is_new and s.control.resuming != 0:
         s.control.recoloring = s.by_color
         if s.verlet.flags.missed != 0:
             s.control.resuming = 0
@@ -163,7 +166,7 @@ def judge(s: Scene):
         converged = s.step.residual <= s.stopping.tolerance
     outcome = outcome_of_check(s)
     if outcome == SOLVED and not converged:
-        if s.control.corrected == 0 and s.stopping.patience > 0:
+        if s.control.declined == 0 and s.stopping.patience > 0:
             outcome = SLOW
         elif s.stopping.raise_on_unconverged != 0:
             outcome = NOT_CONVERGED

@@ -99,7 +99,7 @@ def copy_of_pair(s: Scene, c: int, k: int):
     put(s.working.pair_last, c, at(s.momentum.pair_last, k))
     if s.contacts.weights.shape[0] > 0:
         weight = at(s.contacts.weights, k)
-        mu = weight[0] * at(s.grains.mass, first_of(s.contacts.pairs, k))
+        mu = weight[0] * at(s.grains.contact_mass, first_of(s.contacts.pairs, k))
         put(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))
 
 

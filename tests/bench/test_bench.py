@@ -11,7 +11,7 @@ from bench.mutations import mutants
 
 ROOT = Path(__file__).parents[2]
 COLUMNS = "name,n,order,threads,median,unit,compared with,its median,ratio,ratio is,target,repeats"
-QUICK = ["sweeps", "steps", "course", "solo", "lists", "threads", "costs", "memory", "accelerated"]
+QUICK = ["sweeps", "steps", "course", "solo", "lists", "threads", "busy", "costs", "memory", "accelerated"]
 
 
 def command(module: str, *arguments: object) -> str:
@@ -26,7 +26,7 @@ def command(module: str, *arguments: object) -> str:
 @pytest.mark.parametrize(
     ("parts", "count"),
     [
-        (QUICK, 32),
+        (QUICK, 44),
         pytest.param(["moving"], 11, marks=pytest.mark.slow),
         pytest.param(["compiling"], 1, marks=pytest.mark.slow),
     ],

@@ -20,9 +20,9 @@ import numpy as np
 from warpgrains import Batch, Scene, Simulation, SimulationError
 from warpgrains.scene.validity import METHODS, ORDERS
 
-GRAINS = {"dense": (40, 260), "jammed": (30, 150), "huge": (1500, 4000), "tiny": (1, 4), "spread": (5, 120)}
+GRAINS = {"dense": (40, 160), "jammed": (20, 100), "huge": (1000, 3000), "tiny": (1, 4), "spread": (5, 80)}
 KINDS = tuple(GRAINS)
-OFTEN = (0.3, 0.3, 0.02, 0.18, 0.2)
+OFTEN = (0.25, 0.3, 0.005, 0.22, 0.225)
 
 
 def random_scene(rng: np.random.Generator) -> Scene:
@@ -37,7 +37,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
     distance = np.sqrt(rng.uniform(inner**2, 1.0, n)) * rng.uniform(0.8, 1.0)
     angle = rng.uniform(0.0, rng.choice([2.0, 1.0, 0.05]) * np.pi, n)
     position = np.maximum(distance, 1.001 * inner)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    method = str(rng.choice(METHODS, p=[0.4, 0.5, 0.1]))
+    method = str(rng.choice(METHODS, p=[0.45, 0.52, 0.03]))
     return Scene(
         position=position,
         velocity=rng.normal(0.0, rng.choice([0.0, 1.0, 100.0]), (n, 2)),
@@ -48,7 +48,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
         gravity=(0.0, float(rng.choice([0.0, -9.81, -1e4]))),
         dt=float(rng.choice([1e-3, 1e-2, 0.1])),
         tolerance=float(rng.choice([1e-8, 1e-4, 1e-2])),
-        max_iterations=int(rng.choice([1, 30, 100, 600], p=[0.2, 0.4, 0.3, 0.1])),
+        max_iterations=int(rng.choice([1, 10, 50, 200, 1000], p=[0.3, 0.3, 0.25, 0.13, 0.02])),
         order=str(rng.choice(ORDERS)),
         method=method,
         scheme=str(rng.choice(["text", "leapfrog"])),
@@ -64,7 +64,7 @@ def moved(simulation: Simulation, rng: np.random.Generator, folder: Path) -> Sim
         simulation.restore(simulation.state())
     elif way == 1:
         simulation.save(folder / "state.npz")
-        return Simulation.load(folder / "state.npz", threads=int(rng.integers(1, 4)))
+        return Simulation.load(folder / "state.npz", threads=1 + int(rng.random() < 0.2))
     elif way == 2:
         simulation.change(gravity=(float(rng.normal(0.0, 20.0)), -9.81))
     return simulation
@@ -74,11 +74,11 @@ def runs(rng: np.random.Generator, folder: Path) -> Iterator[tuple[Any, int]]:
     """Yield what is to be advanced, and how far, of one random scene, or of a batch of some."""
     if rng.random() < 0.1:
         scenes = [random_scene(rng) for _ in range(3)]
-        yield Batch(scenes, threads=int(rng.integers(1, 3))), 5
+        yield Batch(scenes, threads=int(rng.integers(1, 3))), 20
         return
-    simulation = Simulation(random_scene(rng), threads=int(rng.choice([1, 1, 2, 3])))
-    for _ in range(4):
-        yield simulation, int(rng.integers(1, 10))
+    simulation = Simulation(random_scene(rng), threads=int(rng.choice([1, 1, 1, 1, 2, 3])))
+    for _ in range(6):
+        yield simulation, int(rng.integers(1, 60))
         simulation = moved(simulation, rng, folder)
 
 

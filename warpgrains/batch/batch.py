@@ -16,6 +16,7 @@ from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
+from warpgrains.turns import Driver
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,7 +43,8 @@ class Batch(Shown):
     """Many scenes on one device, of any sizes and parameters.
 
     Each scene gets the same bits as alone in a `Simulation`, whatever else is in the batch, in whatever
-    order, on however many threads. If there are more scenes than memory holds, they take turns in it.
+    order, on however many threads. If there are more scenes than memory holds, they take turns in it. A batch
+    that one Python thread advances refuses all others, by a `SimulationError`.
 
     Parameters
     ----------
@@ -81,6 +83,7 @@ class Batch(Shown):
             checks.thread_count("threads", threads)
         self._sets = ResidentSets(self.scenes, find_device(device), cores() if threads is None else threads)
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
+        self._driver = Driver("batch")
 
     def facts(self) -> dict[str, str]:
         """Return what there is to tell of it in a line."""
@@ -100,7 +103,7 @@ class Batch(Shown):
         ------
         SimulationError
             A number of some scene is no longer finite: that scene's state is that before the step, and the
-            others have advanced.
+            others have advanced. Or another thread advances this batch.
         """
         outcomes = self._advance([1] * len(self), lambda _: None)
         failures = [f"scene {done.k}: {done.error}" for done in outcomes if done.error is not None]
@@ -136,9 +139,10 @@ class Batch(Shown):
 
     def _advance(self, steps: list[int], on_progress: OnProgress) -> list[Done]:
         """Do so many steps of each scene, and keep the last reports."""
-        outcomes = sorted(self._sets.work(steps, on_progress))
-        for done in outcomes:
-            self._reports[done.k] = done.report or self._reports[done.k]
+        with self._driver.advancing():
+            outcomes = sorted(self._sets.work(steps, on_progress))
+            for done in outcomes:
+                self._reports[done.k] = done.report or self._reports[done.k]
         return outcomes
 
     @property
@@ -156,7 +160,8 @@ class Batch(Shown):
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k, from which `restore` continues with the same bits."""
-        return self._sets.state(k)
+        with self._driver.alone():
+            return self._sets.state(k)
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state.
@@ -167,4 +172,5 @@ class Batch(Shown):
             It is a state of other grains.
         """
         require_state(state, self.scenes[k].n)
-        self._sets.restore(k, state)
+        with self._driver.alone():
+            self._sets.restore(k, state)

@@ -226,6 +226,14 @@ class Scene(Shown):
         return bool((self.mass == self.mass[0]).all())
 
     @property
+    def contact_mass(self) -> FloatArray:
+        """Impulse of contacts that changes a grain's velocity by 1 m/s [kg], shape (n,) (MODEL.md, eq. 17b).
+
+        It is the mass, and in the leapfrog drag dt / 2 more, because drag acts on what contacts add as well.
+        """
+        return self.mass if self.scheme == "text" else self.mass + self.drag * self.dt / 2.0
+
+    @property
     def walls(self) -> Annulus:
         """What the grains are in."""
         return Annulus(self.radius_in, self.radius_out, self.wall)

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 class Simulation(Stepper):
     """One scene on one device.
 
+    Any number of Python threads may advance simulations, each its own. A simulation that one thread advances
+    refuses all others, by a `SimulationError`.
+
     Parameters
     ----------
     scene : Scene
@@ -34,7 +37,8 @@ class Simulation(Stepper):
     device : str
         A Warp device, "cpu" or "cuda:0".
     threads : int, optional
-        OS threads that share the work on a CPU; by default as many as pay. The result is the same for any.
+        OS threads that share the work on a CPU, at most; by default as many as pay. They are fewer while
+        waiting for each other costs more than they gain. The result is the same for any.
     **overrides
         Fields of the scene that are to be changed, such as order="color" or tolerance=1e-8.
 
@@ -107,7 +111,7 @@ class Simulation(Stepper):
             The recording or the checkpoint cannot be written there; as an `OutputError`, if another run
             does so at the same time.
         SimulationError
-            A step failed.
+            A step failed, or another thread advances this simulation.
         """
         options = RunOptions(
             steps=steps_of(self.scene, steps, duration),
@@ -123,7 +127,8 @@ class Simulation(Stepper):
         if checkpoint is not None and callable(until):
             raise SceneError("until is a callable, which no checkpoint can hold")
         outputs = Outputs(observer=observer, until=criterion(until, self.scene))
-        return run(self, options, RunStatistics(), progress, outputs)
+        with self._driver.alone():
+            return run(self, options, RunStatistics(), progress, outputs)
 
     def view(self, port: int = 8080) -> Page:
         """Play it in a page of this machine's browser, from where it is; a notebook shows the page.

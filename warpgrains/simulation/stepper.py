@@ -15,6 +15,7 @@ from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import find_device, threads_for
+from warpgrains.turns import Driver
 
 
 class StepStart(NamedTuple):
@@ -43,6 +44,7 @@ class Stepper(Shown):
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
+        self._driver = Driver("simulation")
         self._begin(scene.replace(**overrides) if overrides else scene)
         self._engine.begin()
 
@@ -82,10 +84,12 @@ class Stepper(Shown):
         ------
         SimulationError
             A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
-            "raise". The state is that before the step. Or a history of `max_iterations` finds no memory.
+            "raise". The state is that before the step. Or a history of `max_iterations` finds no memory. Or
+            another thread advances this simulation.
         """
-        self._advance(1, None, history)
-        return self._engine.report(0)
+        with self._driver.alone():
+            self._advance(1, None, history)
+            return self._engine.report(0)
 
     def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
         """Advance by some time steps without anything in between.
@@ -99,16 +103,18 @@ class Stepper(Shown):
         Raises
         ------
         SimulationError
-            A step failed, as in `step`; those before it are done.
+            A step failed, as in `step`; those before it are done. Or another thread advances this simulation.
         """
-        self._advance(steps, on_progress)
-        return self._engine.statistics(0)
+        with self._driver.alone():
+            self._advance(steps, on_progress)
+            return self._engine.statistics(0)
 
     def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> None:
         before = self.steps
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
-        advance([self._engine], self._threads, on_progress)
+        with self._driver.advancing():
+            advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before
         error = self._engine.error(0)
         if error is not None:
@@ -127,11 +133,12 @@ class Stepper(Shown):
         SceneError
             A change makes no scene, or one of other grains.
         """
-        state = self.state()
-        scene = self.scene.replace(**fields)
-        require_state(state, scene.n)
-        self._begin(scene)
-        self._engine.load(0, state)
+        with self._driver.alone():
+            state = self.state()
+            scene = self.scene.replace(**fields)
+            require_state(state, scene.n)
+            self._begin(scene)
+            self._engine.load(0, state)
 
     @property
     def steps(self) -> int:
@@ -180,7 +187,8 @@ class Stepper(Shown):
 
     def state(self) -> State:
         """Return the exact state, from which `restore` continues with the same bits."""
-        return self._engine.state(0)
+        with self._driver.alone():
+            return self._engine.state(0)
 
     def restore(self, state: State) -> None:
         """Continue from a state of this scene.
@@ -191,5 +199,6 @@ class Stepper(Shown):
             It is a state of other grains, or none: the message names field, grain and value.
         """
         require_state(state, self.scene.n)
-        self._stepped = False
-        self._engine.load(0, state)
+        with self._driver.alone():
+            self._stepped = False
+            self._engine.load(0, state)

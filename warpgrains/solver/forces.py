@@ -34,7 +34,9 @@ class PairContacts(Tabular):
     correction: FloatArray
     """Accumulated corrections dv_c [m/s], shape (m,)."""
     force: FloatArray
-    """m_i m_j / (m_i + m_j) dv_c / dt, along the normal on j and against it on i [N], shape (m,)."""
+    """M_i M_j / (M_i + M_j) dv_c / dt, along the normal on j and against it on i [N], shape (m,).
+
+    M are the contact masses of the scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +53,14 @@ class WallContacts(Tabular):
     correction: FloatArray
     """Accumulated corrections dv_b [m/s], shape (n,), > 0 at the outer wall, < 0 at the inner one."""
     force: FloatArray
-    """m_i dv_b / dt, towards the origin [N], shape (n,)."""
+    """M_i dv_b / dt, M the contact masses of the scene, towards the origin [N], shape (n,)."""
 
 
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
     """Return the contacts between grains, whose centres were at `position` [m], shape (n, 2)."""
     i, j = corrections.pair.T
-    mass_i, mass_j = scene.mass[i], scene.mass[j]
+    mass = scene.contact_mass
+    mass_i, mass_j = mass[i], mass[j]
     return PairContacts(
         pair=corrections.pair,
         normal=pair_normals(position, i, j),
@@ -69,10 +72,10 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
 
 def wall_contacts(scene: Scene, corrections: Corrections) -> WallContacts:
     """Return the contacts with the walls, one entry a grain."""
-    force = wall_forces(scene.mass, corrections.wall_correction, scene.dt)
+    force = wall_forces(scene.contact_mass, corrections.wall_correction, scene.dt)
     return WallContacts(correction=corrections.wall_correction, force=force)
 
 
-def wall_forces(mass: FloatArray, correction: FloatArray, dt: FloatArray | float) -> FloatArray:
-    """Return m_i dv_b / dt [N], of corrections dv_b [m/s]; shapes (..., n)."""
-    return mass * correction / dt
+def wall_forces(contact_mass: FloatArray, correction: FloatArray, dt: FloatArray | float) -> FloatArray:
+    """Return M_i dv_b / dt [N], of contact masses M [kg] and corrections dv_b [m/s]; shapes (..., n)."""
+    return contact_mass * correction / dt

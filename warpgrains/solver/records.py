@@ -126,7 +126,7 @@ class SceneRecords:
         """Write all starts to new memory at once; return False where scenes are not laid out alike."""
         if self.together("verlet.skin") is None:
             return False
-        for name in ("radius", "mass", "position", "velocity"):
+        for name in ("radius", "mass", "contact_mass", "position", "velocity"):
             array = self._together(f"grains.{name}")
             array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(array.shape)
         self._together("grains.last_position")[:] = self._together("grains.position")
