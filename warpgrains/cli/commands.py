@@ -54,6 +54,8 @@ def _add_batch(parser: ArgumentParser) -> None:
     measure = "measure quantities, such as coordination,stress: results.csv has those at the end of each run"
     add("--measure", metavar="WHAT,...", help=measure)
     add("--every", type=int, metavar="K", help="and a series.csv in the folder of each, a row every K steps")
+    until = "end each run earlier, at rest, as run --until does: results.csv tells whether, in `met`"
+    add("--until", metavar="rest", help=until)
     add("--usd", action="store_true", help="record every run to its recording.usdc")
     add("--folders", action="store_true", help="keep the scene, the end and the result of every run")
     add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")

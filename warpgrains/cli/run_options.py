@@ -40,8 +40,9 @@ def add_run(parser: ArgumentParser) -> None:
     add("--check-bounds", action="store_true", help="test every array index in the kernels, to find defects")
     add_set(parser)
     stepping = parser.add_argument_group("step by step").add_argument
-    keys = "take a step a key press and print its report: N next, R run, S stop, Q quit"
+    keys = "one step per key press, with its report: N next, R run in real time, S stop, Q quit"
     stepping("--step-by-step", action="store_true", help=keys)
+    stepping("--full-speed", action="store_true", help="let R run as fast as steps are computed")
     each = "file for zeta and residual of every iteration, which plot draws"
     stepping("--history", metavar="CSV", help=each)
     series = parser.add_argument_group("series").add_argument

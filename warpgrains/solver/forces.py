@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.geometry import pair_gaps, pair_normals
+from warpgrains.scene.walls import outward
 from warpgrains.tables import Tabular
 
 if TYPE_CHECKING:
@@ -50,10 +53,14 @@ class WallContacts(Tabular):
     ((15,), 10)
     """
 
+    grain: IntArray
+    """The grains, 0 to n - 1, shape (n,)."""
+    normal: FloatArray
+    """Unit normals of both walls at each grain, away from the origin, shape (n, 2); 0 for a grain there."""
     correction: FloatArray
     """Accumulated corrections dv_b [m/s], shape (n,), > 0 at the outer wall, < 0 at the inner one."""
     force: FloatArray
-    """M_i dv_b / dt, M the contact masses of the scene, towards the origin [N], shape (n,)."""
+    """M_i dv_b / dt, M the contact masses of the scene, against the normal [N], shape (n,)."""
 
 
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
@@ -70,10 +77,16 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
     )
 
 
-def wall_contacts(scene: Scene, corrections: Corrections) -> WallContacts:
-    """Return the contacts with the walls, one entry a grain."""
-    force = wall_forces(scene.contact_mass, corrections.wall_correction, scene.dt)
-    return WallContacts(correction=corrections.wall_correction, force=force)
+def wall_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> WallContacts:
+    """Return the contacts with the walls, of grains whose centres were at `position` [m], shape (n, 2)."""
+    with np.errstate(invalid="ignore"):  # at the origin no direction is outward
+        normal = np.nan_to_num(outward(position))
+    return WallContacts(
+        grain=np.arange(scene.n, dtype=np.int32),
+        normal=normal,
+        correction=corrections.wall_correction,
+        force=wall_forces(scene.contact_mass, corrections.wall_correction, scene.dt),
+    )
 
 
 def wall_forces(contact_mass: FloatArray, correction: FloatArray, dt: FloatArray | float) -> FloatArray:

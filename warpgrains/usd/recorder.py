@@ -11,6 +11,7 @@ from pxr import Sdf
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
+from warpgrains.scene import checks
 from warpgrains.usd.chains import ChainScale
 from warpgrains.usd.chunks import ChunkFolder
 from warpgrains.usd.colors import Frame, GrainColors
@@ -190,8 +191,7 @@ class Recorder:
 
 def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool) -> GrainPoints:
     """Return the drawing of the grains."""
-    if draw_as not in DRAWN_AS:
-        raise SceneError(f"draw as '{draw_as}' is unknown; choose {', '.join(DRAWN_AS)}")
+    checks.one_of("draw_as", draw_as, DRAWN_AS)
     if draw_as == "light":
         return GrainPoints(scene, None, has_contacts)
     if draw_as == "points":
@@ -212,9 +212,9 @@ def recover(folder: str | Path) -> tuple[Path, int]:
     SceneError
         If this is no folder of chunks, or it holds no frames; as an `OutputError`, if its run goes on.
     """
-    chunks = Path(folder)
-    target = chunks.with_suffix("")
-    if chunks != chunks_of(target) or target.suffix not in SUFFIXES or not chunks.is_dir():
+    chunks = Path(checks.path("folder", folder))
+    target = chunks.parent / chunks.stem
+    if chunks.suffix != ".chunks" or target.suffix not in SUFFIXES or not chunks.is_dir():
         raise SceneError(f"'{folder}' is not a folder of chunks, such as run.usdc.chunks")
     with lock_output(target):
         frames = count_frames(chunks)
