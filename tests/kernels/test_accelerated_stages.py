@@ -32,7 +32,7 @@ class Accelerated:
         if not equal:
             scene = scene.replace(mass=rng.choice([0.5, 1.0, 2.0], N))
         self.record = record = OneRecord(scene, PAIRS)
-        record["grains.mass"][:] = scene.mass
+        record["grains.contact_mass"][:] = scene.mass
         record._records.keep_history(0, 40)
         record["grains.next_velocity"][:] = eighths(rng, -8, 9, (N, 2))
         self.pairs, self.walls = record["contacts.pairs"][:PAIRS], record["contacts.walls"]
@@ -159,7 +159,7 @@ def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
     assert np.array_equal(record["working.pair_last"][at], record["momentum.pair_last"][k])
     if not equal:
         share = record["contacts.weights"][k]
-        mu = share[:, 0] * record["grains.mass"][pairs["i"]]
+        mu = share[:, 0] * record["grains.contact_mass"][pairs["i"]]
         assert np.array_equal(record["working.weights"][at], np.column_stack([share, mu]))
     c, there = ahead.chosen(walls=True), ahead.indices(walls=True)
     assert np.array_equal(record["working.walls"][there], ahead.walls[c])

@@ -40,7 +40,7 @@ class Listed:
         self.scene, self.record = scene, OneRecord(scene, pairs=N * N)
         self.names = ["now", "start"] + ["last"] * (scene.method == "accelerated")
         self.record["grains.position"][:], self.record["grains.radius"][:] = scene.position, scene.radius
-        self.record["grains.mass"][:] = scene.mass
+        self.record["grains.contact_mass"][:] = scene.contact_mass
         self.record["verlet.reference_velocity"][:] = 0.0
         self.record.verlet_numbers["lifetime"] = scene.dt
         self.search(skin)
