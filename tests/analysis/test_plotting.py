@@ -12,7 +12,7 @@ from walls_seen import View
 from warpgrains import SceneError
 from warpgrains.analysis.plots import measure, plot
 from warpgrains.cli.main import main
-from warpgrains.usd.chains import CHAIN_COLOR
+from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder
 

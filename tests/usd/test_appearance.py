@@ -15,9 +15,9 @@ from recordings import (
     record,
 )
 
-from warpgrains.usd.chains import CHAIN_COLOR, ChainScale
-from warpgrains.usd.colormaps import PALETTE, colormap, encoded, linear
-from warpgrains.usd.colors import (
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
+from warpgrains.drawing.colormaps import PALETTE, colormap, encoded, linear
+from warpgrains.drawing.colors import (
     COLORMAPS,
     LEVELS,
     Frame,

@@ -15,8 +15,8 @@ from matplotlib.image import imread
 from pages import blocks
 from recordings import make_scene, record
 
-from warpgrains.usd.chains import CHAIN_COLOR
-from warpgrains.usd.colors import Frame, GrainColors, speed_scale
+from warpgrains.drawing.chains import CHAIN_COLOR
+from warpgrains.drawing.colors import Frame, GrainColors, speed_scale
 
 pytestmark = pytest.mark.blender
 

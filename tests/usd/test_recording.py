@@ -8,10 +8,10 @@ from pxr import Gf, Usd, UsdGeom, UsdValidation
 from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, record
 
 import warpgrains
+from warpgrains.drawing.colors import speed_scale
 from warpgrains.errors import SceneError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.colors import speed_scale
 from warpgrains.usd.recorder import Recorder, recording_rate, recording_stride
 
 SUFFIXES = (".usdc", ".usda", ".usdz")

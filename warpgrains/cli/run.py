@@ -20,6 +20,7 @@ from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.cli.summary import results_of, summary_lines, true_rate
 from warpgrains.console import start_warp, stdout_kept_clean
+from warpgrains.drawing.frame_rate import recording_stride
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -29,7 +30,6 @@ from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_c
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.usd.frame_rate import recording_stride
 
 # What a resumed run takes from its checkpoint: the option of each argument.
 KEPT = {

@@ -4,10 +4,10 @@ from dataclasses import asdict
 from typing import Any
 
 from warpgrains.console import in_columns
+from warpgrains.drawing.frame_rate import recording_rate, recording_stride
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics, named
-from warpgrains.usd.frame_rate import recording_rate, recording_stride
 
 
 def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> dict[str, Any]:

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.colors import Frame
+from warpgrains.drawing.frame_rate import recording_rate, recording_stride
 from warpgrains.files import draft_of, require_place
 from warpgrains.locks import Lock
 from warpgrains.pictures.canvas import Canvas
 from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
-from warpgrains.usd.colors import Frame
-from warpgrains.usd.frame_rate import recording_rate, recording_stride
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

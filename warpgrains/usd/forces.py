@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from warpgrains.usd.chains import CHAIN_COLOR, ChainScale, chains_of
-from warpgrains.usd.colors import Frame
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, chains_of
+from warpgrains.drawing.colors import Frame
 from warpgrains.usd.looks import bind_look
 from warpgrains.usd.values import covering_extent, floats, triples
 

@@ -8,8 +8,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import IndexArray
-from warpgrains.usd.colormaps import linear
-from warpgrains.usd.colors import Frame, GrainColors, pressure
+from warpgrains.drawing.colormaps import linear
+from warpgrains.drawing.colors import Frame, GrainColors, pressure
 from warpgrains.usd.looks import bind_look
 from warpgrains.usd.shapes import Shape
 from warpgrains.usd.values import covering_extent, floats, triples

@@ -3,7 +3,7 @@
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from warpgrains.arrays import FloatArray
-from warpgrains.usd.colormaps import linear
+from warpgrains.drawing.colormaps import linear
 
 MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
 CAMERA = Sdf.Path("/World/main_cam")

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.chains import Chains, ChainScale
+from warpgrains.drawing.colormaps import PALETTE, encoded
+from warpgrains.drawing.colors import ColorScale
 from warpgrains.errors import SceneError
 from warpgrains.scene.document import read_parameters
-from warpgrains.usd.chains import Chains, ChainScale
-from warpgrains.usd.colormaps import PALETTE, encoded
-from warpgrains.usd.colors import ColorScale
 from warpgrains.usd.forces import FORCES, GRAINS_OF
 from warpgrains.usd.grains import GRAINS
 from warpgrains.usd.output import RECORDED_BY

@@ -10,13 +10,13 @@ import numpy as np
 from pxr import Sdf
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.chains import ChainScale
+from warpgrains.drawing.colors import Frame, GrainColors
+from warpgrains.drawing.frame_rate import recording_rate, recording_stride
 from warpgrains.errors import SceneError
-from warpgrains.usd.chains import ChainScale
 from warpgrains.usd.chunks import ChunkFolder
-from warpgrains.usd.colors import Frame, GrainColors
 from warpgrains.usd.flatten import count_frames, flatten, resume
 from warpgrains.usd.forces import ForceChains
-from warpgrains.usd.frame_rate import recording_rate, recording_stride
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.output import SUFFIXES, chunks_of, lock_output
 from warpgrains.usd.shapes import disc, sphere

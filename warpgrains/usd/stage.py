@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 import warpgrains
+from warpgrains.drawing.colors import Frame
 from warpgrains.scene.document import parameters_text
-from warpgrains.usd.colors import Frame
 from warpgrains.usd.looks import CAMERA, define_looks
 from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import define_walls, reach_of

@@ -3,9 +3,9 @@
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+from warpgrains.drawing.rings import WALL_COLOR, rings
 from warpgrains.scene.walls import Annulus
 from warpgrains.usd.looks import bind_look
-from warpgrains.usd.rings import WALL_COLOR, rings
 
 WALLS = Sdf.Path("/World/Walls")
 
