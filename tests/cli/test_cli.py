@@ -227,7 +227,7 @@ def test_what_a_library_prints_from_c_goes_to_stderr():
     assert set(done.stderr.split()) == {"python", "c"}
 
 
-def test_interrupted_run_leaves_nothing(scene, tmp_path, capfd, monkeypatch):
+def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, monkeypatch):
     advance = Simulation.advance
 
     def interrupt_fifth_step(self, steps, on_progress):
@@ -237,8 +237,10 @@ def test_interrupted_run_leaves_nothing(scene, tmp_path, capfd, monkeypatch):
 
     monkeypatch.setattr(Simulation, "advance", interrupt_fifth_step)
     assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
-    require_last_line(*capfd.readouterr(), "warpgrains: error: interrupted")
-    assert list(tmp_path.iterdir()) == [scene]
+    frames = tmp_path / "out.usdc.frames"
+    advice = f"warpgrains: error: interrupted; for the frames so far: warpgrains recover {frames}"
+    require_last_line(*capfd.readouterr(), advice)
+    assert set(tmp_path.iterdir()) == {scene, frames}
 
 
 def test_signal_leaves_the_old_recording(tmp_path):
@@ -254,7 +256,7 @@ def test_signal_leaves_the_old_recording(tmp_path):
     assert complaint.splitlines()[-1].startswith("warpgrains: error: interrupted")
     assert process.returncode == 130
     assert output.read_bytes() == old
-    frames = tmp_path / "old.usdc.chunks"  # what `warpgrains recover` finds, if a chunk was full
+    frames = tmp_path / "old.usdc.frames"  # what `warpgrains recover` finds, if there were two frames
     assert set(tmp_path.iterdir()) <= {output, frames}
 
 

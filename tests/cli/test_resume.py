@@ -16,11 +16,11 @@ from same_bits import contents
 
 from warpgrains import Scene, Simulation
 from warpgrains.cli.main import main
+from warpgrains.frame_log import FrameLog
 from warpgrains.simulation.checkpoint import read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.chunks import ChunkFolder
-from warpgrains.usd.recorder import chunks_of
+from warpgrains.usd.recorder import log_of
 
 ORDERS = ("sequential", "color")
 
@@ -86,7 +86,7 @@ class TestResume:
         assert run(*common, 60, "-o", whole) == 0
         assert run(*common, 25, "-o", parts, "--checkpoint", tmp_path / "run.npz") == 0
         assert run("--resume", tmp_path / "run.npz", "--duration", 0.6) == 0
-        assert not chunks_of(parts).exists()
+        assert not log_of(parts).exists()
         assert same_frames(parts, whole) == 31
 
 
@@ -117,7 +117,7 @@ class TestResumeOnce:
         options = ["-o", output, "--checkpoint", tmp_path / "run.npz", "--every", 5, "--fps", 100]
         assert run("annulus", *options) == 130
         capfd.readouterr()
-        assert main(["recover", str(chunks_of(output))]) == 0
+        assert main(["recover", str(log_of(output))]) == 0
         assert capfd.readouterr().out == f"{output}: 16 frames\n"
         assert inspect_recording(output) == []
         assert main(["recover", str(output)]) == 2
@@ -151,15 +151,15 @@ class TestResumeOnce:
     def test_checkpoint_counts_no_frame_that_is_not_on_the_disk(self, tmp_path, monkeypatch):
         """Where frames cannot be written, the checkpoint before them stays; the run goes on from there."""
         output, kept = tmp_path / "run.usdc", tmp_path / "run.npz"
-        append = ChunkFolder.append
+        append = FrameLog.append
 
-        def fill_the_disk(folder, first, frames):
-            if first > 10:
+        def fill_the_disk(log, arrays):
+            if log.frames > 10:
                 raise OSError("disk full")
-            append(folder, first, frames)
+            append(log, arrays)
 
         with monkeypatch.context() as patch:
-            patch.setattr(ChunkFolder, "append", fill_the_disk)
+            patch.setattr(FrameLog, "append", fill_the_disk)
             options = ["-o", output, "--checkpoint", kept, "--every", 10]
             assert run("annulus", "--steps", 60, *options) == 1
         statistics = read_checkpoint(kept).statistics
@@ -207,7 +207,7 @@ class TestCommand:
     def test_recording_that_is_gone(self, kept, capfd):
         kept.with_name("run.usdc").unlink()
         assert run("--resume", kept) == 2
-        self.require_one_line(capfd, "run.usdc.chunks")
+        self.require_one_line(capfd, "run.usdc.frames")
 
     def test_recording_of_something_else(self, kept, tmp_path, capfd):
         assert run("column", "--steps", 19, "-o", tmp_path / "run.usdc") == 0

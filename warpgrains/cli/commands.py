@@ -71,7 +71,7 @@ def _add_check(parser: ArgumentParser) -> None:
 
 
 def _add_recover(parser: ArgumentParser) -> None:
-    parser.add_argument("folder", metavar="DIR", help="the run's chunks, such as run.usdc.chunks")
+    parser.add_argument("log", metavar="LOG", help="the run's log of frames, such as run.usdc.frames")
 
 
 def _add_plot(parser: ArgumentParser) -> None:

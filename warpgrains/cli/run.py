@@ -104,8 +104,8 @@ def _how_to_go_on(options: RunOptions) -> Iterator[str]:
     """Yield what can be done after an interrupt, with what is on the disk."""
     if options.checkpoint is not None and Path(options.checkpoint).exists():
         yield f"to go on: warpgrains run --resume {shlex.quote(options.checkpoint)}"
-    if options.record is not None and Path(f"{options.record}.chunks").exists():
-        yield f"for the frames so far: warpgrains recover {shlex.quote(options.record + '.chunks')}"
+    if options.record is not None and Path(f"{options.record}.frames").exists():
+        yield f"for the frames so far: warpgrains recover {shlex.quote(options.record + '.frames')}"
 
 
 def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:

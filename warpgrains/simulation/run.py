@@ -78,7 +78,7 @@ def open_outputs(
 ) -> Iterator[Recorder | Film | None]:
     """Give the recorder of a run, if it needs one, with a lock on the recording; it is whole in the end.
 
-    The chunks of a run that is resumed are cut to the frames of its statistics: doing so twice does no harm.
+    The log of a run that is resumed is cut to the frames of its statistics: doing so twice does no harm.
 
     Raises
     ------
@@ -178,10 +178,10 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
             return Film(Path(options.record), scene, options.rate, painter)
         require_place("picture", Path(options.record), *STILLS)
         return None
-    from warpgrains.usd.recorder import Recorder, chunks_of
+    from warpgrains.usd.recorder import Recorder, log_of
 
     record = Path(options.record)
-    is_whole = statistics.frames > 0 and record.is_file() and not chunks_of(record).exists()
+    is_whole = statistics.frames > 0 and record.is_file() and not log_of(record).exists()
     if is_whole and statistics.steps == options.steps:
         return None
     return Recorder(

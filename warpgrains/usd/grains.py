@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import IndexArray
 from warpgrains.drawing.colormaps import linear
 from warpgrains.drawing.colors import Frame, GrainColors, pressure
+from warpgrains.frame_log import Arrays
 from warpgrains.usd.looks import bind_look
 from warpgrains.usd.shapes import Shape
-from warpgrains.usd.values import covering_extent, floats, triples
+from warpgrains.usd.values import covering_extent, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -40,7 +42,7 @@ class GrainPoints:
 
     height = 1.0
     """How far a grain of radius 1 m reaches towards the viewer [m]."""
-    _position = GRAINS.AppendProperty("points")
+    _position = "points"
 
     def __init__(self, scene: Scene, colors: GrainColors | None, has_contacts: bool) -> None:
         self._radius, self._mass = scene.radius, scene.mass
@@ -67,25 +69,19 @@ class GrainPoints:
             name, value = self._color(self._colors.still, self._colors)
             prim.GetAttribute(name).Set(value)
 
-    def samples(self, frame: Frame) -> dict[Sdf.Path, object]:
+    def samples(self, frame: Frame) -> Arrays:
         """Return the value of each attribute that `frame` sets."""
         shown = triples(frame.position)
-        sampled: dict[Sdf.Path, object] = {
-            self._position: Vt.Vec3fArray.FromNumpy(shown),
-            GRAINS.AppendProperty("extent"): covering_extent(shown, self._half_width),
-        }
-        if self._colors is None:
-            return sampled
-        values: dict[str, object] = {
-            "velocities": Vt.Vec3fArray.FromNumpy(triples(frame.velocity)),
-            "primvars:speed": floats(np.hypot(*frame.velocity.T)),
-        }
-        if self._has_contacts:
-            values["primvars:pressure"] = floats(pressure(frame, self._radius))
-        if self._colors.still is None:
-            name, value = self._color(self._colors.levels(frame), self._colors)
-            values[name] = value
-        return sampled | {GRAINS.AppendProperty(name): value for name, value in values.items()}
+        values = {self._position: shown, "extent": covering_extent(shown, self._half_width)}
+        if self._colors is not None:
+            values["velocities"] = triples(frame.velocity)
+            values["primvars:speed"] = np.hypot(*frame.velocity.T).astype(np.float32)
+            if self._has_contacts:
+                values["primvars:pressure"] = pressure(frame, self._radius).astype(np.float32)
+            if self._colors.still is None:
+                name, value = self._color(self._colors.levels(frame), self._colors)
+                values[name] = value
+        return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
     def _define_prim(self, stage: Usd.Stage) -> None:
         grains = UsdGeom.Points.Define(stage, GRAINS)
@@ -104,11 +100,11 @@ class GrainPoints:
             primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
         if colors.scale is not None and colors.scale.quantity == "radius":
             radius = primvars.CreatePrimvar("radius", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
-            radius.Set(floats(self._radius))
+            radius.Set(self._radius.astype(np.float32))
 
-    def _color(self, levels: IndexArray, colors: GrainColors) -> tuple[str, object]:
+    def _color(self, levels: IndexArray, colors: GrainColors) -> tuple[str, NDArray[Any]]:
         """Return the attribute that holds the colors, and its value."""
-        return "primvars:displayColor", Vt.Vec3fArray.FromNumpy(linear(colors.colors)[levels])
+        return "primvars:displayColor", linear(colors.colors)[levels]
 
 
 class GrainInstances(GrainPoints):
@@ -117,7 +113,7 @@ class GrainInstances(GrainPoints):
     Thus every viewer that draws instances shows the colors; of points, Blender does not.
     """
 
-    _position = GRAINS.AppendProperty("positions")
+    _position = "positions"
 
     def __init__(self, scene: Scene, colors: GrainColors, has_contacts: bool, shape: Shape) -> None:
         super().__init__(scene, colors, has_contacts)
@@ -135,5 +131,5 @@ class GrainInstances(GrainPoints):
         grains.CreateProtoIndicesAttr()
         grains.CreatePositionsAttr()
 
-    def _color(self, levels: IndexArray, colors: GrainColors) -> tuple[str, object]:
-        return "protoIndices", Vt.IntArray.FromNumpy(levels.astype(np.int32))
+    def _color(self, levels: IndexArray, colors: GrainColors) -> tuple[str, NDArray[Any]]:
+        return "protoIndices", levels.astype(np.int32)

@@ -9,6 +9,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 import warpgrains
 from warpgrains.drawing.colors import Frame
+from warpgrains.frame_log import Arrays
 from warpgrains.scene.document import parameters_text
 from warpgrains.usd.looks import CAMERA, define_looks
 from warpgrains.usd.output import RECORDED_BY
@@ -24,7 +25,7 @@ class Drawing(Protocol):
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim and all that no frame changes."""
 
-    def samples(self, frame: Frame) -> dict[Sdf.Path, object]:
+    def samples(self, frame: Frame) -> Arrays:
         """Return the value of each attribute that `frame` sets."""
 
 
