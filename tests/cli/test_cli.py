@@ -175,7 +175,7 @@ def test_what_the_frames_show(scene, tmp_path):
     from pxr import Usd
 
     output = tmp_path / "out.usda"
-    assert exit_code("run", scene, "-o", output, "--forces", "--as-spheres", "--color-by", "speed") == 0
+    assert exit_code("run", scene, "-o", output, "--forces", "--as", "spheres", "--color-by", "speed") == 0
     stage = Usd.Stage.Open(str(output))
     grains = stage.GetPrimAtPath("/World/Grains")
     assert grains.GetTypeName() == "PointInstancer"

@@ -94,7 +94,7 @@ def same_frames(one, other):
     """Return how many frames two recordings have, which an independent reader finds equal."""
     assert inspect_recording(one) == inspect_recording(other) == []
     grains = [lightusd.load(str(path)).prim_at(GRAINS) for path in (one, other)]
-    for name in ("positions", "velocities", "protoIndices"):
+    for name in ("points", "velocities", "primvars:displayColor:indices"):
         ours, theirs = (prim.attribute(name) for prim in grains)
         assert ours.timesamples.times == theirs.timesamples.times == tuple(range(len(ours.timesamples)))
         for code in ours.timesamples.times:
@@ -191,7 +191,8 @@ class TestCommand:
             (["--fps", "0"], "--fps cannot"),
             (["--color-by", "speed"], "--color-by cannot"),
             (["--forces"], "--forces cannot"),
-            (["--as-spheres"], "--as-spheres cannot"),
+            (["--as", "discs"], "--as cannot"),
+            (["--as-spheres"], "--as cannot"),
             (["--order", "color"], "--order cannot"),
             (["--set", "physics.drag=0"], "--set cannot"),
             (["--steps", "19"], "end at step 19: its checkpoint is at step 20"),

@@ -20,7 +20,6 @@ DRAWINGS = {
     "discs": {"draw_as": "discs", "color_by": "radius"},
     "spheres": {"draw_as": "spheres"},
     "forces": {"draw_as": "discs", "color_by": "pressure", "forces": True},
-    "light": {"draw_as": "light", "forces": True},
 }
 
 
@@ -55,10 +54,7 @@ class TestIndependentReader:
         path = record(tmp_path / f"run{suffix}", frames, **options)
         grains = lightusd.load(str(path)).prim_at(GRAINS)
         places = "positions" if options.get("draw_as") in ("discs", "spheres") else "points"
-        drawn = [(places, frames[:, 0])]
-        if options.get("draw_as") != "light":
-            drawn.append(("velocities", frames[:, 1]))
-        for name, state in drawn:
+        for name, state in ((places, frames[:, 0]), ("velocities", frames[:, 1])):
             attribute = grains.attribute(name)
             assert attribute.timesamples.times == tuple(range(7))
             for code, expected in enumerate(state):
@@ -182,7 +178,7 @@ class TestOutput:
         assert list(tmp_path.iterdir()) == []
 
     def test_unknown_way_to_draw(self, tmp_path):
-        with pytest.raises(SceneError, match="draw as 'cubes' is unknown; choose discs, spheres, points"):
+        with pytest.raises(SceneError, match="draw as 'cubes' is unknown; choose points, discs, spheres"):
             Recorder(tmp_path / "run.usdc", make_scene(), 60, draw_as="cubes")
         assert list(tmp_path.iterdir()) == []
 

@@ -81,14 +81,7 @@ class Recording(Shown):
 
     @cached_property
     def velocity(self) -> FloatArray:
-        """Velocities of the grains [m/s], shape (f, n, 2).
-
-        Raises
-        ------
-        SceneError
-            They were not recorded.
-        """
-        self._require_velocities()
+        """Velocities of the grains [m/s], shape (f, n, 2)."""
         return np.array([self._reader.velocity(k) for k in range(len(self))])
 
     @cached_property
@@ -101,8 +94,8 @@ class Recording(Shown):
             An earlier release has recorded it, and not all that a scene has.
         """
         fields = self._reader.scene_fields()
-        velocity = self._reader.velocity(0) if self._reader.has_velocities else None
-        return Scene(position=self._reader.position(0), velocity=velocity, radius=self.radius, **fields)
+        state = {"position": self._reader.position(0), "velocity": self._reader.velocity(0)}
+        return Scene(**state, radius=self.radius, **fields)
 
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
         """Return a frame, for `warpgrains.analysis`.
@@ -117,11 +110,10 @@ class Recording(Shown):
         Raises
         ------
         SceneError
-            There is no such frame, or velocities or contacts were not recorded.
+            There is no such frame, or contacts were not recorded.
         """
         if not -len(self) <= k < len(self):
             raise SceneError(f"there is no frame {k}: '{self.path}' has {len(self)}")
-        self._require_velocities()
         if contacts and not self.has_forces:
             raise SceneError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
@@ -154,15 +146,12 @@ class Recording(Shown):
             xarray is not installed; it comes with the extra ``[data]``.
         """
         dims = ("time", "grain", "component")
-        arrays = {"position": (dims, self.position, {"units": "m"})}
-        if self._reader.has_velocities:
-            arrays["velocity"] = (dims, self.velocity, {"units": "m/s"})
         return library("xarray", "to_xarray").Dataset(
-            {**arrays, "radius": ("grain", self.radius, {"units": "m"})},
+            {
+                "position": (dims, self.position, {"units": "m"}),
+                "velocity": (dims, self.velocity, {"units": "m/s"}),
+                "radius": ("grain", self.radius, {"units": "m"}),
+            },
             coords={"time": ("time", self.time, {"units": "s"}), "component": ["x", "y"]},
             attrs={"recording": self.path.name},
         )
-
-    def _require_velocities(self) -> None:
-        if not self._reader.has_velocities:
-            raise SceneError(f"'{self.path}' holds no velocities: it was recorded with --light")

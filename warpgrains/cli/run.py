@@ -38,7 +38,7 @@ KEPT = {
     "fps": "--fps",
     "color_by": "--color-by",
     "forces": "--forces",
-    "draw_as": "--as-{}",
+    "draw_as": "--as",
     "order": "--order",
     "method": "--method",
     "overrides": "--set",
@@ -74,7 +74,7 @@ def _step_by_step(arguments: Namespace) -> bool:
     if arguments.scene is None:
         raise SceneError("SCENE is missing")
     for name in _given(arguments, *_NOT_STEP_BY_STEP):
-        option = _option(arguments, name) if name in KEPT else f"--{name}"
+        option = KEPT.get(name, f"--{name}")
         raise SceneError(f"{option} cannot go with --step-by-step")
     scene = _scene(arguments)
     step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
@@ -114,7 +114,7 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
         raise SceneError("SCENE is missing, or --resume FILE")
     if arguments.output is None:
         for name in _given(arguments, "fps", "color_by", "forces", "draw_as"):
-            raise SceneError(f"{_option(arguments, name)} needs --output")
+            raise SceneError(f"{KEPT[name]} needs --output")
     if (arguments.measure is None) != (arguments.series is None):
         raise SceneError("--measure and --series go together")
     scene = _scene(arguments)
@@ -136,8 +136,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     Its checkpoint is locked, and the one that it is to write from now on.
     """
     for name in _given(arguments, *KEPT):
-        option = _option(arguments, name)
-        raise SceneError(f"{option} cannot go with --resume, which continues a run as it was begun")
+        raise SceneError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
     kept, other = Path(arguments.resume), arguments.checkpoint
     start = read_checkpoint(kept)
     if start.options is not None:
@@ -177,11 +176,6 @@ def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
     """Return those options that are given."""
     values = {name: getattr(arguments, name) for name in names}
     return {name: value for name, value in values.items() if value is not None and value is not False}
-
-
-def _option(arguments: Namespace, name: str) -> str:
-    """Return an option as it was written."""
-    return KEPT[name].format(getattr(arguments, name)).replace("--as-light", "--light")
 
 
 def _steps(scene: Scene, arguments: Namespace) -> int | None:

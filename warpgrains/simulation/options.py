@@ -47,7 +47,7 @@ class RunOptions:
     """Wanted frames per second of simulated time [1/s]."""
     color_by: str = "speed"
     forces: bool = False
-    draw_as: str = "discs"
+    draw_as: str = "points"
     """These three say what the frames show, see `Recorder`."""
     checkpoint: str | None = None
     """File that is to hold the state, and all that it takes to resume the run."""
@@ -85,8 +85,6 @@ class RunOptions:
                 raise SceneError(f"{name} has no effect without {needed}")
         if self.shows is not None:
             self._require_no_recording(self.shows)
-        if self.draw_as == "light" and self.color_by != type(self).color_by:
-            raise SceneError("color_by has no effect with draw_as 'light'")
 
     @property
     def _suffix(self) -> str | None:

@@ -68,7 +68,7 @@ class Simulation(Stepper):
         fps: float = 60.0,
         color_by: str = "speed",
         forces: bool = False,
-        draw_as: str = "discs",
+        draw_as: str = "points",
         checkpoint: str | Path | None = None,
         every: int = 1000,
         observer: Observer | None = None,

@@ -10,7 +10,7 @@ from pxr import Sdf, Usd, UsdGeom
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, chains_of
 from warpgrains.drawing.colors import Frame
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.looks import bind_look
+from warpgrains.usd.looks import bind_look, set_kind
 from warpgrains.usd.values import covering_extent, triples
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ class ForceChains:
         for name in GRAINS_OF:
             primvars.CreatePrimvar(name, Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.uniform)
         bind_look(bands.GetPrim(), np.array(CHAIN_COLOR))
+        set_kind(bands.GetPrim(), "subcomponent")
 
     def samples(self, frame: Frame) -> Arrays:
         """Return the value of each attribute that `frame` sets."""

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
 
-DRAWN_AS = ("discs", "spheres", "points", "light")
+DRAWN_AS = ("points", "discs", "spheres")
 
 
 class Recorder:
@@ -52,8 +52,7 @@ class Recorder:
     forces : bool
         Whether to draw force chains, see `ForceChains`.
     draw_as : str
-        How grains are drawn: as instances of colored "discs" or "spheres", as "points", or "light": as points
-        that have neither colors nor velocities, for long runs of many grains.
+        How grains are drawn: as "points", or as instances of "discs" or "spheres".
     resume_at : int, optional
         Continue the log of an earlier run of the same scene, or its file, with this frame, dropping what
         follows it.
@@ -83,19 +82,19 @@ class Recorder:
         *,
         color_by: str = "speed",
         forces: bool = False,
-        draw_as: str = "discs",
+        draw_as: str = "points",
         resume_at: int | None = None,
     ) -> None:
         self.path = Path(path)
         self.log = log_of(self.path)
         self.stride = recording_stride(scene.dt, frames_per_second)
         colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or (color_by == "pressure" and draw_as != "light")
+        self.needs_contacts = forces or color_by == "pressure"
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains]
         scales: dict[str, dict[str, str | float]] = {}
-        if colors.scale is not None and draw_as != "light":
+        if colors.scale is not None:
             scales["colors"] = colors.scale.described()
         if forces:
             self._drawings.append(ForceChains(scene, grains.height * float(scene.radius.max())))
@@ -206,8 +205,6 @@ def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool)
     """Return the drawing of the grains."""
     if draw_as not in DRAWN_AS:
         raise SceneError(f"draw as '{draw_as}' is unknown; choose {', '.join(DRAWN_AS)}")
-    if draw_as == "light":
-        return GrainPoints(scene, None, has_contacts)
     if draw_as == "points":
         return GrainPoints(scene, colors, has_contacts)
     return GrainInstances(scene, colors, has_contacts, disc() if draw_as == "discs" else sphere())

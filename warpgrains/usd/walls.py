@@ -5,7 +5,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.drawing.rings import WALL_COLOR, rings
 from warpgrains.scene.walls import Annulus
-from warpgrains.usd.looks import bind_look
+from warpgrains.usd.looks import bind_look, set_kind
 
 WALLS = Sdf.Path("/World/Walls")
 
@@ -14,7 +14,7 @@ _SEGMENTS = 256
 
 def define_walls(stage: Usd.Stage, walls: Annulus) -> None:
     """Author the prims of the walls, outside the space that they leave to the grains."""
-    UsdGeom.Xform.Define(stage, WALLS)
+    set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
     for name, (inner, outer) in rings(walls).items():
         _define_ring(stage, WALLS.AppendChild(name), inner, outer)
 
