@@ -91,8 +91,8 @@ class FrameLog:
         if self._file is None:
             self._create(arrays)
         ordered = [np.ascontiguousarray(arrays[name]) for name in self._kinds]
-        lengths = np.array([len(array) for array in ordered], dtype="<u4")
-        record = _record(b"".join([lengths.tobytes(), *(array.tobytes() for array in ordered)]))
+        lengths = struct.pack(f"<{len(ordered)}I", *map(len, ordered))
+        record = _record(b"".join([lengths, *(array.data for array in ordered)]))
         self._write(record)
         self.frames += 1
         count, size = self._unsynced

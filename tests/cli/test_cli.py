@@ -136,7 +136,7 @@ def test_summary_is_aligned_lines(scene, tmp_path, capfd):
     assert summary["steps"] == "10"
     assert summary["not converged"] == "0 steps"
     assert summary["overlaps at start"] == "1 between grains, 0 with a wall"
-    assert summary["output"] == f"{output}, 6 frames, 50 a second"
+    assert summary["output"] == f"{output}, 3 frames, 24 a second"
     assert list(summary) == [
         *(
             "scene",
@@ -163,7 +163,11 @@ def test_length_of_a_run(scene, capfd, arguments, steps):
 
 @pytest.mark.parametrize(
     ("fps", "said"),
-    [(60, "--fps 60 cannot be met: a frame every 2 steps of 0.01 s is 50 a second"), (50, ""), (None, "")],
+    [
+        (200, "--fps 200 cannot be met: with one frame every step of 0.01 s there are 100"),
+        (60, ""),
+        (None, ""),
+    ],
 )
 def test_a_rate_that_cannot_be_met_is_said(scene, tmp_path, capfd, fps, said):
     asked = [] if fps is None else ["--fps", fps]
@@ -180,7 +184,7 @@ def test_what_the_frames_show(scene, tmp_path):
     grains = stage.GetPrimAtPath("/World/Grains")
     assert grains.GetTypeName() == "PointInstancer"
     assert stage.GetPrimAtPath("/World/Forces").GetTypeName() == "Mesh"
-    assert grains.GetAttribute("protoIndices").GetNumTimeSamples() == 6
+    assert grains.GetAttribute("protoIndices").GetNumTimeSamples() == 3
     assert exit_code("run", scene, "-o", tmp_path / "other.usda", "--color-by", "taste") == 2
 
 

@@ -82,7 +82,7 @@ class TestResume:
     @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
     def test_longer_run_than_was_planned(self, order, tmp_path, suffix):
         whole, parts = tmp_path / f"whole{suffix}", tmp_path / f"parts{suffix}"
-        common = ["annulus", "--order", order, "--steps"]
+        common = ["annulus", "--order", order, "--fps", 50, "--steps"]
         assert run(*common, 60, "-o", whole) == 0
         assert run(*common, 25, "-o", parts, "--checkpoint", tmp_path / "run.npz") == 0
         assert run("--resume", tmp_path / "run.npz", "--duration", 0.6) == 0
@@ -160,12 +160,12 @@ class TestResumeOnce:
 
         with monkeypatch.context() as patch:
             patch.setattr(FrameLog, "append", fill_the_disk)
-            options = ["-o", output, "--checkpoint", kept, "--every", 10]
+            options = ["-o", output, "--fps", 50, "--checkpoint", kept, "--every", 10]
             assert run("annulus", "--steps", 60, *options) == 1
         statistics = read_checkpoint(kept).statistics
         assert (statistics.steps, statistics.frames) == (20, 11)
         assert run("--resume", kept) == 0
-        assert run("annulus", "--steps", 60, "-o", tmp_path / "whole.usdc") == 0
+        assert run("annulus", "--steps", 60, "--fps", 50, "-o", tmp_path / "whole.usdc") == 0
         assert same_frames(output, tmp_path / "whole.usdc") == 31
 
 

@@ -150,7 +150,8 @@ def test_prototypes_have_about_the_colors_of_their_grains(tmp_path, draw_as, col
 def test_few_prims_stand_for_any_number_of_grains(tmp_path, draw_as):
     scene = make_scene(np.full(300, 0.01))
     path = record(tmp_path / "run.usdc", make_frames(1, 300), scene, draw_as=draw_as)
-    prims = list(Usd.Stage.Open(str(path)).Traverse())
+    stage = Usd.Stage.Open(str(path))
+    prims = list(stage.Traverse())
     assert len(prims) <= 12
     points = [str(prim.GetPath()) for prim in prims if prim.IsA(UsdGeom.Points)]
     assert points == ([GRAINS] if draw_as == "points" else [])

@@ -10,6 +10,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
@@ -45,7 +46,7 @@ class Recording(Shown):
     --------
     >>> recording = wg.Recording("annulus.usdc")
     >>> len(recording), recording.position.shape, recording.has_forces, recording.scene.n
-    (201, (201, 15, 2), True, 15)
+    (97, (97, 15, 2), True, 15)
     >>> recording.frame(-1).force.shape  # of the contacts
     (15,)
     """
@@ -94,8 +95,8 @@ class Recording(Shown):
             An earlier release has recorded it, and not all that a scene has.
         """
         fields = self._reader.scene_fields()
-        state = {"position": self._reader.position(0), "velocity": self._reader.velocity(0)}
-        return Scene(**state, radius=self.radius, **fields)
+        position, velocity = self._reader.position(0), self._reader.velocity(0)
+        return Scene(position=position, velocity=velocity, radius=self.radius, **fields)
 
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
         """Return a frame, for `warpgrains.analysis`.
@@ -128,7 +129,7 @@ class Recording(Shown):
             wall_force[grain] = np.where(wall == -1, 1.0, -1.0) * chains.force[~between]
         return Snapshot(
             scene=self.scene,
-            steps=round(self.time[k] / self.scene.dt),
+            steps=FrameTimes(self.scene.dt, self._reader.rate).step(k),
             position=position,
             velocity=self._reader.velocity(k),
             start=position,

@@ -53,7 +53,7 @@ def _add_batch(parser: ArgumentParser) -> None:
     add("--every", type=int, metavar="K", help="and a series.csv in the folder of each, a row every K steps")
     add("--usd", action="store_true", help="record every run to its recording.usdc")
     add("--folders", action="store_true", help="keep the scene, the end and the result of every run")
-    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 24)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
     group = parser.add_argument_group("many machines, which must all see DIR")

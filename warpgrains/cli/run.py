@@ -20,7 +20,6 @@ from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.cli.summary import results_of, summary_lines, true_rate
 from warpgrains.console import start_warp, stdout_kept_clean
-from warpgrains.drawing.frame_rate import recording_stride
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -210,5 +209,5 @@ def _warn_of_rate(scene: Scene, fps: float) -> None:
     """Say what a recording has instead of the frames a second that are asked for, if it cannot have them."""
     rate = true_rate(scene, fps)
     if rate != fps:
-        steps = f"{recording_stride(scene.dt, fps)} steps of {scene.dt:g} s"
-        _show_warning(f"--fps {fps:g} cannot be met: a frame every {steps} is {rate:.6g} a second")
+        steps = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
+        _show_warning(f"--fps {fps:g} cannot be met: {steps}")

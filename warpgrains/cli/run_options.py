@@ -15,7 +15,9 @@ def add_run(parser: ArgumentParser) -> None:
         metavar="OUT",
         help="record to this .usdc, .usda or .usdz file, film it (.mp4, .gif, .webp) or draw its end (.png)",
     )
-    recording("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    recording(
+        "--fps", type=float, metavar="F", help="frames recorded a second (default: 24, as Blender plays)"
+    )
     recording("--color-by", metavar="WHAT", help="speed, pressure, radius or palette (default: speed)")
     recording("--forces", action="store_true", help="draw force chains")
     one_way = group.add_mutually_exclusive_group().add_argument

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from warpgrains.drawing.frame_times import DEFAULT_RATE
 from warpgrains.errors import SceneError
 from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
 from warpgrains.scene import checks
@@ -43,7 +44,7 @@ class RunOptions:
     """Time steps in all."""
     record: str | None = None
     """USD file or film to write the frames to, or picture of the end."""
-    fps: float = 60.0
+    fps: float = DEFAULT_RATE
     """Wanted frames per second of simulated time [1/s]."""
     color_by: str = "speed"
     forces: bool = False

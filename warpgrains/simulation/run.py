@@ -200,7 +200,7 @@ def _keep(simulation: Simulation, options: RunOptions, statistics: RunStatistics
     recorder, observer, _ = outputs
     if observer is not None and simulation.steps % observer.every == 0:
         observer.observe(simulation)
-    if recorder is not None and statistics.steps == statistics.frames * recorder.stride:
+    if recorder is not None and statistics.steps == recorder.times.step(statistics.frames):
         contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
         recorder.record(simulation.position, simulation.velocity, *contacts)
         statistics.frames += 1
@@ -224,7 +224,7 @@ def _steps_to_next(
     if observer is not None:
         ends.append(statistics.steps + observer.every - simulation.steps % observer.every)
     if recorder is not None:
-        ends.append(statistics.frames * recorder.stride)
+        ends.append(recorder.times.step(statistics.frames))
     if options.checkpoint is not None:
         ends.append((statistics.steps // options.every + 1) * options.every)
     return min(ends) - statistics.steps

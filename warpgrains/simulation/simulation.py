@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from warpgrains.drawing.frame_times import DEFAULT_RATE
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
 from warpgrains.simulation.checkpoint import (
@@ -65,7 +66,7 @@ class Simulation(Stepper):
         duration: float | None = None,
         until: str | Question | None = None,
         record: str | Path | None = None,
-        fps: float = 60.0,
+        fps: float = DEFAULT_RATE,
         color_by: str = "speed",
         forces: bool = False,
         draw_as: str = "points",
@@ -89,7 +90,7 @@ class Simulation(Stepper):
             A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present
             state first; or a picture of the end (.png, .pdf, .svg).
         fps : float
-            Wanted frames per second of simulated time [1/s], see `recording_stride`.
+            Wanted frames per second of simulated time [1/s], see `FrameTimes`.
         color_by, forces, draw_as
             What the frames show, see `Recorder`.
         checkpoint : str or Path, optional

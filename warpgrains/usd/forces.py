@@ -9,9 +9,9 @@ from pxr import Sdf, Usd, UsdGeom
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, chains_of
 from warpgrains.drawing.colors import Frame
+from warpgrains.drawing.values import covering_extent, triples
 from warpgrains.frame_log import Arrays
 from warpgrains.usd.looks import bind_look, set_kind
-from warpgrains.usd.values import covering_extent, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

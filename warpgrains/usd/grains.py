@@ -10,10 +10,10 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 from warpgrains.arrays import IndexArray
 from warpgrains.drawing.colormaps import linear
 from warpgrains.drawing.colors import Frame, GrainColors, pressure
+from warpgrains.drawing.shapes import Shape
+from warpgrains.drawing.values import covering_extent, triples
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.looks import PROTOTYPES, bind_look, set_kind
-from warpgrains.usd.shapes import Shape
-from warpgrains.usd.values import covering_extent, triples
+from warpgrains.usd.looks import PROTOTYPES, bind_look, define_mesh, set_kind
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -125,7 +125,7 @@ class GrainInstances(GrainPoints):
         for first in range(0, len(colors), self._shared):
             path = PROTOTYPES.AppendChild(f"Color{first // self._shared:02d}")
             color = colors[first : first + self._shared].mean(axis=0)
-            bind_look(self._shape.define(stage, path).GetPrim(), color)
+            define_mesh(stage, path, self._shape, color)
             grains.CreatePrototypesRel().AddTarget(path)
         scales = np.repeat(self._half_width.astype(np.float32)[:, np.newaxis], 3, axis=1)
         grains.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))

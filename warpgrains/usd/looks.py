@@ -1,9 +1,11 @@
 """What makes a recording look right when it is opened: a material of the colors, lights and a camera."""
 
+import numpy as np
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colormaps import linear
+from warpgrains.drawing.shapes import Shape
 
 PROTOTYPES = Sdf.Path("/World/Prototypes")
 """Shapes that are drawn where grains are instances of them: a class, which is not drawn itself."""
@@ -45,6 +47,22 @@ def bind_look(prim: Usd.Prim, color: FloatArray | None = None) -> None:
         UsdGeom.Gprim(prim).CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(value)
     material = UsdShade.Material.Get(prim.GetStage(), MATERIAL)
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+
+
+def define_mesh(stage: Usd.Stage, path: Sdf.Path, shape: Shape, color: FloatArray) -> None:
+    """Define a mesh of one color (sRGB), with the material."""
+    mesh, tokens = UsdGeom.Mesh.Define(stage, path), UsdGeom.Tokens
+    points = Vt.Vec3fArray.FromNumpy(shape.points.astype(np.float32))
+    mesh.CreatePointsAttr(points)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(shape.counts.astype(np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(shape.corners.astype(np.int32)))
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(shape.normals.astype(np.float32)))
+    of_points = len(shape.normals) == len(points)
+    mesh.SetNormalsInterpolation(tokens.vertex if of_points else tokens.faceVarying)
+    mesh.CreateSubdivisionSchemeAttr(tokens.none)
+    mesh.CreateDoubleSidedAttr(True)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    bind_look(mesh.GetPrim(), color)
 
 
 def set_kind(prim: Usd.Prim, kind: str) -> None:

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections import ChainMap
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import ChainScale
-from warpgrains.drawing.colors import Frame, GrainColors
-from warpgrains.drawing.frame_rate import recording_rate, recording_stride
+from warpgrains.drawing.colors import GrainColors
+from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import SceneError
 from warpgrains.frame_log import FrameLog
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.output import SUFFIXES, lock_output, log_of
-from warpgrains.usd.shapes import disc, sphere
 from warpgrains.usd.stage import Drawing, static_layer
 from warpgrains.usd.writer import reopen_log, write_recording
 
@@ -46,7 +46,7 @@ class Recorder:
     scene : Scene
         What is recorded: radii, walls, time step and the scene's text go into the file.
     frames_per_second : float
-        Wanted frames per second of simulated time [1/s], see `recording_stride`.
+        Wanted frames per second of simulated time [1/s], see `FrameTimes`.
     color_by : str
         Color of the grains: "speed", "pressure", "radius" or "palette", see `GrainColors`.
     forces : bool
@@ -61,8 +61,8 @@ class Recorder:
     ----------
     path, log : Path
         Output file, and the file that holds its frames until it is complete.
-    stride : int
-        Steps between two frames.
+    times : FrameTimes
+        When the frames are, and the step that each is made of.
     needs_contacts : bool
         Whether `record` must be given contacts: for force chains and colors by pressure.
 
@@ -87,7 +87,7 @@ class Recorder:
     ) -> None:
         self.path = Path(path)
         self.log = log_of(self.path)
-        self.stride = recording_stride(scene.dt, frames_per_second)
+        self.times = FrameTimes.of(scene.dt, frames_per_second)
         colors = GrainColors(scene, color_by)
         self.needs_contacts = forces or color_by == "pressure"
         self._shape = scene.position.shape
@@ -99,7 +99,7 @@ class Recorder:
         if forces:
             self._drawings.append(ForceChains(scene, grains.height * float(scene.radius.max())))
             scales["forces"] = ChainScale.of(scene).described()
-        static = static_layer(scene, recording_rate(scene.dt, self.stride), self._drawings, scales)
+        static = static_layer(scene, self.times.rate, self._drawings, scales)
         self._frames = FrameLog(self.log, static.ExportToString())
         self._is_needed = resume_at is not None
         self._lock = lock_output(self.path)
@@ -145,7 +145,7 @@ class Recorder:
         Parameters
         ----------
         position, velocity : ndarray
-            [m] and [m/s], shape (n, 2).
+            [m] and [m/s], shape (n, 2), after step ``times.step(frames)``.
         contacts, wall_contacts
             What `Simulation.contacts` and `Simulation.wall_contacts` return; used where `needs_contacts`.
 
@@ -160,8 +160,11 @@ class Recorder:
         if np.shape(position) != self._shape or np.shape(velocity) != self._shape:
             shapes = f"{np.shape(position)} and {np.shape(velocity)}"
             raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
-        frame = Frame(position, velocity, contacts, wall_contacts)
-        self._frames.append(dict(ChainMap(*(dict(drawing.samples(frame)) for drawing in self._drawings))))
+        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts)
+        arrays: dict[str, NDArray[Any]] = {}
+        for drawing in self._drawings:
+            arrays |= drawing.samples(frame)
+        self._frames.append(arrays)
 
     def flush(self) -> None:
         """Put all frames so far on the disk: a later run can continue with ``resume_at=recorder.frames``."""

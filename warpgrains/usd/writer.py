@@ -1,4 +1,4 @@
-"""A USD file out of a log of frames, and back again, with some 24 MB of frames in memory at a time."""
+"""A USD file out of a log of frames, and back again, with some 28 MB of frames in memory at a time."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,7 +13,8 @@ from warpgrains.errors import SceneError
 from warpgrains.files import draft_of
 from warpgrains.frame_log import FrameLog, LogReader
 
-_SAVED_AT_ONCE = 24e6  # bytes of frames between two saves of the file
+_SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
+_SAMPLE = 128  # bytes that a value takes in memory beside its array
 
 
 def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
@@ -95,12 +96,14 @@ def _write_binary(reader: LogReader, binary: Path, frames: int | None) -> int:
     constants = Sdf.Layer.CreateAnonymous(".usda")
     constants.ImportFromString(reader.constants)
     flat.TransferContent(constants)
-    types = {name: type(flat.GetAttributeAtPath(name).typeName.defaultValue) for name in reader.kinds}
+    attributes = {name: flat.GetAttributeAtPath(name) for name in reader.kinds}
+    samples = {name: (spec.path, type(spec.typeName.defaultValue)) for name, spec in attributes.items()}
     written = unsaved = 0
     for written, frame in enumerate(islice(reader, frames), start=1):
         for name, array in frame.items():
-            flat.SetTimeSample(name, written - 1, types[name].FromNumpy(array))
-            unsaved += array.nbytes
+            path, kind = samples[name]
+            flat.SetTimeSample(path, written - 1, kind.FromNumpy(array))
+            unsaved += array.nbytes + _SAMPLE
         if unsaved > _SAVED_AT_ONCE:
             flat.Save()
             unsaved = 0
