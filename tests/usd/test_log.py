@@ -170,15 +170,16 @@ class TestNothingIsLost:
         assert recover(log)[1] == 4
         require_frames(tmp_path / "run.usdc", frames[:4])
 
-    def test_what_a_kill_left_of_an_unfinished_file_is_written_over(self, tmp_path):
+    def test_what_a_kill_left_of_an_unfinished_file_is_removed(self, tmp_path):
         frames = make_frames(3)
         log = cut_short(tmp_path / "run.usdc", frames)
-        for name in (".draft.run.usdc", ".draft.run.usdc.usdc", ".draft.run.usdc.frames"):
-            (tmp_path / name).write_bytes(b"half a file")
+        folder = tmp_path / ".draft.run.usdc"
+        folder.mkdir()
+        for name in ("run.usdc", "run.usdc.a1b2c3"):
+            (folder / name).write_bytes(b"half a file")
         recover(log)
         require_frames(tmp_path / "run.usdc", frames)
-        assert not list(tmp_path.glob(".draft.run.usdc.usdc"))
-        assert not (tmp_path / ".draft.run.usdc").exists()
+        assert set(tmp_path.iterdir()) == {log, tmp_path / "run.usdc"}
 
 
 class TestResume:

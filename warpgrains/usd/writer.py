@@ -1,5 +1,6 @@
 """A USD file out of a log of frames, and back again, with some 28 MB of frames in memory at a time."""
 
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
@@ -10,7 +11,7 @@ import numpy as np
 from pxr import Sdf, Tf, UsdUtils, Work
 
 from warpgrains.errors import SceneError
-from warpgrains.files import draft_of
+from warpgrains.files import publish
 from warpgrains.frame_log import FrameLog, LogReader
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
@@ -36,20 +37,17 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     OSError
         The file cannot be written, or would not hold these frames.
     """
-    binary = target.with_name(f".draft.{target.name}.usdc")
     reader = LogReader(log)
-    try:
-        with draft_of(target) as draft, _reporting_os_errors(target), _freeing_at_once():
+    with _workplace(target) as folder:
+        binary, draft = folder / f"{target.stem}.usdc", folder / target.name
+        with _reporting_os_errors(target), _freeing_at_once():
             written = _write_binary(reader, binary, frames)
             if target.suffix == ".usda":
                 Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
             elif target.suffix == ".usdz":
-                UsdUtils.CreateNewUsdzPackage(str(binary), str(draft), f"{target.stem}.usdc")
-            else:
-                binary.rename(draft)
+                UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
             _require_frames(draft, reader.kinds, written if frames is None else frames)
-    finally:
-        binary.unlink(missing_ok=True)
+        publish(draft, target)
     return written
 
 
@@ -91,7 +89,6 @@ def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
 
 def _write_binary(reader: LogReader, binary: Path, frames: int | None) -> int:
     """Write the first frames of a log, or all, to a usdc file, and return how many it has."""
-    binary.unlink(missing_ok=True)
     flat = Sdf.Layer.CreateNew(str(binary))
     constants = Sdf.Layer.CreateAnonymous(".usda")
     constants.ImportFromString(reader.constants)
@@ -121,6 +118,18 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
         found = layer.GetNumTimeSamplesForPath(name)
         if found != frames:
             raise OSError(f"'{path}' holds {found} frames of {name} after writing {frames}")
+
+
+@contextmanager
+def _workplace(target: Path) -> Iterator[Path]:
+    """Give an empty folder next to the target: USD leaves files of its own names there when it is killed."""
+    folder = target.with_name(f".draft.{target.name}")
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder)
 
 
 @contextmanager
