@@ -188,6 +188,33 @@ def test_what_the_frames_show(scene, tmp_path):
     assert exit_code("run", scene, "-o", tmp_path / "other.usda", "--color-by", "taste") == 2
 
 
+@pytest.mark.parametrize(
+    ("asked", "form"),
+    [
+        ([], "Points"),
+        (["--as", "points"], "Points"),
+        (["--as-points"], "Points"),
+        (["--as", "discs"], "PointInstancer"),
+        (["--as", "spheres"], "PointInstancer"),
+        (["--as-spheres"], "PointInstancer"),
+    ],
+)
+def test_form_of_the_grains(scene, tmp_path, asked, form):
+    from pxr import Usd
+
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", *asked) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out.usdc"))
+    assert stage.GetPrimAtPath("/World/Grains").GetTypeName() == form
+    assert len(list(stage.Traverse())) <= 12
+
+
+def test_form_that_is_unknown_or_given_twice(scene, tmp_path, capfd):
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", "--as", "cubes") == 2
+    require_one_line(*capfd.readouterr())
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", "--as", "discs", "--as-points") == 2
+    assert list(tmp_path.iterdir()) == [scene]
+
+
 def test_json_is_all_there_is_on_stdout(tmp_path):
     output = tmp_path / "annulus.usdc"
     process = command("run", "annulus", "-o", output, "--json", "--steps", "50")

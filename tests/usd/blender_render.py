@@ -90,7 +90,7 @@ def main(path, half_width, width, height, folder, view, *frames):
         glow_in_display_color()
     else:
         look_through(top)
-    samples, transform = (1, "Standard") if view == "Glow" else (32, view)
+    samples, transform = (1, "Standard") if view == "Glow" else (16, view)
     render(int(width), int(height), samples, folder, transform, [int(frame) for frame in frames])
     scene = bpy.context.scene
     types = {item.name: item.type for item in bpy.data.objects}

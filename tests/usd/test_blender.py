@@ -15,6 +15,7 @@ from matplotlib.image import imread
 from pages import blocks
 from recordings import make_scene, record
 
+from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import Frame, GrainColors, speed_scale
 
@@ -119,6 +120,12 @@ class TestAsOpened:
         for picture, frame in zip(pictures, frames, strict=True):
             shown = self.pixels_at(scene.position, picture)
             assert np.allclose(shown, meant(colors, Frame(*frame), draw_as), atol=0.01)
+
+    def test_plays_in_real_time(self, tmp_path):
+        Simulation(Scene.load("annulus")).run(duration=2.0, record=tmp_path / "run.usdc")
+        _, imported = rendered(tmp_path / "run.usdc", [], "Standard")
+        first, last = imported["frames"]
+        assert (last - first) / imported["rate"] == 2.0
 
     def test_colors_are_told_apart_by_the_view_that_is_default(self, tmp_path):
         scene = make_scene()

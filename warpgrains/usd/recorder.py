@@ -34,9 +34,9 @@ class Recorder:
 
     Use it in a ``with`` block. The file appears under its name when the block ends well and only then.
     Until then each frame is appended to the log next to it, see `FrameLog`. A killed process leaves all
-    frames there, and so does a block left by an exception, Ctrl-C included, unless there is only the first
-    one and `flush` was not called.
-    `recover` makes a file of them. Until the block ends, the recorder has a `Lock` on the output.
+    frames there, and so does a block left by an exception, Ctrl-C included; but a log of one frame that was
+    not flushed is deleted. `recover` makes a file of the log. Until the block ends, the recorder has a `Lock`
+    on the output.
 
     Parameters
     ----------
