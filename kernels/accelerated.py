@@ -2,7 +2,7 @@
 
 A sweep is coordinate descent on the dual objective of the step (MODEL.md, eq. 14),
 
-    phi = 1/2 sum_i m_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = m_i m_j / (m_i + m_j), m_i at a wall.
+    phi = 1/2 sum_i M_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = M_i M_j / (M_i + M_j), M_i at a wall.
 
 Between two sweeps, corrections x and velocities go on along the line from the last ones,
 y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13).
@@ -15,17 +15,7 @@ Only the working set is swept (working_set.py).
 import warp as wp
 
 from . import law
-from .access import (
-    larger,
-    number_at,
-    read_wall,
-    set_number,
-    set_vector,
-    set_wall_dv,
-    triple_at,
-    vector_at,
-    wall_dv_at,
-)
+from .access import at, larger, put, read_wall, set_wall_dv, wall_dv_at
 from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, grain_count, pair_count, wall_count
@@ -40,9 +30,9 @@ RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta 
 
 @wp.func
 def mass_in_phi(grains: Grains, contacts: Contacts, i: int) -> f64:
-    """Mass of a grain; where all masses are equal, phi is by unit mass."""
+    """Return the contact mass of a grain; where all masses are equal, phi is by unit mass."""
     if contacts.weights.shape[0] > 0:
-        return grains.mass[i]
+        return at(grains.contact_mass, i)
     return f64(1.0)
 
 
@@ -67,7 +57,7 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
         """Parts of the corrections that grains i and j take, and mu_c."""
         share_i, share_j, mu = vector(), vector(), vector()
         for k in range(wp.static(count)):
-            weight = triple_at(working.weights, c + k)
+            weight = at(working.weights, c + k)
             share_i[k] = weight[0]
             share_j[k] = weight[1]
             mu[k] = weight[2]
@@ -117,16 +107,16 @@ def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
     """One grain's wall correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
     wall = WallContact()
     read_wall(s.working.walls, c, wall)
-    v = vector_at(s.grains.next_velocity, wall.i)
+    v = at(s.grains.next_velocity, wall.i)
     inner = has_inner(s.walls)
-    y = wall.dv + beta * (wall.dv - number_at(s.working.wall_last, c))
+    y = wall.dv + beta * (wall.dv - at(s.working.wall_last, c))
     vn = wp.dot(v, wall.n)
     gap_out = outer_gap_rate(wall, v, s.walls)
     gap_in = wp.where(inner, wall.gap_rate_in, -gap_out)  # so that the cost is linear without an inner wall
     new = wall_projection(relaxation * vn, y, relaxation * gap_out, relaxation * gap_in, inner)
     dv = new - y
-    set_vector(s.grains.next_velocity, wall.i, v - dv * wall.n)
-    set_number(s.working.wall_last, c, wall.dv)
+    put(s.grains.next_velocity, wall.i, v - dv * wall.n)
+    put(s.working.wall_last, c, wall.dv)
     set_wall_dv(s.working.walls, c, new)
     cost_y = wall_cost(y, gap_out, gap_in)
     gain = dv * (vn - f64(0.5) * dv) - (wall_cost(new, gap_out, gap_in) - cost_y)
@@ -140,10 +130,11 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
     """Correct the working pairs of a set, four at a time and then those that are left."""
     zeta = f64(0.0)
     weighted = s.working.weights.shape[0] > 0
-    first, last = thread_range(team, s.contacts.set_start[k] // CHUNK, chunks_in(s.contacts.set_start[k + 1]))
+    set_begin, set_end = at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1)
+    first, last = thread_range(team, set_begin // CHUNK, chunks_in(set_end))
     for chunk in range(first, last):
         four, one = wp.vec3d(), wp.vec3d()
-        bounds = s.working.pair_range[chunk + k]
+        bounds = at(s.working.pair_range, chunk + k)
         rest = end_of_fours(bounds[0], bounds[1])
         if weighted:
             four = sweep_four_weighted(s, bounds[0], rest)
@@ -151,7 +142,7 @@ def sweep_pairs_ahead(team: Team, s: Scene, k: int):
         else:
             four = sweep_four(s, bounds[0], rest)
             one = sweep_one(s, rest, bounds[1])
-        s.momentum.pair_part[chunk + k] = wp.vec2d(four[1] + one[1], four[2] + one[2])
+        put(s.momentum.pair_part, chunk + k, wp.vec2d(four[1] + one[1], four[2] + one[2]))
         zeta = larger(zeta, larger(four[0], one[0]))
     keep_largest(team, s.partial.zeta, zeta)
 
@@ -165,14 +156,14 @@ def sweep_walls_ahead(team: Team, s: Scene):
     first, last = thread_range(team, 0, wall_part_count(s))
     for chunk in range(first, last):
         part = wp.vec2d(f64(0.0), f64(0.0))
-        bounds = s.working.wall_range[chunk]
+        bounds = at(s.working.wall_range, chunk)
         c = int(bounds[0])
         while c < bounds[1]:
             result = correct_wall(s, c, beta, relaxation)
             part = part + wp.vec2d(result[1], result[2])
             zeta = larger(zeta, result[0])
             c += 1
-        s.momentum.wall_part[chunk] = part
+        put(s.momentum.wall_part, chunk, part)
     keep_largest(team, s.partial.zeta, zeta)
 
 
@@ -182,24 +173,24 @@ def begin_momentum(team: Team, s: Scene):
     nothing = wp.vec2i(0, 0)
     first, last = thread_range(team, 0, part_count(s))
     for k in range(first, last):
-        s.momentum.pair_part[k] = wp.vec2d(f64(0.0), f64(0.0))
-        s.working.pair_range[k] = nothing
+        put(s.momentum.pair_part, k, wp.vec2d(f64(0.0), f64(0.0)))
+        put(s.working.pair_range, k, nothing)
     first, last = thread_range(team, 0, wall_part_count(s))
     for k in range(first, last):
-        s.working.wall_range[k] = nothing
+        put(s.working.wall_range, k, nothing)
     if s.control.resuming != 0:
         return
     i, last = thread_range(team, 0, grain_count(s))
     while i < last:
-        set_vector(s.momentum.last_velocity, i, vector_at(s.grains.next_velocity, i))
+        put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
         i += 1
     c, last = thread_range(team, 0, pair_count(s))
     while c < last:
-        set_number(s.momentum.pair_last, c, number_at(s.contacts.pair_dv, c))
+        put(s.momentum.pair_last, c, at(s.contacts.pair_dv, c))
         c += 1
     c, last = thread_range(team, 0, wall_count(s))
     while c < last:
-        set_number(s.momentum.wall_last, c, wall_dv_at(s.contacts.walls, c))
+        put(s.momentum.wall_last, c, wall_dv_at(s.contacts.walls, c))
         c += 1
     if team.rank == 0:
         s.momentum.state.t = f64(1.0)

@@ -1,10 +1,17 @@
-"""Reading, writing and comparing in the innermost loops: one instruction, and nothing else.
+"""Reading and writing arrays in the innermost loops: one instruction, and nothing else.
 
 Warp's own indexing allows negative indices and any stride; a sweep would pay a fifth of its time for that.
 Loops over grains and pairs are `while` loops: a turn of Warp's `range` takes a dozen instructions.
-The arrays are contiguous and the indices are the solver's own. For Warp's `max`, which looks whether either
-number is none, it would pay a tenth.
+The arrays are contiguous and the indices are the solver's own. Warp's `max` tests for NaN first, which would
+cost a tenth of a sweep.
+
+In **checked mode** every index is tested against the length of its array, and the first one that is outside
+is written to the scene's `Violation`, which `warpgrains.solver.records` reports. The mode is that of the
+process: the environment variable WARPGRAINS_CHECK_BOUNDS=1, read once, when this module is imported.
 """
+
+import os
+import re
 
 import warp as wp
 
@@ -12,48 +19,71 @@ from .types import Pair, WorkingPair
 from .walls import WallContact
 
 f64 = wp.float64
+CHECKED = os.environ.get("WARPGRAINS_CHECK_BOUNDS") == "1"
+CHECK = """
+    const auto within = [](const auto &array, int i) {
+        if (i >= 0 && i < array.shape[0])
+            return i;
+        long long *violation = (long long *)array.grad;
+        if (violation && violation[0] == 0) {
+            violation[0] = 1;
+            violation[1] = (long long)array.data;
+            violation[2] = array.shape[0];
+            violation[3] = i;
+        }
+        return 0;
+    };
+"""
+"""C++ that returns an index within an array. Where another one was asked for, it is written down, in the
+order of the fields of `Violation`; the gradient's pointer, of no other use here, leads there."""
+
+
+def checked(code: str) -> str:
+    """Return C++ for a native function; in checked mode it tests the index in each ARRAY.data[INDEX]."""
+    if not CHECKED:
+        return code
+    return CHECK + re.sub(r"([\w.]+)\.data\[([^]]+)\]", r"\1.data[within(\1, \2)]", code)
+
+
+for dtype in (f64, wp.int32, wp.uint64, wp.vec2d, wp.vec3d, wp.vec2i, wp.vec3i):
+
+    @wp.func_native(checked("return array.data[i];"))
+    def at(array: wp.array(dtype=dtype), i: int) -> dtype:
+        """Read an element."""
+        ...
+
+    @wp.func_native(checked("array.data[i] = value;"))
+    def put(array: wp.array(dtype=dtype), i: int, value: dtype):
+        """Write an element."""
+        ...
+
+
+@wp.func_native(checked("wp::atomic_max(&array.data[i], value);"))
+def raise_to(array: wp.array(dtype=f64), i: int, value: f64):
+    """Write the larger of an element and a value, atomically on a GPU (threads.py, stages.py)."""
+    ...
+
+
+@wp.func_native(
+    checked("""
+#if defined(__CUDA_ARCH__)
+    return atomicAdd(&array.data[i], amount);
+#else
+    const int before = array.data[i];
+    array.data[i] = before + amount;
+    return before;
+#endif
+""")
+)
+def add(array: wp.array(dtype=wp.int32), i: int, amount: int) -> int:
+    """Add to an integer in a stage that adds up (stages.py). Returns what it was before."""
+    ...
 
 
 @wp.func
 def larger(a: f64, b: f64) -> f64:
-    """The larger number; a where either is none."""
+    """max(a, b), or a if either is NaN."""
     return wp.where(b > a, b, a)
-
-
-@wp.func_native("return vectors.data[i];")
-def vector_at(vectors: wp.array(dtype=wp.vec2d), i: int) -> wp.vec2d:
-    """Read a vector."""
-    ...
-
-
-@wp.func_native("vectors.data[i] = value;")
-def set_vector(vectors: wp.array(dtype=wp.vec2d), i: int, value: wp.vec2d):
-    """Write a vector."""
-    ...
-
-
-@wp.func_native("return numbers.data[c];")
-def number_at(numbers: wp.array(dtype=f64), c: int) -> f64:
-    """Read a number."""
-    ...
-
-
-@wp.func_native("numbers.data[c] = value;")
-def set_number(numbers: wp.array(dtype=f64), c: int, value: f64):
-    """Write a number."""
-    ...
-
-
-@wp.func_native("return bits.data[i];")
-def bits_at(bits: wp.array(dtype=wp.uint64), i: int) -> wp.uint64:
-    """Read 64 bits."""
-    ...
-
-
-@wp.func_native("bits.data[i] = value;")
-def set_bits(bits: wp.array(dtype=wp.uint64), i: int, value: wp.uint64):
-    """Write 64 bits."""
-    ...
 
 
 @wp.func_native("""
@@ -64,107 +94,47 @@ def set_bits(bits: wp.array(dtype=wp.uint64), i: int, value: wp.uint64):
 #endif
 """)
 def lowest_bit(bits: wp.uint64) -> int:
-    """The lowest bit that is set, if one is."""
+    """Return the lowest bit that is set, if one is."""
     ...
 
 
-@wp.func_native("return triples.data[k];")
-def triple_at(triples: wp.array(dtype=wp.vec3d), k: int) -> wp.vec3d:
-    """Read three numbers."""
-    ...
-
-
-@wp.func_native("triples.data[k] = value;")
-def set_triple(triples: wp.array(dtype=wp.vec3d), k: int, value: wp.vec3d):
-    """Write three numbers."""
-    ...
-
-
-@wp.func_native("return integers.data[c];")
-def integer_at(integers: wp.array(dtype=wp.int32), c: int) -> int:
-    """Read an integer."""
-    ...
-
-
-@wp.func_native("integers.data[c] = value;")
-def set_integer(integers: wp.array(dtype=wp.int32), c: int, value: int):
-    """Write an integer."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return atomicAdd(counts.data + k, 1);
-#else
-    return counts.data[k]++;
-#endif
-""")
-def count_one(counts: wp.array(dtype=wp.int32), k: int) -> int:
-    """Count one more, in a stage that adds up (stages.py). Returns how many there were."""
-    ...
-
-
-@wp.func_native("return couples.data[k];")
-def couple_at(couples: wp.array(dtype=wp.vec2i), k: int) -> wp.vec2i:
-    """Read two integers."""
-    ...
-
-
-@wp.func_native("couples.data[k] = value;")
-def set_couple(couples: wp.array(dtype=wp.vec2i), k: int, value: wp.vec2i):
-    """Write two integers."""
-    ...
-
-
-@wp.func_native("return entries.data[k];")
-def entry_at(entries: wp.array(dtype=wp.vec3i), k: int) -> wp.vec3i:
-    """Read three integers."""
-    ...
-
-
-@wp.func_native("entries.data[k] = value;")
-def set_entry(entries: wp.array(dtype=wp.vec3i), k: int, value: wp.vec3i):
-    """Write three integers."""
-    ...
-
-
-@wp.func_native("pairs.data[c] = {source.data[k].n, 2u * source.data[k].i, 2u * source.data[k].j};")
+@wp.func_native(checked("pairs.data[c] = {source.data[k].n, 2u * source.data[k].i, 2u * source.data[k].j};"))
 def copy_pair(pairs: wp.array(dtype=WorkingPair), c: int, source: wp.array(dtype=Pair), k: int):
     """Make a working pair of a pair."""
     ...
 
 
-@wp.func_native("return pairs.data[c].n;")
+@wp.func_native(checked("return pairs.data[c].n;"))
 def normal_of(pairs: wp.array(dtype=Pair), c: int) -> wp.vec2d:
     """Read a pair's unit normal."""
     ...
 
 
-@wp.func_native("pairs.data[c].i = i; pairs.data[c].j = j;")
+@wp.func_native(checked("pairs.data[c].i = i; pairs.data[c].j = j;"))
 def set_grains(pairs: wp.array(dtype=Pair), c: int, i: int, j: int):
     """Write a pair's grains."""
     ...
 
 
-@wp.func_native("pairs.data[c].n = n; pairs.data[c].gap_rate = gap_rate;")
+@wp.func_native(checked("pairs.data[c].n = n; pairs.data[c].gap_rate = gap_rate;"))
 def freeze_pair(pairs: wp.array(dtype=Pair), c: int, n: wp.vec2d, gap_rate: f64):
     """Write a pair's unit normal, and its gap / dt [m/s]."""
     ...
 
 
-@wp.func_native("return pairs.data[c].gap_rate;")
+@wp.func_native(checked("return pairs.data[c].gap_rate;"))
 def gap_rate_of(pairs: wp.array(dtype=Pair), c: int) -> f64:
     """Read a pair's gap / dt [m/s]."""
     ...
 
 
-@wp.func_native("return pairs.data[c].i;")
+@wp.func_native(checked("return pairs.data[c].i;"))
 def first_of(pairs: wp.array(dtype=Pair), c: int) -> int:
     """Read a pair's first grain."""
     ...
 
 
-@wp.func_native("return pairs.data[c].j;")
+@wp.func_native(checked("return pairs.data[c].j;"))
 def second_of(pairs: wp.array(dtype=Pair), c: int) -> int:
     """Read a pair's second grain."""
     ...
@@ -172,30 +142,30 @@ def second_of(pairs: wp.array(dtype=Pair), c: int) -> int:
 
 @wp.func
 def vn_of(velocity: wp.array(dtype=wp.vec2d), pairs: wp.array(dtype=Pair), c: int) -> f64:
-    """The velocity at which a pair closes its gap [m/s]."""
-    difference = vector_at(velocity, first_of(pairs, c)) - vector_at(velocity, second_of(pairs, c))
+    """Return the velocity at which a pair closes its gap [m/s]."""
+    difference = at(velocity, first_of(pairs, c)) - at(velocity, second_of(pairs, c))
     return wp.dot(difference, normal_of(pairs, c))
 
 
-@wp.func_native("wall = walls.data[c];")
+@wp.func_native(checked("wall = walls.data[c];"))
 def read_wall(walls: wp.array(dtype=WallContact), c: int, wall: wp.ref[WallContact]):
     """Read a contact with a wall."""
     ...
 
 
-@wp.func_native("walls.data[c] = wall;")
+@wp.func_native(checked("walls.data[c] = wall;"))
 def set_wall(walls: wp.array(dtype=WallContact), c: int, wall: WallContact):
     """Write a contact with a wall."""
     ...
 
 
-@wp.func_native("return walls.data[c].dv;")
+@wp.func_native(checked("return walls.data[c].dv;"))
 def wall_dv_at(walls: wp.array(dtype=WallContact), c: int) -> f64:
     """Read the correction of a contact with a wall."""
     ...
 
 
-@wp.func_native("walls.data[c].dv = value;")
+@wp.func_native(checked("walls.data[c].dv = value;"))
 def set_wall_dv(walls: wp.array(dtype=WallContact), c: int, value: f64):
     """Write the correction of a contact with a wall."""
     ...

@@ -8,9 +8,11 @@ from functools import cache
 
 import warp as wp
 
+from .pace import barrier, count_rest, is_to_grow, join, leave
 from .record import SOLVED, Scene, SceneRecord
 from .stages import OPTIONS
-from .threads import Team, TeamRecord, barrier
+from .threads import Team, TeamRecord, is_member
+from .waiting import seconds
 
 f64 = wp.float64
 TIME_SLICE = wp.constant(f64(1.0e-3))  # seconds after which a team looks for another scene
@@ -43,21 +45,6 @@ def is_taken_now(taken: wp.array(dtype=wp.int32), k: int) -> bool:
 @wp.func_native("__atomic_store_n(taken.data + k, 0, __ATOMIC_RELEASE);")
 def give_back(taken: wp.array(dtype=wp.int32), k: int):
     """Leave scene k to the next team."""
-    ...
-
-
-@wp.func_native("""
-    double time = 0.0;
-#if defined(__linux__)
-    long long now[2];
-    int read_clock(int, long long *) __asm__("clock_gettime");
-    read_clock(1, now);
-    time = double(now[0]) + 1e-9 * double(now[1]);
-#endif
-    return time;
-""")
-def seconds() -> f64:
-    """Read a clock that never goes back; where there is none, all slices last to the end."""
     ...
 
 
@@ -97,10 +84,11 @@ def count_step(s: Scene, queue: Queue, k: int):
 
 
 @wp.func
-def slice_goes_on(queue: Queue, k: int, begun: f64) -> int:
+def slice_goes_on(team: Team, queue: Queue, k: int, begun: f64) -> int:
     """Whether the team goes on with scene k; what it has spent is counted when not."""
     spent = seconds() - begun
-    if has_work(queue, k) and queue.halt[0] == 0 and spent < TIME_SLICE:
+    count_rest(team)
+    if has_work(queue, k) and queue.halt[0] == 0 and spent < TIME_SLICE and not is_to_grow(team):
         return 1
     queue.seconds[k] = queue.seconds[k] + spent
     return 0
@@ -125,28 +113,30 @@ def kernel(name: str, solve: wp.Function) -> wp.Kernel:
         """Advance a scene until it is done, cannot go on, or its time is over."""
         begun = seconds()
         going_on = int(1)
-        while going_on != 0:
+        while going_on != 0 and is_member(team):
             solve(team, s)
             if team.rank == 0:
                 count_step(s, queue, k)
-                team.going_on[0] = slice_goes_on(queue, k, begun)
+                team.going_on[0] = slice_goes_on(team, queue, k, begun)
             barrier(team)
             going_on = team.going_on[0]
             barrier(team)
 
     @wp.kernel(module=module)
     def advance(records: wp.array(dtype=SceneRecord), queue: Queue, team: TeamRecord):
-        """Advance scenes as long as one is free."""
+        """Advance scenes as long as one is free, or until a larger team is to be tried."""
+        join(team)
         k = int(0)
-        while k >= 0:
+        while k >= 0 and is_member(team):
             if team.rank == 0:
-                team.scene[0] = take(queue)
+                team.scene[0] = -1 if is_to_grow(team) else take(queue)
             barrier(team)
             k = team.scene[0]
-            if k >= 0:
+            if k >= 0 and is_member(team):
                 advance_scene(team, records[k], queue, k)
                 if team.rank == 0:
                     give_back(queue.taken, k)
             barrier(team)
+        leave(team)
 
     return advance

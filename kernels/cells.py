@@ -6,7 +6,7 @@ bounds.
 
 import warp as wp
 
-from .access import count_one, integer_at, number_at, set_integer, set_number, set_vector, vector_at
+from .access import add, at, put
 from .record import Scene
 from .types import Ints
 
@@ -32,8 +32,8 @@ def ends(count: Ints, end: Ints):
     total = int(0)
     k = int(0)
     while k < count.shape[0]:
-        total += integer_at(count, k)
-        set_integer(end, k, total)
+        total += at(count, k)
+        put(end, k, total)
         k += 1
 
 
@@ -46,37 +46,37 @@ def bucket_count(s: Scene) -> int:
 @wp.func
 def clear_cell(s: Scene, b: int):
     """Empty a bucket."""
-    set_integer(s.grid.cell_start, b, 0)
+    put(s.grid.cell_start, b, 0)
 
 
 @wp.func
 def count_in_cell(s: Scene, i: int):
     """How many grains every bucket holds, in cell_start; no pair is found yet."""
-    x, inverse_size = vector_at(s.grains.position, i), s.grid.inverse_size
+    x, inverse_size = at(s.grains.position, i), s.grid.inverse_size
     bucket = bucket_of(cell_of(x[0], inverse_size), cell_of(x[1], inverse_size), s.grid.width)
-    set_integer(s.grid.bucket, i, bucket)
-    count_one(s.grid.cell_start, bucket)
-    set_integer(s.neighbors.firsts, i, 0)
-    set_integer(s.neighbors.seconds, i, 0)
+    put(s.grid.bucket, i, bucket)
+    add(s.grid.cell_start, bucket, 1)
+    put(s.neighbors.firsts, i, 0)
+    put(s.neighbors.seconds, i, 0)
 
 
 @wp.func
 def end_cells(s: Scene):
     """Where every bucket ends."""
     ends(s.grid.cell_start, s.grid.cell_start)
-    s.neighbors.total[0] = 0
+    put(s.neighbors.total, 0, 0)
 
 
 @wp.func
 def fill_cell(s: Scene, i: int):
     """Put a grain in its bucket, with its extent; cell_start counts down to where the bucket starts."""
-    k = wp.atomic_sub(s.grid.cell_start, integer_at(s.grid.bucket, i), 1) - 1
-    x = vector_at(s.grains.position, i)
-    w = vector_at(s.verlet.reference_velocity, i) - s.verlet.numbers.mean_velocity
-    skin = number_at(s.grains.radius, i) + number_at(s.verlet.skin, i)
-    set_integer(s.grid.grain, k, i)
-    set_number(s.grid.x, k, x[0])
-    set_number(s.grid.y, k, x[1])
-    set_vector(s.grid.velocity, k, w)
-    set_number(s.grid.skin, k, skin)
-    set_number(s.grid.extent, k, skin + s.verlet.numbers.lifetime * wp.length(w))
+    k = add(s.grid.cell_start, at(s.grid.bucket, i), -1) - 1
+    x = at(s.grains.position, i)
+    w = at(s.verlet.reference_velocity, i) - s.verlet.numbers.mean_velocity
+    skin = at(s.grains.radius, i) + at(s.verlet.skin, i)
+    put(s.grid.grain, k, i)
+    put(s.grid.x, k, x[0])
+    put(s.grid.y, k, x[1])
+    put(s.grid.velocity, k, w)
+    put(s.grid.skin, k, skin)
+    put(s.grid.extent, k, skin + s.verlet.numbers.lifetime * wp.length(w))

@@ -14,7 +14,7 @@ list has changed.
 
 import warp as wp
 
-from .access import bits_at, entry_at, integer_at, lowest_bit, set_bits, set_entry, set_integer
+from .access import at, lowest_bit, put
 from .record import Scene, dealt_threads, grain_count, pair_count
 from .types import Ints, NeighborList
 
@@ -36,42 +36,80 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
     """Dependency levels, as few as there can be."""
     n = rows.start.shape[0] - 1
     for i in range(n):
-        next_level[i] = 0
+        put(next_level, i, 0)
     for i in range(n):
-        own = integer_at(next_level, i)  # no later row looks at it
-        k, end = integer_at(rows.start, i), integer_at(rows.start, i + 1)
+        own = at(next_level, i)  # no later row looks at it
+        k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
-            j = integer_at(rows.neighbor, k)
-            level = wp.max(own, integer_at(next_level, j))
-            set_integer(group, k, level)
+            j = at(rows.neighbor, k)
+            level = wp.max(own, at(next_level, j))
+            put(group, k, level)
             own = level + 1
-            set_integer(next_level, j, own)
+            put(next_level, j, own)
             k += 1
+
+
+@wp.func
+def renumber_extra_colors(s: Scene) -> int:
+    """Number the colors above 64 that are kept without gaps, in their order. Returns the first free one.
+
+    Each belongs to one pair, and with gaps they would grow from list to list. Without, there are never more
+    sets than the largest list so far has pairs, for which `set_start` has capacity. A color that is given
+    belongs to a list with at least as many other pairs: those of lower colors that keep it from these. A
+    color that is kept was given in an earlier list, and renumbering only lowers it.
+    """
+    pairs, color, rank = at(s.neighbors.start, grain_count(s)), s.workspace.color, s.workspace.group
+    old_pairs = at(s.workspace.old.start, grain_count(s))
+    k = int(0)
+    while k < old_pairs:
+        put(rank, k, 0)
+        k += 1
+    k = int(0)
+    while k < pairs:
+        if at(color, k) >= MASK_COLORS:
+            put(rank, at(color, k) - MASK_COLORS, 1)
+        k += 1
+    extra = int(MASK_COLORS)
+    k = int(0)
+    while k < old_pairs:
+        kept = at(rank, k)
+        put(rank, k, extra)
+        extra += kept
+        k += 1
+    k = int(0)
+    while k < pairs:
+        if at(color, k) >= MASK_COLORS:
+            put(color, k, at(rank, at(color, k) - MASK_COLORS))
+        k += 1
+    return extra
 
 
 @wp.func
 def keep_colors(s: Scene) -> int:
     """Let pairs of the old list keep their colors; others have -1. Returns the first extra one."""
     rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
-    extra = int(MASK_COLORS)
+    extra = int(0)
     for i in range(grain_count(s)):
-        own = bits_at(used, i)
-        k, end = integer_at(rows.start, i), integer_at(rows.start, i + 1)
+        own = at(used, i)
+        k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
             kept = int(-1)
-            k_old = integer_at(s.workspace.old_place, k)
+            k_old = at(s.workspace.old_place, k)
             if k_old >= 0:
-                kept = integer_at(s.workspace.old_color, k_old)
-                extra = wp.max(extra, kept + 1)
+                kept = at(s.workspace.old_color, k_old)
                 if kept < MASK_COLORS:
-                    j = integer_at(rows.neighbor, k)
+                    j = at(rows.neighbor, k)
                     bit = wp.uint64(1) << wp.uint64(kept)
                     own = own | bit
-                    set_bits(used, j, bits_at(used, j) | bit)
-            set_integer(color, k, kept)
+                    put(used, j, at(used, j) | bit)
+                else:
+                    extra += 1
+            put(color, k, kept)
             k += 1
-        set_bits(used, i, own)
-    return extra
+        put(used, i, own)
+    if extra == 0:
+        return int(MASK_COLORS)
+    return renumber_extra_colors(s)
 
 
 @wp.func
@@ -83,29 +121,29 @@ def colors(s: Scene):
     rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
     n = grain_count(s)
     for i in range(n):
-        set_bits(used, i, wp.uint64(0))
+        put(used, i, wp.uint64(0))
     extra = int(MASK_COLORS)
     resuming = s.control.resuming != 0
     if resuming:
         extra = keep_colors(s)
     for i in range(n):
-        own = bits_at(used, i)  # no later row looks at it
-        k, end = integer_at(rows.start, i), integer_at(rows.start, i + 1)
+        own = at(used, i)  # no later row looks at it
+        k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
-            found = integer_at(color, k)
+            found = at(color, k)
             if not resuming or found < 0:
-                j = integer_at(rows.neighbor, k)
-                its = bits_at(used, j)
+                j = at(rows.neighbor, k)
+                its = at(used, j)
                 found = lowest_free(own | its)
                 if found < MASK_COLORS:
                     bit = wp.uint64(1) << wp.uint64(found)
                     own = own | bit
-                    set_bits(used, j, its | bit)
+                    put(used, j, its | bit)
                 else:
                     found = extra
                     extra = extra + 1
-                set_integer(color, k, found)
-            set_integer(s.workspace.group, k, found)
+                put(color, k, found)
+            put(s.workspace.group, k, found)
             k += 1
 
 
@@ -127,34 +165,34 @@ def place_pairs(s: Scene):
 
     Where sets are merged they are told as one: a thread sweeps the pairs that it has in order anyway.
     """
-    pairs = s.neighbors.start[grain_count(s)]
+    pairs = at(s.neighbors.start, grain_count(s))
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
     sets = int(0)
     k = int(0)
     while k < pairs:
-        sets = wp.max(sets, integer_at(group, k) + 1)
+        sets = wp.max(sets, at(group, k) + 1)
         k += 1
     for g in range(sets + 1):
-        start[g] = 0
+        put(start, g, 0)
     k = int(0)
     while k < pairs:
-        g = integer_at(group, k) + 1
-        set_integer(start, g, integer_at(start, g) + 1)
+        g = at(group, k) + 1
+        put(start, g, at(start, g) + 1)
         k += 1
     for g in range(sets):
-        start[g + 1] = start[g + 1] + start[g]
+        put(start, g + 1, at(start, g + 1) + at(start, g))
     k = int(0)
     while k < pairs:
-        g = integer_at(group, k)
-        place = integer_at(start, g)
-        set_integer(sweep_index, k, place)
-        set_integer(start, g, place + 1)
+        g = at(group, k)
+        place = at(start, g)
+        put(sweep_index, k, place)
+        put(start, g, place + 1)
         k += 1
     for g in range(sets):
-        start[sets - g] = start[sets - g - 1]
-    start[0] = 0
+        put(start, sets - g, at(start, sets - g - 1))
+    put(start, 0, 0)
     if s.merge != 0:
-        start[1] = pairs
+        put(start, 1, pairs)
         sets = 1
     s.contacts.count.pairs = pairs
     s.contacts.count.sets = sets
@@ -173,10 +211,10 @@ def group_pairs(s: Scene):
 @wp.func
 def gather(s: Scene, i: int):
     """Write the pairs of grain i, (i, j, place in the neighbor list), where they come in the sweep."""
-    k, end = integer_at(s.neighbors.start, i), integer_at(s.neighbors.start, i + 1)
+    k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:
-        entry = wp.vec3i(i, integer_at(s.neighbors.neighbor, k), k)
-        set_entry(s.workspace.sequence, integer_at(s.workspace.sweep_index, k), entry)
+        entry = wp.vec3i(i, at(s.neighbors.neighbor, k), k)
+        put(s.workspace.sequence, at(s.workspace.sweep_index, k), entry)
         k += 1
 
 
@@ -192,26 +230,26 @@ def tile_pairs(s: Scene):
     sequence, next_tile, start = s.workspace.sequence, s.workspace.next_level, s.workspace.group
     sweep_index = s.workspace.sweep_index
     for i in range(grain_count(s)):
-        set_integer(next_tile, i, 0)
+        put(next_tile, i, 0)
     for w in range(tiles + 1):
-        start[w] = 0
+        put(start, w, 0)
     c = int(0)
     while c < pairs:
-        pair = entry_at(sequence, c)
-        earlier = wp.max(integer_at(next_tile, pair[0]), integer_at(next_tile, pair[1]))
+        pair = at(sequence, c)
+        earlier = wp.max(at(next_tile, pair[0]), at(next_tile, pair[1]))
         w = wp.max(pair[2] // length, earlier)
-        set_integer(next_tile, pair[0], w)
-        set_integer(next_tile, pair[1], w)
-        set_integer(sweep_index, pair[2], w)
-        set_integer(start, w + 1, integer_at(start, w + 1) + 1)
+        put(next_tile, pair[0], w)
+        put(next_tile, pair[1], w)
+        put(sweep_index, pair[2], w)
+        put(start, w + 1, at(start, w + 1) + 1)
         c += 1
     for w in range(tiles):
-        start[w + 1] = start[w + 1] + start[w]
+        put(start, w + 1, at(start, w + 1) + at(start, w))
     c = int(0)
     while c < pairs:
-        k = entry_at(sequence, c)[2]
-        w = integer_at(sweep_index, k)
-        place = integer_at(start, w)
-        set_integer(sweep_index, k, place)
-        set_integer(start, w, place + 1)
+        k = at(sequence, c)[2]
+        w = at(sweep_index, k)
+        place = at(start, w)
+        put(sweep_index, k, place)
+        put(start, w, place + 1)
         c += 1

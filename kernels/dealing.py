@@ -15,7 +15,7 @@ Who sweeps a pair does not change what it finds: no result depends on it.
 
 import warp as wp
 
-from .access import entry_at, integer_at, set_integer
+from .access import at, put
 from .coloring import tile_length
 from .record import Scene, dealt_threads, grain_count, pair_count
 
@@ -27,9 +27,9 @@ STRETCHES = wp.constant(4)  # of a tile, one of which is waited for at a time
 def piece_end(s: Scene, begin: int, length: int) -> int:
     """Where the stretch of the common order ends that a thread is dealt at once."""
     tile = int(0)
-    while integer_at(s.workspace.group, tile) <= begin:
+    while at(s.workspace.group, tile) <= begin:
         tile += 1
-    end = integer_at(s.workspace.group, tile)
+    end = at(s.workspace.group, tile)
     if end - begin > LONGEST * length:
         end = begin + length
     return end
@@ -40,34 +40,34 @@ def begin_dealing(s: Scene, length: int):
     """Find where the places of every thread begin; nothing is dealt yet, and nobody waits."""
     team, pairs, first = dealt_threads(s), pair_count(s), s.dealt.first
     for w in range(team + 1):
-        first[w] = 0
+        put(first, w, 0)
     begin, piece = int(0), int(0)
     while begin < pairs:
         end = piece_end(s, begin, length)
-        first[piece % team + 1] = first[piece % team + 1] + end - begin
+        put(first, piece % team + 1, at(first, piece % team + 1) + end - begin)
         begin = end
         piece += 1
     for w in range(team):
-        first[w + 1] = first[w + 1] + first[w]
-        s.dealt.cursor[w] = first[w]
+        put(first, w + 1, at(first, w + 1) + at(first, w))
+        put(s.dealt.cursor, w, at(first, w))
     for k in range(team * team):
-        s.dealt.seen[k] = 0
+        put(s.dealt.seen, k, 0)
     for i in range(grain_count(s)):
-        set_integer(s.dealt.last, i, 0)
+        put(s.dealt.last, i, 0)
     c = int(0)
     while c < pairs:
-        set_integer(s.dealt.begins, c, 0)
+        put(s.dealt.begins, c, 0)
         c += 1
 
 
 @wp.func
 def begin_segment(s: Scene, place: int):
     """Let a segment begin with the pair at this place, if none does; it waits for nobody yet."""
-    if integer_at(s.dealt.begins, place) == 0:
-        set_integer(s.dealt.begins, place, 1)
+    if at(s.dealt.begins, place) == 0:
+        put(s.dealt.begins, place, 1)
         team = dealt_threads(s)
         for other in range(team):
-            s.dealt.dependencies[place * team + other] = 0
+            put(s.dealt.dependencies, place * team + other, 0)
 
 
 @wp.func
@@ -75,34 +75,34 @@ def wait_for(s: Scene, w: int, place: int, before: int, stretch: int):
     """Let the pair at this place, of thread w, come after all of another thread before a place of its."""
     team, first = dealt_threads(s), s.dealt.first
     other = int(0)
-    while before > first[other + 1]:
+    while before > at(first, other + 1):
         other += 1
-    if before > s.dealt.seen[w * team + other]:
-        end = wp.min((before + stretch - 1) // stretch * stretch, s.dealt.cursor[other])
-        s.dealt.seen[w * team + other] = end
+    if before > at(s.dealt.seen, w * team + other):
+        end = wp.min((before + stretch - 1) // stretch * stretch, at(s.dealt.cursor, other))
+        put(s.dealt.seen, w * team + other, end)
         begin_segment(s, place)
-        s.dealt.dependencies[place * team + other] = end
-        if end < first[other + 1]:
+        put(s.dealt.dependencies, place * team + other, end)
+        if end < at(first, other + 1):
             begin_segment(s, end)
 
 
 @wp.func
 def deal(s: Scene, w: int, begin: int, end: int, stretch: int):
     """Give thread w a stretch of the common order, and mark where it has to wait."""
-    last, first = s.dealt.last, s.dealt.first[w]
-    place = s.dealt.cursor[w]
+    last, first = s.dealt.last, at(s.dealt.first, w)
+    place = at(s.dealt.cursor, w)
     c = int(begin)
     while c < end:
-        pair = entry_at(s.workspace.sequence, c)
+        pair = at(s.workspace.sequence, c)
         for side in range(2):
-            before = integer_at(last, pair[side])
+            before = at(last, pair[side])
             if before > place or (before > 0 and before <= first):
                 wait_for(s, w, place, before, stretch)
-            set_integer(last, pair[side], place + 1)
-        set_integer(s.workspace.sweep_index, pair[2], place)
+            put(last, pair[side], place + 1)
+        put(s.workspace.sweep_index, pair[2], place)
         place += 1
         c += 1
-    s.dealt.cursor[w] = place
+    put(s.dealt.cursor, w, place)
 
 
 @wp.func
@@ -111,19 +111,20 @@ def number_segments(s: Scene):
     team, first = dealt_threads(s), s.dealt.first
     segments = int(0)
     for w in range(team):
-        s.dealt.first_segment[w] = segments
-        c, end = int(first[w]), first[w + 1]
+        put(s.dealt.first_segment, w, segments)
+        c, end = at(first, w), at(first, w + 1)
         if c < end:
             begin_segment(s, c)
         while c < end:
-            if integer_at(s.dealt.begins, c) != 0:
-                s.contacts.set_start[segments] = c
+            if at(s.dealt.begins, c) != 0:
+                put(s.contacts.set_start, segments, c)
                 for other in range(team):
-                    s.dealt.dependencies[segments * team + other] = s.dealt.dependencies[c * team + other]
+                    dependency = at(s.dealt.dependencies, c * team + other)
+                    put(s.dealt.dependencies, segments * team + other, dependency)
                 segments += 1
             c += 1
-    s.dealt.first_segment[team] = segments
-    s.contacts.set_start[segments] = pair_count(s)
+    put(s.dealt.first_segment, team, segments)
+    put(s.contacts.set_start, segments, pair_count(s))
     s.contacts.count.sets = segments
 
 

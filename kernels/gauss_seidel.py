@@ -8,18 +8,17 @@ import warp as wp
 
 from . import law
 from .access import (
+    at,
+    checked,
     first_of,
     gap_rate_of,
     larger,
     lowest_bit,
     normal_of,
-    number_at,
+    put,
     read_wall,
     second_of,
-    set_number,
-    set_vector,
     set_wall_dv,
-    vector_at,
 )
 from .record import Scene, wall_count
 from .segments import pairs_of
@@ -33,24 +32,28 @@ f64 = wp.float64
 NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 
 
-@wp.func_native("""
+@wp.func_native(
+    checked("""
 #if !defined(__CUDA_ARCH__)
     moments.data[k] = vi;
     moments.data[k + 1] = vj;
 #endif
 """)
+)
 def note_moment(moments: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
     """Keep what a correction has made of two velocities: another of its block may change them again."""
     ...
 
 
-@wp.func_native("""
+@wp.func_native(
+    checked("""
 #if defined(__CUDA_ARCH__)
     return velocity.data[i];
 #else
     return moments.data[k];
 #endif
 """)
+)
 def moment_at(moments: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
     """Read one of them. On a GPU it is the velocity of i still: all pairs of a launch are of one set."""
     ...
@@ -64,16 +67,16 @@ def correct_pair(
     i = first_of(contacts.pairs, c)
     j = second_of(contacts.pairs, c)
     n = normal_of(contacts.pairs, c)
-    vi = vector_at(velocity, i)
-    vj = vector_at(velocity, j)
+    vi = at(velocity, i)
+    vj = at(velocity, j)
     vn = wp.dot(vi - vj, n)
-    dv_before = number_at(contacts.pair_dv, c)
+    dv_before = at(contacts.pair_dv, c)
     dv = law.pair_correction(vn, dv_before, gap_rate_of(contacts.pairs, c))
     vi = vi - dv * n * weight[0]
     vj = vj + dv * n * weight[1]
-    set_vector(velocity, i, vi)
-    set_vector(velocity, j, vj)
-    set_number(contacts.pair_dv, c, dv_before + dv)
+    put(velocity, i, vi)
+    put(velocity, j, vj)
+    put(contacts.pair_dv, c, dv_before + dv)
     note_moment(moments, k, vi, vj)
     return wp.abs(dv)
 
@@ -81,10 +84,10 @@ def correct_pair(
 @wp.func
 def correct_wall(velocity: Vectors, contacts: Contacts, c: int, wall: WallContact, inner: bool) -> f64:
     """One grain's wall correction, in place. Returns |dv|."""
-    v = vector_at(velocity, wall.i)
+    v = at(velocity, wall.i)
     vn = wp.dot(v, wall.n)
     dv = wall_projection(vn, wall.dv, wall.gap_rate_out, wall.gap_rate_in, inner) - wall.dv
-    set_vector(velocity, wall.i, v - dv * wall.n)
+    put(velocity, wall.i, v - dv * wall.n)
     set_wall_dv(contacts.walls, c, wall.dv + dv)
     return wp.abs(dv)
 
@@ -100,7 +103,7 @@ def correct_block(s: Scene, begin: int, end: int, k: int):
     c = int(begin)
     if contacts.weights.shape[0] > 0:
         while c < end:
-            weight = vector_at(contacts.weights, c)
+            weight = at(contacts.weights, c)
             change = correct_pair(velocity, contacts, c, weight, moments, k + 2 * (c - begin))
             zeta = larger(zeta, change)
             bits = (bits << ONE) | wp.where(change > large, ONE, NONE)
@@ -157,11 +160,11 @@ def sweep_walls(team: Team, s: Scene):
     c = begin
     while c < end:
         read_wall(contacts.walls, c, wall)
-        wall.gap_rate_out = outer_gap_rate(wall, vector_at(velocity, wall.i), s.walls)
+        wall.gap_rate_out = outer_gap_rate(wall, at(velocity, wall.i), s.walls)
         change = correct_wall(velocity, contacts, c, wall, inner)
         zeta = larger(zeta, change)
         if change > large:
-            monitor(s, wall.i, vector_at(velocity, wall.i))
+            monitor(s, wall.i, at(velocity, wall.i))
         c += 1
     keep_largest(team, s.partial.zeta, zeta)
 

@@ -3,6 +3,7 @@
 import warp as wp
 
 from . import law
+from .access import at, put
 from .record import Scene
 
 f64 = wp.float64
@@ -19,24 +20,25 @@ def begin_step(s: Scene):
 @wp.func
 def free_velocity(s: Scene, i: int):
     """v* (eqs. 2, 16, 17)."""
-    v = s.grains.velocity[i]
-    m = s.grains.mass[i]
+    v = at(s.grains.velocity, i)
+    m = at(s.grains.mass, i)
     if s.scheme.leapfrog != 0:
         staggered = s.scheme.staggered != 0
-        s.grains.free_velocity[i] = law.leapfrog_velocity(v, s.gravity, s.drag, m, s.dt, staggered)
+        v = law.leapfrog_velocity(v, s.gravity, s.drag, m, s.dt, staggered)
     else:
-        s.grains.free_velocity[i] = law.free_velocity(v, s.gravity, s.drag, m, s.dt)
+        v = law.free_velocity(v, s.gravity, s.drag, m, s.dt)
+    put(s.grains.free_velocity, i, v)
 
 
 @wp.func
 def move(s: Scene, i: int):
     """X += dt v, with the velocities that the contacts have corrected (eq. 3)."""
-    x = s.grains.position[i]
-    v = s.grains.next_velocity[i]
-    s.grains.last_position[i] = x
-    s.grains.last_velocity[i] = s.grains.velocity[i]
-    s.grains.position[i] = x + s.dt * v
-    s.grains.velocity[i] = v
+    x = at(s.grains.position, i)
+    v = at(s.grains.next_velocity, i)
+    put(s.grains.last_position, i, x)
+    put(s.grains.last_velocity, i, at(s.grains.velocity, i))
+    put(s.grains.position, i, x + s.dt * v)
+    put(s.grains.velocity, i, v)
 
 
 @wp.func

@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from .access import CHECKED, checked
 from .types import Floats, Vectors, WorkingPair
 
 f64 = wp.float64
@@ -69,6 +70,7 @@ def lanewise(count: int, formula: str) -> str:
     """
 
 
+PLACE = "2 * within(velocity, place / 2)" if CHECKED else "place"
 VELOCITIES = """
     #if defined(__CUDA_ARCH__)
         struct couple : wp::vec_t<2, double> {
@@ -79,8 +81,8 @@ VELOCITIES = """
     #else
         typedef double couple __attribute__((vector_size(16), aligned(8)));
     #endif
-        const auto velocity_at = [&](unsigned place) { return (couple *)((double *)velocity.data + place); };
-"""
+        const auto velocity_at = [&](unsigned place) { return (couple *)((double *)velocity.data + PLACE); };
+""".replace("PLACE", PLACE)
 """C++ by which both numbers of a velocity, and of a normal, are computed at once."""
 
 
@@ -89,15 +91,17 @@ def lanes(count: int) -> Lanes:
     """Return the functions of so many pairs."""
     vector = wp.types.vector(length=count, dtype=f64)
 
-    @wp.func_native(f"""
+    @wp.func_native(
+        checked(f"""
         wp::vec_t<{count}, double> values;
         for (int k = 0; k < {count}; k++)
             values.c[k] = numbers.data[c + k];
         return values;
     """)
+    )
     def numbers_at(numbers: Floats, c: int) -> vector: ...
 
-    @wp.func_native(f"for (int k = 0; k < {count}; k++) numbers.data[c + k] = values.c[k];")
+    @wp.func_native(checked(f"for (int k = 0; k < {count}; k++) numbers.data[c + k] = values.c[k];"))
     def set_numbers(numbers: Floats, c: int, values: vector): ...
 
     @wp.func_native(lanewise(count, "x + y"))
@@ -109,7 +113,8 @@ def lanes(count: int) -> Lanes:
     @wp.func_native(lanewise(count, "y > x ? y : x"))
     def larger_of(a: vector, b: vector) -> vector: ...
 
-    @wp.func_native(f"""{VELOCITIES}
+    @wp.func_native(
+        checked(f"""{VELOCITIES}
         wp::vec_t<{count}, double> vn;
         for (int k = 0; k < {count}; k++) {{
             const couple difference = *velocity_at(pairs.data[c + k].i) - *velocity_at(pairs.data[c + k].j);
@@ -118,9 +123,11 @@ def lanes(count: int) -> Lanes:
         }}
         return vn;
     """)
+    )
     def approach(velocity: Vectors, pairs: Pairs, c: int) -> vector: ...
 
-    @wp.func_native(f"""{VELOCITIES}
+    @wp.func_native(
+        checked(f"""{VELOCITIES}
         for (int k = 0; k < {count}; k++) {{
             const couple push = *(const couple *)&pairs.data[c + k].n * dv.c[k];
             couple *vi = velocity_at(pairs.data[c + k].i), *vj = velocity_at(pairs.data[c + k].j);
@@ -128,6 +135,7 @@ def lanes(count: int) -> Lanes:
             *vj = *vj + push * share_j.c[k];
         }}
     """)
+    )
     def push_apart(velocity: Vectors, pairs: Pairs, c: int, dv: vector, share_i: vector, share_j: vector): ...
 
     return Lanes(vector, numbers_at, set_numbers, sum_of, product_of, larger_of, approach, push_apart)

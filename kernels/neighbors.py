@@ -6,17 +6,7 @@ finds the pair, so that few large grains among many small ones cost no more than
 
 import warp as wp
 
-from .access import (
-    count_one,
-    couple_at,
-    integer_at,
-    lowest_bit,
-    number_at,
-    set_couple,
-    set_integer,
-    triple_at,
-    vector_at,
-)
+from .access import add, at, checked, lowest_bit, put, set_wall
 from .cells import AT_ONCE, bucket_of, cell_of, ends
 from .record import Scene, amid_sweeps, grain_count, is_accelerated
 from .types import CellGrid
@@ -32,29 +22,30 @@ TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact
 def note_pair(s: Scene, a: int, b: int):
     """Count a pair with its first grain, and with its second, and write it down if there is room."""
     i, j = wp.min(a, b), wp.max(a, b)
-    count_one(s.neighbors.firsts, i)
-    count_one(s.neighbors.seconds, j)
-    place = count_one(s.neighbors.total, 0)
+    add(s.neighbors.firsts, i, 1)
+    add(s.neighbors.seconds, j, 1)
+    place = add(s.neighbors.total, 0, 1)
     if place < s.neighbors.found.shape[0]:
-        set_couple(s.neighbors.found, place, wp.vec2i(i, j))
+        put(s.neighbors.found, place, wp.vec2i(i, j))
 
 
 NEAR = """
-    const double *x = grid.x.data, *y = grid.y.data, *extent = grid.extent.data, own = extent[k];
+    const double own_x = grid.x.data[k], own_y = grid.y.data[k], own = grid.extent.data[k];
+    const double *x = &grid.x.data[begin], *y = &grid.y.data[begin], *extent = &grid.extent.data[begin];
     unsigned near = 0;
 #if defined(__CUDA_ARCH__)
     for (int lane = 0; lane < 8; lane++) {
-        const int other = begin + lane;
-        const double its = extent[other], dx = x[other] - x[k], dy = y[other] - y[k];
+        const double its = extent[lane], dx = x[lane] - own_x, dy = y[lane] - own_y;
         const double reach = (own + its) * wide;
-        near |= (dx * dx + dy * dy <= reach * reach && (its < own || (its == own && other > k))) << lane;
+        const bool after = its < own || (its == own && begin + lane > k);
+        near |= (dx * dx + dy * dy <= reach * reach && after) << lane;
     }
 #else
     typedef double Numbers __attribute__((ext_vector_type(8), aligned(8)));
     typedef decltype(Numbers() < Numbers()) Lanes;
     typedef bool Bits __attribute__((ext_vector_type(8)));
-    const Numbers its = *(const Numbers*)(extent + begin);
-    const Numbers dx = *(const Numbers*)(x + begin) - x[k], dy = *(const Numbers*)(y + begin) - y[k];
+    const Numbers its = *(const Numbers*)extent;
+    const Numbers dx = *(const Numbers*)x - own_x, dy = *(const Numbers*)y - own_y;
     const Numbers reach = (own + its) * wide;
     const Lanes after = Lanes{0, 1, 2, 3, 4, 5, 6, 7} > Lanes(k - begin);
     const Lanes found = (dx * dx + dy * dy <= reach * reach) & ((its < own) | ((its == own) & after));
@@ -64,7 +55,7 @@ NEAR = """
 """
 
 
-@wp.func_native(NEAR)
+@wp.func_native(checked(NEAR))
 def near_mask(grid: CellGrid, k: int, begin: int, end: int, wide: f64) -> wp.uint64:
     """Which of eight places from begin on are before end, and hold a grain that the one at k may find.
 
@@ -82,12 +73,12 @@ def note_pairs(s: Scene, k: int, near: wp.uint64, begins: Begins):
         bit = lowest_bit(left)
         left = left & (left - wp.uint64(1))
         other = begins[bit >> 3] + (bit & 7)
-        w = vector_at(velocity, other) - vector_at(velocity, k)
+        w = at(velocity, other) - at(velocity, k)
         path = s.verlet.numbers.lifetime * wp.length(w)
-        reach = (number_at(skin, k) + number_at(skin, other) + path) * TOO_WIDE
-        d = wp.vec2d(number_at(x, other) - number_at(x, k), number_at(y, other) - number_at(y, k))
+        reach = (at(skin, k) + at(skin, other) + path) * TOO_WIDE
+        d = wp.vec2d(at(x, other) - at(x, k), at(y, other) - at(y, k))
         if wp.dot(d, d) <= reach * reach:
-            note_pair(s, integer_at(grain, k), integer_at(grain, other))
+            note_pair(s, at(grain, k), at(grain, other))
 
 
 @wp.func
@@ -97,8 +88,8 @@ def find_pairs(s: Scene, k: int):
     A row of cells is one stretch of places, or two where it is wrapped around. Eight places are tested at
     once, and what is found in eight such tests is looked at together.
     """
-    x, y = number_at(s.grid.x, k), number_at(s.grid.y, k)
-    radius = f64(2.0) * number_at(s.grid.extent, k) * TOO_WIDE
+    x, y = at(s.grid.x, k), at(s.grid.y, k)
+    radius = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE
     width, start, inverse_size = s.grid.width, s.grid.cell_start, s.grid.inverse_size
     first_x, last_x = cell_of(x - radius, inverse_size), cell_of(x + radius, inverse_size)
     first_y, last_y = cell_of(y - radius, inverse_size), cell_of(y + radius, inverse_size)
@@ -116,8 +107,8 @@ def find_pairs(s: Scene, k: int):
         cy = int(first_y)
         while cy <= last_y:
             row = bucket_of(0, cy, width)
-            begin = integer_at(start, row + left)
-            stop = integer_at(start, row + right)
+            begin = at(start, row + left)
+            stop = at(start, row + right)
             while begin < stop:
                 found = near_mask(s.grid, k, begin, stop, TOO_WIDE)
                 near = near | (found << wp.uint64(AT_ONCE * tests))
@@ -136,7 +127,7 @@ def find_pairs(s: Scene, k: int):
 def see_whether_roomy(s: Scene):
     """Whether the pairs found have room."""
     s.control.searching = 0
-    s.control.roomy = 1 if s.neighbors.total[0] <= s.neighbors.found.shape[0] else 0
+    s.control.roomy = 1 if at(s.neighbors.total, 0) <= s.neighbors.found.shape[0] else 0
 
 
 @wp.func
@@ -153,22 +144,22 @@ def fill_rows(s: Scene):
     )
     ends(s.neighbors.firsts, start)
     ends(second, second)
-    pairs = s.neighbors.total[0]
-    start[grain_count(s)] = pairs
+    pairs = at(s.neighbors.total, 0)
+    put(start, grain_count(s), pairs)
     k = int(pairs)
     while k > 0:
         k -= 1
-        pair = couple_at(found, k)
-        place = integer_at(second, pair[1]) - 1
-        set_integer(second, pair[1], place)
-        set_couple(by_second, place, pair)
+        pair = at(found, k)
+        place = at(second, pair[1]) - 1
+        put(second, pair[1], place)
+        put(by_second, place, pair)
     k = int(pairs)
     while k > 0:
         k -= 1
-        pair = couple_at(by_second, k)
-        place = integer_at(start, pair[0]) - 1
-        set_integer(start, pair[0], place)
-        set_integer(s.neighbors.neighbor, place, pair[1])
+        pair = at(by_second, k)
+        place = at(start, pair[0]) - 1
+        put(start, pair[0], place)
+        put(s.neighbors.neighbor, place, pair[1])
 
 
 @wp.func
@@ -184,20 +175,20 @@ def list_walls(s: Scene):
     n = grain_count(s)
     i = int(0)
     while i < n:
-        path = s.verlet.numbers.lifetime * wp.length(vector_at(s.verlet.reference_velocity, i))
-        reach = (number_at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
-        dv = triple_at(s.workspace.old_wall_dv, i)
-        x, radius = vector_at(s.grains.position, i), number_at(s.grains.radius, i)
+        path = s.verlet.numbers.lifetime * wp.length(at(s.verlet.reference_velocity, i))
+        reach = (at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
+        dv = at(s.workspace.old_wall_dv, i)
+        x, radius = at(s.grains.position, i), at(s.grains.radius, i)
         if is_near_wall(x, radius, s.walls, reach) or is_active(dv):
             contact = WallContact()
             contact.i = i
             contact.dv = dv[0]
-            s.contacts.walls[listed] = contact
-            s.contacts.wall_dv_start[listed] = dv[1]
+            set_wall(s.contacts.walls, listed, contact)
+            put(s.contacts.wall_dv_start, listed, dv[1])
             if is_accelerated(s):
-                s.momentum.wall_last[listed] = dv[2]
+                put(s.momentum.wall_last, listed, dv[2])
             listed = listed + 1
-            if amid_sweeps(s) and s.workspace.was_at_wall[i] == 0 and not stayed_off_walls(s, i):
+            if amid_sweeps(s) and at(s.workspace.was_at_wall, i) == 0 and not stayed_off_walls(s, i):
                 s.verlet.flags.missed = 1
         i += 1
     s.contacts.count.walls = listed

@@ -60,6 +60,7 @@ class Control:
     attempting: wp.int32
     fresh: wp.int32
     corrected: wp.int32  # whether the host has tried to solve the step
+    declined: wp.int32  # whether it could not, so that sweeps alone go on to the step's end
     resuming: wp.int32  # whether the attempt goes on where the last list expired
     unfinished: wp.int32  # whether iterations are left to do
     recoloring: wp.int32
@@ -143,6 +144,17 @@ class RunStatistics:
 
 
 @wp.struct
+class Violation:
+    """The first index outside of its array, where they are tested (access.py)."""
+
+    found: wp.int64  # 0: none; 1: one; 2: one, and the stage is known
+    array: wp.int64  # address of its first element
+    length: wp.int64
+    index: wp.int64
+    stage: wp.int64  # number of its name (stages.py)
+
+
+@wp.struct
 class SceneRecord:
     """One scene: its state, its list of contacts, and its parameters."""
 
@@ -160,6 +172,7 @@ class SceneRecord:
     history: History
     step: StepState
     statistics: RunStatistics
+    violation: Violation
     to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
     stopping: StoppingCriterion
     tuning: Tuning

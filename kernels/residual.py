@@ -11,18 +11,7 @@ carry, at most eta each.
 import warp as wp
 
 from . import law
-from .access import (
-    first_of,
-    gap_rate_of,
-    larger,
-    normal_of,
-    number_at,
-    read_wall,
-    second_of,
-    set_vector,
-    vector_at,
-    vn_of,
-)
+from .access import at, first_of, gap_rate_of, larger, normal_of, put, read_wall, second_of, vn_of
 from .record import Scene, pair_count, wall_count
 from .segments import pairs_of
 from .threads import Team, keep_largest, thread_range
@@ -39,15 +28,15 @@ def apply_pair(velocity: Vectors, contacts: Contacts, c: int, impulse: wp.vec2d)
     j = second_of(contacts.pairs, c)
     weight = wp.vec2d(f64(0.5), f64(0.5))
     if contacts.weights.shape[0] > 0:
-        weight = vector_at(contacts.weights, c)
-    set_vector(velocity, i, vector_at(velocity, i) - impulse * weight[0])
-    set_vector(velocity, j, vector_at(velocity, j) + impulse * weight[1])
+        weight = at(contacts.weights, c)
+    put(velocity, i, at(velocity, i) - impulse * weight[0])
+    put(velocity, j, at(velocity, j) + impulse * weight[1])
 
 
 @wp.func
 def begin_rebuild(s: Scene, i: int):
     """Begin with the free velocity."""
-    s.grains.rebuilt_velocity[i] = s.grains.free_velocity[i]
+    put(s.grains.rebuilt_velocity, i, at(s.grains.free_velocity, i))
 
 
 @wp.func
@@ -56,7 +45,7 @@ def rebuild_from_pairs(team: Team, s: Scene, k: int):
     c, end = pairs_of(team, s, k)
     velocity, contacts = s.grains.rebuilt_velocity, s.contacts
     while c < end:
-        impulse = number_at(contacts.pair_dv, c) * normal_of(contacts.pairs, c)
+        impulse = at(contacts.pair_dv, c) * normal_of(contacts.pairs, c)
         apply_pair(velocity, contacts, c, impulse)
         c += 1
 
@@ -69,7 +58,7 @@ def rebuild_from_walls(team: Team, s: Scene):
     c, end = thread_range(team, 0, wall_count(s))
     while c < end:
         read_wall(s.contacts.walls, c, wall)
-        set_vector(velocity, wall.i, vector_at(velocity, wall.i) - wall.dv * wall.n)
+        put(velocity, wall.i, at(velocity, wall.i) - wall.dv * wall.n)
         c += 1
 
 
@@ -82,7 +71,7 @@ def measure_residual(team: Team, s: Scene):
     c, end = thread_range(team, 0, wall_count(s))
     while c < end:
         read_wall(contacts.walls, c, wall)
-        own = vector_at(v, wall.i)
+        own = at(v, wall.i)
         wall.gap_rate_out = outer_gap_rate(wall, own, s.walls)
         worst = larger(worst, wall_residual(wp.dot(own, wall.n), wall, has_inner(s.walls)))
         c += 1
@@ -90,7 +79,7 @@ def measure_residual(team: Team, s: Scene):
     pairs = contacts.pairs
     while c < last:
         vn = vn_of(v, pairs, c)
-        dv = number_at(contacts.pair_dv, c)
+        dv = at(contacts.pair_dv, c)
         worst = larger(worst, law.natural_residual(vn, dv, gap_rate_of(pairs, c)))
         c += 1
     keep_largest(team, s.partial.residual, worst)

@@ -16,7 +16,7 @@ the two would hold a push that no correction has, and that every sweep repeats.
 import warp as wp
 
 from .accelerated import mass_in_phi
-from .access import number_at, set_number, set_vector, set_wall_dv, vector_at
+from .access import at, put, set_wall_dv
 from .chunks import CHUNK, chunks_in, part_count, wall_part_count
 from .record import Scene, grain_count
 from .stopping import decide_to_stop, gathered
@@ -56,14 +56,15 @@ def accept_or_reject(s: Scene, zeta: f64):
     """Reject a sweep after which phi has risen; choose how far to go on after the others."""
     part = wp.vec2d(f64(0.0), f64(0.0))
     for k in range(part_count(s)):
-        part = part + s.momentum.pair_part[k]
+        part = part + at(s.momentum.pair_part, k)
     for k in range(wall_part_count(s)):
-        part = part + s.momentum.wall_part[k]
+        part = part + at(s.momentum.wall_part, k)
     energy = f64(0.0)
     size = f64(0.0)
     for k in range(chunks_in(grain_count(s))):
-        energy = energy + s.momentum.grain_part[k][0]
-        size = size + s.momentum.grain_part[k][1]
+        moving = at(s.momentum.grain_part, k)
+        energy = energy + moving[0]
+        size = size + moving[1]
     beta = s.momentum.state.beta
     rejected = beta > f64(0.0) and part[0] + beta * (f64(0.5) * energy - ROUNDING * size) > f64(0.0)
     if rejected:
@@ -102,36 +103,36 @@ def decide_ahead(s: Scene):
 @wp.func
 def roll_back_pairs(s: Scene, part: int):
     """Take back the rejected corrections of a part's pairs."""
-    bounds = s.working.pair_range[part]
+    bounds = at(s.working.pair_range, part)
     c = int(bounds[0])
     while c < bounds[1]:
-        set_number(s.working.pair_dv, c, number_at(s.working.pair_last, c))
+        put(s.working.pair_dv, c, at(s.working.pair_last, c))
         c += 1
 
 
 @wp.func
 def roll_back_walls(s: Scene, part: int):
     """Take back the rejected corrections of a part's wall contacts."""
-    bounds = s.working.wall_range[part]
+    bounds = at(s.working.wall_range, part)
     c = int(bounds[0])
     while c < bounds[1]:
-        set_wall_dv(s.working.walls, c, number_at(s.working.wall_last, c))
+        set_wall_dv(s.working.walls, c, at(s.working.wall_last, c))
         c += 1
 
 
 @wp.func
 def roll_back_velocity(s: Scene, i: int):
     """Give a grain the velocity that it had before a rejected sweep."""
-    set_vector(s.grains.next_velocity, i, vector_at(s.momentum.last_velocity, i))
+    put(s.grains.next_velocity, i, at(s.momentum.last_velocity, i))
 
 
 @wp.func
 def take_rebuilt_velocity(s: Scene, i: int):
     """Give a grain the velocity that its corrections make, and move the last one by as much."""
-    rebuilt = vector_at(s.grains.rebuilt_velocity, i)
-    last = vector_at(s.momentum.last_velocity, i)
-    set_vector(s.momentum.last_velocity, i, last + (rebuilt - vector_at(s.grains.next_velocity, i)))
-    set_vector(s.grains.next_velocity, i, rebuilt)
+    rebuilt = at(s.grains.rebuilt_velocity, i)
+    last = at(s.momentum.last_velocity, i)
+    put(s.momentum.last_velocity, i, last + (rebuilt - at(s.grains.next_velocity, i)))
+    put(s.grains.next_velocity, i, rebuilt)
 
 
 @wp.func
@@ -148,13 +149,13 @@ def extrapolate(team: Team, s: Scene):
         i = k * CHUNK
         stop = wp.min(n, (k + 1) * CHUNK)
         while i < stop:
-            v = vector_at(grains.next_velocity, i)
-            change = v - vector_at(last_velocity, i)
+            v = at(grains.next_velocity, i)
+            change = v - at(last_velocity, i)
             y = v + beta * change
-            set_vector(last_velocity, i, v)
-            set_vector(grains.next_velocity, i, y)
+            put(last_velocity, i, v)
+            put(grains.next_velocity, i, y)
             m = mass_in_phi(grains, contacts, i)
             energy = energy + m * wp.dot(change, v + y)
             size = size + m * wp.dot(v, v)
             i += 1
-        s.momentum.grain_part[k] = wp.vec2d(energy, size)
+        put(s.momentum.grain_part, k, wp.vec2d(energy, size))

@@ -1,79 +1,130 @@
 """Who sweeps which pairs, and when: passes over the pairs, set after set or segment after segment.
 
 Where threads meet after every independent set, each takes its share of it. Where threads are dealt tiles
-(dealing.py), each sweeps its segments; before one, it waits until the others have come as far as
-`dependencies` tells. Either way a pair finds the velocities that it would find if all pairs were swept one by
-one in the common order.
+(dealing.py), each sweeps its segments, one as soon as the others have come as far as `dependencies` tells. A
+thread of a team that has lost members sweeps those of several threads, whichever may be swept. Either way a
+pair finds the velocities that it would find if all pairs were swept one by one in the common order.
 """
 
 import warp as wp
 
+from .access import at
+from .pace import barrier, count_waiting
 from .record import Scene, dealt_threads
-from .threads import Team, barrier, thread_range, wait_until
+from .threads import Team, is_member, thread_range
+from .waiting import LINE, begin_look, end_look, seconds, wake, word_at
 
 
-@wp.func_native("""
+@wp.func_native(f"""
 #if !defined(__CUDA_ARCH__)
     const long long pass = 1LL << 32;
-    __atomic_store_n(&ended.data[8 * rank], (ended.data[8 * rank] / pass + 1) * pass, __ATOMIC_RELEASE);
+    long long *own = ended.data + {LINE} * w;
+    own[1] = first;
+    __atomic_store_n(own, (own[0] / pass + 1) * pass, __ATOMIC_RELEASE);
 #endif
 """)
-def begin_own_segments(ended: wp.array(dtype=wp.int64), rank: int):
-    """Count a pass over the pairs in the upper half of a thread's word, and no place in the lower."""
+def begin_segments(ended: wp.array(dtype=wp.int64), w: int, first: int):
+    """Count a pass in the upper half of the word of thread w, no place in the lower, and name its segment."""
     ...
 
 
-@wp.func_native("""
+@wp.func_native(f"""
 #if !defined(__CUDA_ARCH__)
     const long long pass = 1LL << 32;
-    __atomic_store_n(&ended.data[8 * rank], ended.data[8 * rank] / pass * pass + place, __ATOMIC_RELEASE);
+    long long *own = ended.data + {LINE} * w;
+    own[1] += 1;
+    __atomic_store_n(own, own[0] / pass * pass + place, __ATOMIC_RELEASE);
 #endif
 """)
-def tell_place(ended: wp.array(dtype=wp.int64), rank: int, place: int):
-    """Tell the others that this thread has swept all its pairs before a place."""
+def end_segment(ended: wp.array(dtype=wp.int64), w: int, place: int):
+    """Tell the others that all pairs of thread w before a place are swept, and name its next segment."""
     ...
 
 
 @wp.func
-def wait_for_others(team: Team, s: Scene, segment: int):
-    """Wait until every other thread has come, in this pass, to the place that a segment depends on."""
+def may_begin(team: Team, s: Scene, w: int, segment: int) -> bool:
+    """Return whether all threads have come, in this pass, to the places that a segment depends on."""
+    threads = dealt_threads(s)
     places_of_a_pass = wp.int64(1) << wp.int64(32)
-    begun = team.ended[8 * team.rank] / places_of_a_pass * places_of_a_pass
-    for other in range(team.size):
-        needed = s.dealt.dependencies[segment * team.size + other]
-        if needed > 0:
-            wait_until(team.ended, 8 * other, begun + wp.int64(needed))
+    begun = team.ended[LINE * w] / places_of_a_pass * places_of_a_pass
+    for other in range(threads):
+        needed = at(s.dealt.dependencies, segment * threads + other)
+        if needed > 0 and word_at(team.ended, LINE * other) < begun + wp.int64(needed):
+            return False
+    return True
+
+
+@wp.func
+def next_segment(team: Team, s: Scene) -> int:
+    """Wait for a segment that may begin, its own or one of those that have left. Returns -1 at the end."""
+    found = int(-1)
+    look = int(0)
+    waiting = bool(True)
+    begun = wp.float64(0.0)
+    while waiting:
+        event = begin_look(team.words, look)
+        waiting = bool(False)
+        w = int(team.rank)
+        while w < dealt_threads(s) and found < 0:
+            segment = int(team.ended[LINE * w + 1])
+            if segment < at(s.dealt.first_segment, w + 1):
+                if may_begin(team, s, w, segment):
+                    found = segment
+                else:
+                    waiting = True
+            w += team.size
+        waiting = waiting and found < 0
+        end_look(team.words, look, event, not waiting)
+        if waiting and look == 0 and team.rank == 0:
+            begun = seconds()
+        look += 1
+    if begun > wp.float64(0.0):
+        count_waiting(team, begun)
+    return found
 
 
 @wp.func
 def begin_pass(team: Team, s: Scene):
-    """Begin a pass over the pairs. Returns this thread's first set, or segment, and the end of its last."""
-    first = int(0)
-    last = s.contacts.count.sets
-    if dealt_threads(s) > 0:
-        begin_own_segments(team.ended, team.rank)
-        first = s.dealt.first_segment[team.rank]
-        last = s.dealt.first_segment[team.rank + 1]
-    return first, last
+    """Begin a pass over the pairs."""
+    w = int(team.rank)
+    while w < dealt_threads(s) and is_member(team):
+        begin_segments(team.ended, w, at(s.dealt.first_segment, w))
+        w += team.size
+
+
+@wp.func
+def next_set(team: Team, s: Scene, k: int) -> int:
+    """Return the set after set k, or the segment that this thread sweeps next; -1 at the end of the pass."""
+    following = int(k) + 1
+    if not is_member(team):
+        following = -1
+    elif dealt_threads(s) > 0:
+        following = next_segment(team, s)
+    elif following >= s.contacts.count.sets:
+        following = -1
+    return following
 
 
 @wp.func
 def end_set(team: Team, s: Scene, k: int):
     """Let others go on with what this set, or segment, has changed."""
     if dealt_threads(s) > 0:
-        tell_place(team.ended, team.rank, s.contacts.set_start[k + 1])
+        w = int(team.rank)
+        while k >= at(s.dealt.first_segment, w + 1):
+            w += team.size
+        end_segment(team.ended, w, at(s.contacts.set_start, k + 1))
+        if team.size > 1:
+            wake(team.words)
     else:
         barrier(team)
 
 
 @wp.func
 def pairs_of(team: Team, s: Scene, k: int):
-    """The pairs that this thread sweeps of a set, or of its segment, which may have to wait."""
-    begin = s.contacts.set_start[k]
-    end = s.contacts.set_start[k + 1]
-    if dealt_threads(s) > 0:
-        wait_for_others(team, s, k)
-    else:
+    """The pairs that this thread sweeps of a set, or of a segment."""
+    begin = at(s.contacts.set_start, k)
+    end = at(s.contacts.set_start, k + 1)
+    if dealt_threads(s) == 0:
         begin, end = thread_range(team, begin, end)
     return begin, end
 

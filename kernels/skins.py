@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .access import larger, number_at, set_number, set_vector, vector_at
+from .access import at, larger, put
 from .record import Scene, grain_count, is_accelerated
 from .verlet import peak_of
 
@@ -35,23 +35,23 @@ def renew_skin(s: Scene, i: int):
     A Gauss-Seidel step that goes on keeps its w_i, with u, and its peaks; otherwise w_i is what the grain
     has now. Accelerated, of a step that goes on only what is still to come matters.
     """
-    w = vector_at(s.grains.next_velocity, i)
-    needed = number_at(s.verlet.recent_deviation, i)
+    w = at(s.grains.next_velocity, i)
+    needed = at(s.verlet.recent_deviation, i)
     margin = FORESEEN
     if s.control.resuming != 0:
         seen = peak_of(s, i)
         needed = wp.max(needed, seen)
         if is_accelerated(s):
             margin = STILL_TO_COME
-            s.verlet.peak_deviation[i] = f64(0.0)
+            put(s.verlet.peak_deviation, i, f64(0.0))
         else:
             margin = FOUND_OUT
-            w = s.verlet.reference_velocity[i] + s.verlet.numbers.frame_velocity
-            s.verlet.recent_deviation[i] = needed  # so that skins only grow as long as the step goes on
-            s.verlet.peak_deviation[i] = seen * seen
-    set_number(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
-    set_vector(s.verlet.reference_position, i, vector_at(s.grains.position, i))
-    set_vector(s.verlet.reference_velocity, i, w)
+            w = at(s.verlet.reference_velocity, i) + s.verlet.numbers.frame_velocity
+            put(s.verlet.recent_deviation, i, needed)  # so that skins only grow as long as the step goes on
+            put(s.verlet.peak_deviation, i, seen * seen)
+    put(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
+    put(s.verlet.reference_position, i, at(s.grains.position, i))
+    put(s.verlet.reference_velocity, i, w)
 
 
 @wp.func
@@ -64,12 +64,12 @@ def find_lifetime(s: Scene):
     mean = wp.vec2d(f64(0.0), f64(0.0))
     i = int(0)
     while i < n:
-        mean = mean + vector_at(s.verlet.reference_velocity, i) / f64(n)
+        mean = mean + at(s.verlet.reference_velocity, i) / f64(n)
         i += 1
     spread = f64(0.0)
     i = int(0)
     while i < n:
-        spread = larger(spread, wp.length_sq(vector_at(s.verlet.reference_velocity, i) - mean))
+        spread = larger(spread, wp.length_sq(at(s.verlet.reference_velocity, i) - mean))
         i += 1
     steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * wp.sqrt(spread))), f64(1.0), LONGEST)
     lifetime = steps * s.dt

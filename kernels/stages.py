@@ -11,12 +11,15 @@ closure names, so sequences name theirs.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from zlib import crc32
 
 import warp as wp
 
+from .access import CHECKED
+from .pace import barrier
 from .record import Scene
-from .segments import begin_pass, end_pass, end_set
-from .threads import Team, barrier, thread_range
+from .segments import begin_pass, end_pass, end_set, next_set
+from .threads import Team, is_member, thread_range
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
@@ -81,6 +84,8 @@ class While:
 Stage = Serial | Each | Shared | Sets | If | While
 
 WIDTH = 5  # of a sequence
+STAGE_NAMES: dict[int, str] = {}
+"""Names of stages by number, in checked mode (access.py)."""
 
 
 def fuse(stages: Sequence[Stage]) -> wp.Function:
@@ -110,6 +115,23 @@ def nothing(team: Team, s: Scene):
     """Fill up a sequence."""
 
 
+def _noting(stage: wp.Function) -> wp.Function:
+    """Return the function that, in checked mode, notes the stage of a violation and halts the step."""
+    if not CHECKED:
+        return nothing
+    number = crc32(stage.func.__name__.encode())  # the same in every process: compiled kernels contain it
+    STAGE_NAMES[number] = stage.func.__name__
+
+    @wp.func
+    def note(team: Team, s: Scene):
+        if s.violation.found == wp.int64(1):
+            s.violation.found = wp.int64(2)
+            s.violation.stage = wp.int64(number)
+            s.control.halted = 1
+
+    return note
+
+
 def _in_turn(runs: list[wp.Function]) -> wp.Function:
     """Return the function that runs others in turn, a few at a time."""
     if len(runs) == 1:
@@ -130,21 +152,28 @@ def _in_turn(runs: list[wp.Function]) -> wp.Function:
 
 
 def _serial(stage: wp.Function) -> wp.Function:
+    note = _noting(stage)
+
     @wp.func(inline=False)
     def serial(team: Team, s: Scene):
         if team.rank == 0:
             stage(s)
+        note(team, s)
         barrier(team)
 
     return serial
 
 
 def _each(count: wp.Function, stage: wp.Function, adds_up: bool) -> wp.Function:
+    note = _noting(stage)
+
     @wp.func(inline=False)
     def each(team: Team, s: Scene):
         begin = int(0)
         end = count(s)
-        if wp.static(adds_up):
+        if not is_member(team):
+            end = 0
+        elif wp.static(adds_up):
             if team.rank > 0:
                 end = 0
         else:
@@ -153,27 +182,37 @@ def _each(count: wp.Function, stage: wp.Function, adds_up: bool) -> wp.Function:
         while k < end:
             stage(s, k)
             k += 1
+        note(team, s)
         barrier(team)
 
     return each
 
 
 def _shared(stage: wp.Function) -> wp.Function:
+    note = _noting(stage)
+
     @wp.func(inline=False)
     def shared(team: Team, s: Scene):
-        stage(team, s)
+        if is_member(team):
+            stage(team, s)
+        note(team, s)
         barrier(team)
 
     return shared
 
 
 def _sets(stage: wp.Function) -> wp.Function:
+    note = _noting(stage)
+
     @wp.func(inline=False)
     def sets(team: Team, s: Scene):
-        first, last = begin_pass(team, s)
-        for k in range(first, last):
+        begin_pass(team, s)
+        k = int(next_set(team, s, -1))
+        while k >= 0:
             stage(team, s, k)
             end_set(team, s, k)
+            k = next_set(team, s, k)
+        note(team, s)
         end_pass(team, s)
 
     return sets
@@ -184,7 +223,7 @@ def _if(condition: wp.Function, body: wp.Function) -> wp.Function:
     def run_if(team: Team, s: Scene):
         holds = condition(s)
         barrier(team)  # before a stage of the body changes what others have still to read
-        if holds:
+        if holds and is_member(team):
             body(team, s)
 
     return run_if
@@ -195,7 +234,7 @@ def _while(condition: wp.Function, body: wp.Function) -> wp.Function:
     def run_while(team: Team, s: Scene):
         holds = condition(s)
         barrier(team)
-        while holds:
+        while holds and is_member(team):
             body(team, s)
             holds = condition(s)
             barrier(team)

@@ -3,7 +3,7 @@
 import warp as wp
 
 from . import law
-from .access import first_of, larger, number_at, read_wall, second_of, set_number, vector_at
+from .access import at, first_of, larger, put, read_wall, second_of
 from .record import UNPROVED, Scene, pair_count, wall_count
 from .stopping import gathered
 from .threads import Team, keep_largest, partial_index, thread_range
@@ -25,20 +25,20 @@ def overlaps(team: Team, s: Scene):
     while c < last:
         i = first_of(contacts.pairs, c)
         j = second_of(contacts.pairs, c)
-        distance = law.distance(vector_at(grains.position, i), vector_at(grains.position, j))
-        gap = law.pair_gap(distance, number_at(grains.radius, i), number_at(grains.radius, j))
+        distance = law.distance(at(grains.position, i), at(grains.position, j))
+        gap = law.pair_gap(distance, at(grains.radius, i), at(grains.radius, j))
         worst = larger(worst, -gap)
-        dv = number_at(contacts.pair_dv, c)
-        set_number(contacts.pair_dv_start, c, dv)
+        dv = at(contacts.pair_dv, c)
+        put(contacts.pair_dv_start, c, dv)
         active += 1 if dv != f64(0.0) else 0
         c += 1
     wall = WallContact()
     c, end = thread_range(team, 0, wall_count(s))
     while c < end:
         read_wall(contacts.walls, c, wall)
-        x, radius = vector_at(grains.position, wall.i), number_at(grains.radius, wall.i)
+        x, radius = at(grains.position, wall.i), at(grains.radius, wall.i)
         worst = larger(worst, wall_overlap(x, radius, s.walls))
-        set_number(contacts.wall_dv_start, c, wall.dv)
+        put(contacts.wall_dv_start, c, wall.dv)
         active += 1 if wall.dv != f64(0.0) else 0
         c += 1
     keep_largest(team, s.partial.overlap, worst)
@@ -50,8 +50,8 @@ def report(s: Scene):
     """Gather what the threads have measured."""
     active = int(0)
     for k in range(s.partial.active.shape[0]):
-        active += s.partial.active[k]
-        s.partial.active[k] = 0
+        active += at(s.partial.active, k)
+        put(s.partial.active, k, 0)
     s.step.active = active
     s.step.overlap = gathered(s.partial.overlap)
 

@@ -5,6 +5,7 @@ Accelerated sweeps stop only after a look at all contacts: restart.py and workin
 
 import warp as wp
 
+from .access import at, put, read_wall
 from .record import (
     BEYOND_WALL,
     EXPIRED,
@@ -18,7 +19,7 @@ from .record import (
 )
 from .types import Floats
 from .verlet import check_all, outcome_of_check, reserve
-from .walls import speed_along
+from .walls import WallContact, speed_along
 
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
@@ -37,8 +38,8 @@ def gathered(partial: Floats) -> f64:
     """The largest part of any thread; all are cleared."""
     largest = f64(0.0)
     for k in range(partial.shape[0]):
-        largest = wp.max(largest, partial[k])
-        partial[k] = f64(0.0)
+        largest = wp.max(largest, at(partial, k))
+        put(partial, k, f64(0.0))
     return largest
 
 
@@ -48,8 +49,10 @@ def begin(s: Scene):
     s.control.unsolved = 1
     s.control.accepted = 0
     s.control.starting = 1 - wp.max(s.control.unlisted, s.control.corrected)
-    if s.control.starting != 0 or s.control.corrected != 0:
-        s.control.resuming = 0
+    if s.control.starting != 0:
+        s.control.declined = 0
+    if s.control.unlisted == 0:
+        s.control.resuming = s.control.declined
 
 
 @wp.func
@@ -58,10 +61,11 @@ def see_whether_listed(s: Scene):
 
     An attempt whose list expired goes on unless a contact that it did not have may have acted.
     """
+    is_new = s.control.unordered != 0
     s.control.unordered = 0
     s.control.attempting = 1 - s.control.unlisted
     s.control.fresh = 1 - s.control.corrected
-    if s.control.resuming != 0:
+    if is_new and s.control.resuming != 0:
         s.control.recoloring = s.by_color
         if s.verlet.flags.missed != 0:
             s.control.resuming = 0
@@ -115,7 +119,7 @@ def decide_to_stop(s: Scene, zeta: f64):
         checking = sparse and zeta <= NEARLY * s.stopping.tolerance
     recording = iterations <= s.history.zeta.shape[0]
     if recording:
-        s.history.zeta[iterations - 1] = zeta
+        put(s.history.zeta, iterations - 1, zeta)
     s.step.zeta = zeta
     pausing = s.verlet.flags.list_expired != 0 and is_power_of_two(iterations)
     s.control.unfinished = 1 if going_on else 0
@@ -130,7 +134,7 @@ def stop_on_residual(s: Scene):
     residual = gathered(s.partial.residual)
     s.step.residual = residual
     if s.step.iterations <= s.history.residual.shape[0]:
-        s.history.residual[s.step.iterations - 1] = residual
+        put(s.history.residual, s.step.iterations - 1, residual)
     if (
         s.stopping.on_residual != 0
         and s.control.measuring != FOR_HISTORY
@@ -144,9 +148,10 @@ def stop_on_residual(s: Scene):
 def grain_beyond_wall(s: Scene) -> int:
     """The first grain that moves along a round wall by more than its circle is wide; -1 if none does."""
     found = int(-1)
+    wall = WallContact()
     for c in range(wall_count(s)):
-        wall = s.contacts.walls[c]
-        along = speed_along(s.grains.next_velocity[wall.i], wall.n)
+        read_wall(s.contacts.walls, c, wall)
+        along = speed_along(at(s.grains.next_velocity, wall.i), wall.n)
         if wp.abs(along) > wall.reach and (found < 0 or wall.i < found):
             found = wall.i
     return found
@@ -161,7 +166,7 @@ def judge(s: Scene):
         converged = s.step.residual <= s.stopping.tolerance
     outcome = outcome_of_check(s)
     if outcome == SOLVED and not converged:
-        if s.control.corrected == 0 and s.stopping.patience > 0:
+        if s.control.declined == 0 and s.stopping.patience > 0:
             outcome = SLOW
         elif s.stopping.raise_on_unconverged != 0:
             outcome = NOT_CONVERGED

@@ -1,11 +1,14 @@
 """A team of threads: how the elements of a stage are shared out, and how threads wait for each other.
 
 On a CPU every OS thread is one thread of the team, and they meet at a barrier after every stage. On a GPU the
-team is a launch, and its end is the barrier. No result depends on the size of the team.
+team is a launch, and its end is the barrier. No result depends on the size of the team, so that a team may
+lose members at any barrier: where cores are busy with other work, waiting for each other costs more than the
+threads gain (pace.py).
 """
 
 import warp as wp
 
+from .access import at, raise_to
 from .types import Floats
 
 GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
@@ -14,15 +17,31 @@ MOMENTS = wp.constant(2 * BLOCK + 8)  # of a thread: two a pair, and a gap that 
 
 
 @wp.struct
+class Pace:
+    """What waiting costs a team; the first thread writes it, and between two launches the host."""
+
+    size: wp.int32  # threads that take part
+    most: wp.int32  # threads that may ever take part
+    share: wp.float64  # of its time that the first thread may wait
+    shortest: wp.float64  # pause before a larger team is tried [s]
+    window: wp.float64  # time since which waiting is counted; between two launches, for how long [s]
+    waited: wp.float64  # seconds of it
+    clock: wp.float64  # time up to which `rest` is counted [s]
+    rest: wp.float64  # left of the pause [s]
+    pause: wp.float64  # before the last trial [s]
+
+
+@wp.struct
 class TeamRecord:
     """A team, as one of its threads sees it."""
 
     rank: wp.int32
     size: wp.int32
-    arrivals: wp.array(dtype=wp.int64)  # how often a thread has come to the barrier
-    ended: wp.array(dtype=wp.int64)  # every eighth: a thread's passes and segments (segments.py)
+    words: wp.array(dtype=wp.int64)  # by which they wait for each other (waiting.py)
+    ended: wp.array(dtype=wp.int64)  # a LINE for each thread of a full team (segments.py)
     scene: wp.array(dtype=wp.int32)  # that the team works on (advance.py)
     going_on: wp.array(dtype=wp.int32)  # whether it goes on with it
+    pace: wp.array(dtype=Pace)
 
 
 Team = wp.ref[TeamRecord]
@@ -34,6 +53,12 @@ def member(team: TeamRecord, rank: int) -> TeamRecord:
     one = team
     one.rank = rank
     return one
+
+
+@wp.func
+def is_member(team: Team) -> bool:
+    """Return whether this thread takes part; one that has left passes over all that is left of a step."""
+    return team.rank < team.size
 
 
 @wp.func
@@ -60,51 +85,5 @@ def partial_index(team: Team, partials: int) -> int:
 def keep_largest(team: Team, parts: Floats, value: wp.float64):
     """Keep a number if it is the largest of this thread's; it writes seldom, as others write beside it."""
     k = partial_index(team, parts.shape[0])
-    if value > parts[k]:
-        wp.atomic_max(parts, k, value)
-
-
-@wp.func_native("""
-#if !defined(__CUDA_ARCH__)
-    for (int look = 0; __atomic_load_n(counts.data + k, __ATOMIC_ACQUIRE) < least; look++) {
-#if defined(__x86_64__)
-        __builtin_ia32_pause();
-#endif
-#if defined(__linux__) || defined(__APPLE__)
-        int yield_processor(void) __asm__("sched_yield");
-        if (look > 1000)
-            yield_processor();
-#endif
-    }
-#endif
-""")
-def wait_until(counts: wp.array(dtype=wp.int64), k: int, least: wp.int64):
-    """Wait until other CPU threads have counted that far; give the core away if it takes long."""
-    ...
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return 0;
-#else
-    return __atomic_fetch_add(arrivals.data, 1LL, __ATOMIC_ACQ_REL);
-#endif
-""")
-def arrive(arrivals: wp.array(dtype=wp.int64)) -> wp.int64:
-    """Count an arrival. Returns how many there were before."""
-    ...
-
-
-@wp.func(inline=False)
-def meet(team: Team):
-    """Wait for all threads; called, so that it is compiled once and not after every stage."""
-    size = wp.int64(team.size)
-    all_here = (arrive(team.arrivals) / size + wp.int64(1)) * size
-    wait_until(team.arrivals, 0, all_here)
-
-
-@wp.func
-def barrier(team: Team):
-    """Let every CPU thread see what the others have written; a team of one does not wait."""
-    if team.size > 1:
-        meet(team)
+    if value > at(parts, k):
+        raise_to(parts, k, value)

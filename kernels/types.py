@@ -45,7 +45,8 @@ class Grains:
     last_position: Vectors  # where the last good step began, and its contacts were taken
     last_velocity: Vectors  # with which it began
     radius: Floats  # [m]
-    mass: Floats  # [kg]
+    mass: Floats  # m_i [kg]
+    contact_mass: Floats  # M_i: impulse that changes the velocity by 1 m/s [kg]
 
 
 @wp.struct
@@ -162,7 +163,7 @@ class Momentum:
     last_velocity: Vectors  # velocities that go with them [m/s]
     pair_part: Vectors  # cost in phi less gain, and slope of phi along the momentum
     wall_part: Vectors
-    grain_part: Vectors  # sums of m s.(v + y) and m v.v, where y = v + beta s
+    grain_part: Vectors  # sums of M s.(v + y) and M v.v, where y = v + beta s
     state: MomentumState
 
 

@@ -25,7 +25,7 @@ the residual is measured (working_set.py).
 import warp as wp
 
 from . import law
-from .access import larger, number_at, set_number, vector_at
+from .access import at, larger, put
 from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
 from .walls import is_near_wall
 
@@ -35,15 +35,15 @@ f64 = wp.float64
 @wp.func
 def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
     """v_i - w_i - u [m/s]."""
-    return velocity - vector_at(s.verlet.reference_velocity, i) - s.verlet.numbers.frame_velocity
+    return velocity - at(s.verlet.reference_velocity, i) - s.verlet.numbers.frame_velocity
 
 
 @wp.func
 def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
     """s_i [m]."""
     verlet = s.verlet.numbers
-    w = vector_at(s.verlet.reference_velocity, i)
-    straight = vector_at(s.verlet.reference_position, i) + verlet.elapsed * w
+    w = at(s.verlet.reference_velocity, i)
+    straight = at(s.verlet.reference_position, i) + verlet.elapsed * w
     return wp.length(position - straight - verlet.frame_shift)
 
 
@@ -69,15 +69,15 @@ def least_monitored_correction(s: Scene) -> f64:
 @wp.func
 def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
     """Keep the peak deviation of grain i, which has this velocity now. Returns its square."""
-    peak = larger(number_at(s.verlet.peak_deviation, i), wp.length_sq(deviation(s, velocity, i)))
-    set_number(s.verlet.peak_deviation, i, peak)
+    peak = larger(at(s.verlet.peak_deviation, i), wp.length_sq(deviation(s, velocity, i)))
+    put(s.verlet.peak_deviation, i, peak)
     return peak
 
 
 @wp.func
 def monitor(s: Scene, i: int, velocity: wp.vec2d):
     """Keep the peak deviation of grain i, and see whether its skin allows it."""
-    limit = number_at(s.verlet.peak_limit, i)
+    limit = at(s.verlet.peak_limit, i)
     if keep_peak(s, i, velocity) > limit * limit:
         s.verlet.flags.list_expired = 1
 
@@ -85,31 +85,32 @@ def monitor(s: Scene, i: int, velocity: wp.vec2d):
 @wp.func
 def peak_of(s: Scene, i: int) -> f64:
     """p_i [m/s], with what was not monitored since."""
-    return wp.sqrt(number_at(s.verlet.peak_deviation, i)) + s.verlet.numbers.unmonitored_change
+    return wp.sqrt(at(s.verlet.peak_deviation, i)) + s.verlet.numbers.unmonitored_change
 
 
 @wp.func
 def stayed_silent(s: Scene, i: int, j: int) -> bool:
     """Whether a pair cannot have acted in the iterations so far (eq. 11b), with u taken into the w_i."""
-    n, distance = law.normal(s.grains.position[i], s.grains.position[j])
-    gap = law.pair_gap(distance, s.grains.radius[i], s.grains.radius[j])
-    vn = wp.dot(s.verlet.reference_velocity[i] - s.verlet.reference_velocity[j], n)
+    n, distance = law.normal(at(s.grains.position, i), at(s.grains.position, j))
+    gap = law.pair_gap(distance, at(s.grains.radius, i), at(s.grains.radius, j))
+    vn = wp.dot(at(s.verlet.reference_velocity, i) - at(s.verlet.reference_velocity, j), n)
     return gap - s.dt * (vn + peak_of(s, i) + peak_of(s, j)) >= s.tuning.rounding
 
 
 @wp.func
 def stayed_off_walls(s: Scene, i: int) -> bool:
     """Whether no wall can have acted on a grain in the iterations so far."""
-    path = s.dt * (wp.length(s.verlet.reference_velocity[i]) + peak_of(s, i))
-    return not is_near_wall(s.grains.position[i], s.grains.radius[i], s.walls, path + s.tuning.rounding)
+    path = s.dt * (wp.length(at(s.verlet.reference_velocity, i)) + peak_of(s, i))
+    x, radius = at(s.grains.position, i), at(s.grains.radius, i)
+    return not is_near_wall(x, radius, s.walls, path + s.tuning.rounding)
 
 
 @wp.func
 def sample(s: Scene, i: int):
     """Take what grain i may have reached unmonitored, on the way to its velocity, into its peak."""
-    v = vector_at(s.grains.next_velocity, i)
+    v = at(s.grains.next_velocity, i)
     peak = wp.length(deviation(s, v, i)) + s.verlet.numbers.sampled_change
-    set_number(s.verlet.peak_deviation, i, larger(number_at(s.verlet.peak_deviation, i), peak * peak))
+    put(s.verlet.peak_deviation, i, larger(at(s.verlet.peak_deviation, i), peak * peak))
 
 
 @wp.func
@@ -131,8 +132,8 @@ def find_frame(s: Scene):
     if s.control.resuming == 0:
         i = int(0)
         while i < n:
-            w = vector_at(s.verlet.reference_velocity, i)
-            u = u + (vector_at(s.grains.next_velocity, i) - w) / f64(n)
+            w = at(s.verlet.reference_velocity, i)
+            u = u + (at(s.grains.next_velocity, i) - w) / f64(n)
             i += 1
     s.verlet.numbers.frame_velocity = u
 
@@ -140,12 +141,12 @@ def find_frame(s: Scene):
 @wp.func
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     """See whether a skin suffices with `least` [m] to spare, for so many times the last step's deviation."""
-    x = vector_at(s.grains.position, i)
-    peak = wp.max(peak_of(s, i), foreseen * number_at(s.verlet.recent_deviation, i))
+    x = at(s.grains.position, i)
+    peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
-    if not is_finite(x + s.dt * vector_at(s.grains.next_velocity, i)):
+    if not is_finite(x + s.dt * at(s.grains.next_velocity, i)):
         s.verlet.flags.bad_grain = 0
-    elif not (used + least <= number_at(s.verlet.skin, i)):
+    elif not (used + least <= at(s.verlet.skin, i)):
         s.verlet.flags.list_expired = 1
 
 
@@ -158,13 +159,13 @@ def reserve(s: Scene) -> f64:
 @wp.func
 def begin_peak(s: Scene, i: int):
     """The peak deviation before the first iteration, or the next one, and what the skin still allows."""
-    peak = wp.length_sq(deviation(s, vector_at(s.grains.next_velocity, i), i))
+    peak = wp.length_sq(deviation(s, at(s.grains.next_velocity, i), i))
     if s.control.resuming != 0:
-        peak = wp.max(peak, number_at(s.verlet.peak_deviation, i))
-    set_number(s.verlet.peak_deviation, i, peak)
-    path = displacement(s, vector_at(s.grains.position, i), i)
-    allowed = (number_at(s.verlet.skin, i) - path) / s.dt
-    set_number(s.verlet.peak_limit, i, wp.max(f64(0.0), allowed))
+        peak = wp.max(peak, at(s.verlet.peak_deviation, i))
+    put(s.verlet.peak_deviation, i, peak)
+    path = displacement(s, at(s.grains.position, i), i)
+    allowed = (at(s.verlet.skin, i) - path) / s.dt
+    put(s.verlet.peak_limit, i, wp.max(f64(0.0), allowed))
 
 
 @wp.func
@@ -191,7 +192,7 @@ def check_all(s: Scene, least: f64):
         s.verlet.flags.list_expired = 1
     if s.verlet.flags.bad_grain >= 0:
         for i in range(grain_count(s)):
-            if not is_finite(s.grains.position[i] + s.dt * s.grains.next_velocity[i]):
+            if not is_finite(at(s.grains.position, i) + s.dt * at(s.grains.next_velocity, i)):
                 s.verlet.flags.bad_grain = i
 
 
@@ -221,7 +222,7 @@ def add_unmonitored(s: Scene):
 @wp.func
 def remember(s: Scene, i: int):
     """Keep what the step needed, for the skins of the next list."""
-    s.verlet.recent_deviation[i] = peak_of(s, i)
+    put(s.verlet.recent_deviation, i, peak_of(s, i))
 
 
 @wp.func

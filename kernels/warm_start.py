@@ -3,19 +3,19 @@
 import warp as wp
 
 from . import law
-from .access import first_of, freeze_pair, number_at, second_of, set_number, vector_at
+from .access import at, first_of, freeze_pair, put, read_wall, second_of, set_wall
 from .record import Scene, wall_count
 from .residual import apply_pair
 from .segments import pairs_of
 from .threads import Team, thread_range
-from .walls import frozen_wall
+from .walls import WallContact, frozen_wall
 
 
 @wp.func
 def begin_attempt(s: Scene, i: int):
     """The velocities to correct are the free ones."""
     if s.control.resuming == 0:
-        s.grains.next_velocity[i] = s.grains.free_velocity[i]
+        put(s.grains.next_velocity, i, at(s.grains.free_velocity, i))
 
 
 @wp.func
@@ -27,12 +27,12 @@ def start_pairs(team: Team, s: Scene, k: int):
     while c < end:
         i = first_of(contacts.pairs, c)
         j = second_of(contacts.pairs, c)
-        n, distance = law.normal(vector_at(grains.position, i), vector_at(grains.position, j))
-        gap = law.pair_gap(distance, number_at(grains.radius, i), number_at(grains.radius, j))
+        n, distance = law.normal(at(grains.position, i), at(grains.position, j))
+        gap = law.pair_gap(distance, at(grains.radius, i), at(grains.radius, j))
         freeze_pair(contacts.pairs, c, n, gap / dt)
         if starting:
-            dv = number_at(contacts.pair_dv_start, c)
-            set_number(contacts.pair_dv, c, dv)
+            dv = at(contacts.pair_dv_start, c)
+            put(contacts.pair_dv, c, dv)
             apply_pair(grains.next_velocity, contacts, c, dv * n)
         c += 1
 
@@ -41,11 +41,13 @@ def start_pairs(team: Team, s: Scene, k: int):
 def start_walls(team: Team, s: Scene):
     """Freeze the walls, and apply their corrections."""
     begin, end = thread_range(team, 0, wall_count(s))
+    contact = WallContact()
     for c in range(begin, end):
-        contact = s.contacts.walls[c]
+        read_wall(s.contacts.walls, c, contact)
         i = contact.i
-        contact = frozen_wall(contact, s.grains.position[i], s.grains.radius[i], s.walls, s.dt)
+        x, radius = at(s.grains.position, i), at(s.grains.radius, i)
+        contact = frozen_wall(contact, x, radius, s.walls, s.dt)
         if s.control.resuming == 0:
-            contact.dv = s.contacts.wall_dv_start[c]
-            s.grains.next_velocity[i] = s.grains.next_velocity[i] - contact.dv * contact.n
-        s.contacts.walls[c] = contact
+            contact.dv = at(s.contacts.wall_dv_start, c)
+            put(s.grains.next_velocity, i, at(s.grains.next_velocity, i) - contact.dv * contact.n)
+        set_wall(s.contacts.walls, c, contact)

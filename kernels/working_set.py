@@ -11,19 +11,15 @@ A part's copies (chunks.py) lie where its contacts begin, so that threads select
 import warp as wp
 
 from .access import (
+    at,
     copy_pair,
     first_of,
     gap_rate_of,
-    integer_at,
     larger,
-    number_at,
+    put,
     read_wall,
-    set_integer,
-    set_number,
-    set_triple,
     set_wall,
     set_wall_dv,
-    vector_at,
     vn_of,
     wall_dv_at,
 )
@@ -53,8 +49,8 @@ def nearness(s: Scene) -> f64:
 @wp.func
 def see_skin(s: Scene, i: int):
     """Keep a grain's peak, and see whether its skin also allows for contacts that are near to a violation."""
-    allowed = number_at(s.verlet.peak_limit, i) - nearness(s)
-    peak = keep_peak(s, i, vector_at(s.grains.next_velocity, i))
+    allowed = at(s.verlet.peak_limit, i) - nearness(s)
+    peak = keep_peak(s, i, at(s.grains.next_velocity, i))
     if allowed < f64(0.0) or peak > allowed * allowed:
         s.verlet.flags.list_expired = 1
 
@@ -63,12 +59,12 @@ def see_skin(s: Scene, i: int):
 def put_back_pairs(s: Scene, part: int):
     """Write the corrections of a part's pairs where all pairs have theirs."""
     working = s.working
-    bounds = working.pair_range[part]
+    bounds = at(working.pair_range, part)
     c = int(bounds[0])
     while c < bounds[1]:
-        k = integer_at(working.pair, c)
-        set_number(s.contacts.pair_dv, k, number_at(working.pair_dv, c))
-        set_number(s.momentum.pair_last, k, number_at(working.pair_last, c))
+        k = at(working.pair, c)
+        put(s.contacts.pair_dv, k, at(working.pair_dv, c))
+        put(s.momentum.pair_last, k, at(working.pair_last, c))
         c += 1
 
 
@@ -76,12 +72,12 @@ def put_back_pairs(s: Scene, part: int):
 def put_back_walls(s: Scene, part: int):
     """Write the corrections of a part's wall contacts where all have theirs."""
     working = s.working
-    bounds = working.wall_range[part]
+    bounds = at(working.wall_range, part)
     c = int(bounds[0])
     while c < bounds[1]:
-        k = integer_at(working.wall, c)
+        k = at(working.wall, c)
         set_wall_dv(s.contacts.walls, k, wall_dv_at(working.walls, c))
-        set_number(s.momentum.wall_last, k, number_at(working.wall_last, c))
+        put(s.momentum.wall_last, k, at(working.wall_last, c))
         c += 1
 
 
@@ -96,15 +92,15 @@ def pause_unless_listed(s: Scene):
 @wp.func
 def copy_of_pair(s: Scene, c: int, k: int):
     """Make the working pair at place c that of the contact at place k."""
-    set_integer(s.working.pair, c, k)
+    put(s.working.pair, c, k)
     copy_pair(s.working.pairs, c, s.contacts.pairs, k)
-    set_number(s.working.gap_rate, c, gap_rate_of(s.contacts.pairs, k))
-    set_number(s.working.pair_dv, c, number_at(s.contacts.pair_dv, k))
-    set_number(s.working.pair_last, c, number_at(s.momentum.pair_last, k))
+    put(s.working.gap_rate, c, gap_rate_of(s.contacts.pairs, k))
+    put(s.working.pair_dv, c, at(s.contacts.pair_dv, k))
+    put(s.working.pair_last, c, at(s.momentum.pair_last, k))
     if s.contacts.weights.shape[0] > 0:
-        weight = vector_at(s.contacts.weights, k)
-        mu = weight[0] * number_at(s.grains.mass, first_of(s.contacts.pairs, k))
-        set_triple(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))
+        weight = at(s.contacts.weights, k)
+        mu = weight[0] * at(s.grains.contact_mass, first_of(s.contacts.pairs, k))
+        put(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))
 
 
 def selecting(count: int) -> wp.Function:
@@ -146,8 +142,7 @@ select_four, select_one = selecting(FOUR), selecting(1)
 def select_pairs(team: Team, s: Scene, k: int):
     """Select the pairs of a set that are swept, and see by how much others are violated."""
     violation = f64(0.0)
-    start = s.contacts.set_start[k]
-    stop = s.contacts.set_start[k + 1]
+    start, stop = at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1)
     first, last = thread_range(team, start // CHUNK, chunks_in(stop))
     for chunk in range(first, last):
         begin = wp.max(start, chunk * CHUNK)
@@ -156,7 +151,7 @@ def select_pairs(team: Team, s: Scene, k: int):
         after_four, violation_of_four = select_four(s, begin, rest, begin)
         after, violation_of_one = select_one(s, rest, end, after_four)
         violation = larger(violation, larger(violation_of_four, violation_of_one))
-        s.working.pair_range[chunk + k] = wp.vec2i(begin, after)
+        put(s.working.pair_range, chunk + k, wp.vec2i(begin, after))
     keep_largest(team, s.partial.zeta, violation)
 
 
@@ -175,20 +170,20 @@ def select_walls(team: Team, s: Scene):
         stop = wp.min(wall_count(s), begin + CHUNK)
         while c < stop:
             read_wall(s.contacts.walls, c, contact)
-            before = number_at(s.momentum.wall_last, c)
-            v = vector_at(s.grains.next_velocity, contact.i)
+            before = at(s.momentum.wall_last, c)
+            v = at(s.grains.next_velocity, contact.i)
             gap_out = outer_gap_rate(contact, v, s.walls)
             carries = contact.dv != f64(0.0) or before != f64(0.0)
             vn = wp.dot(v, contact.n)
             dv = wall_projection(vn, contact.dv, gap_out, contact.gap_rate_in, inner)
             nearly = wall_projection(vn, contact.dv, gap_out - near, contact.gap_rate_in - near, inner)
             set_wall(s.working.walls, end, contact)
-            set_integer(s.working.wall, end, c)
-            set_number(s.working.wall_last, end, before)
+            put(s.working.wall, end, c)
+            put(s.working.wall_last, end, before)
             end += wp.where(carries or nearly != f64(0.0), 1, 0)
             violation = larger(violation, wp.where(carries, f64(0.0), wp.abs(dv)))
             c += 1
-        s.working.wall_range[part] = wp.vec2i(begin, end)
+        put(s.working.wall_range, part, wp.vec2i(begin, end))
     keep_largest(team, s.partial.zeta, violation)
 
 
@@ -203,7 +198,7 @@ def see_whether_done(s: Scene):
     if iterations > 0 and s.stopping.on_residual == 0 and s.control.rejected == 0:
         s.step.zeta = wp.max(s.step.zeta, violation)
         if iterations <= s.history.zeta.shape[0]:
-            s.history.zeta[iterations - 1] = s.step.zeta
+            put(s.history.zeta, iterations - 1, s.step.zeta)
     going_on = iterations == 0 or is_going_on(s, s.step.zeta)
     s.control.unfinished = 1 if going_on else 0
     s.control.iterating = s.control.unfinished

@@ -13,6 +13,7 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains import analysis
+from warpgrains.drawing.colors import COLORMAPS
 
 DRAGS = (0.05, 0.1, 0.2, 0.4)
 """kg/s."""
@@ -53,7 +54,13 @@ def draw(settled: Sequence[wg.Simulation], path: str) -> None:
     pressure = np.trace(analysis.grain_stresses(first), axis1=1, axis2=2) / 2.0
     size = 2.0 * first.scene.radius
     grains = EllipseCollection(
-        size, size, 0.0 * size, units="xy", offsets=first.position, offset_transform=drum.transData
+        size,
+        size,
+        0.0 * size,
+        units="xy",
+        offsets=first.position,
+        offset_transform=drum.transData,
+        cmap=COLORMAPS["pressure"],
     )
     grains.set_array(pressure)
     drum.add_collection(grains)

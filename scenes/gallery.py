@@ -21,6 +21,8 @@ Numbers = dict[str, float]
 
 COUNT = 1000
 """Scenes of the batch."""
+BIN = 0.01
+"""Side of the squares in which it counts centers [m]."""
 
 
 class Row:
@@ -34,12 +36,12 @@ class Row:
         self._axes = self._figure.subplots(1, panels, squeeze=False)[0]
         self._shown = 0
 
-    def show(self, simulation: wg.Simulation, color_by: str = "speed") -> None:
-        """Draw the present state in the next place."""
+    def show(self, simulation: wg.Simulation, color_by: str = "speed", largest: float | None = None) -> None:
+        """Draw the present state in the next panel; `largest` is that of `Painter`."""
         from warpgrains.pictures.canvas import FrameArtists, add_color_bar
         from warpgrains.pictures.shots import Painter
 
-        painter = Painter(simulation.scene, color_by, forces=True)
+        painter = Painter(simulation.scene, color_by, forces=True, largest=largest)
         FrameArtists(self._axes[self._shown], painter.setting).show(painter.shot_of(simulation))
         self._shown += 1
         if self._shown == len(self._axes):
@@ -76,7 +78,7 @@ def column(path: Path) -> Numbers:
     simulation = wg.Simulation(scene)
     figure = Figure(figsize=(9.7, 3.2), layout="constrained")
     axes = figure.subplots()
-    for time in (0.02, 0.04, 0.07, 0.1, 1.0):
+    for time in (0.02, 0.03, 0.04, 0.07, 1.0):  # after 0.1 s nothing changes
         simulation.run(duration=time - simulation.time)
         contacts = simulation.contacts()
         axes.plot(contacts.pair[:, 0] + 1, contacts.force, ".-", label=f"t = {simulation.time:g} s")
@@ -133,13 +135,15 @@ def jam(path: Path) -> Numbers:
         position=np.vstack([chain, loose]), radius=0.0502, mass=0.1, radius_in=0.5, radius_out=1.0
     ).replace(max_iterations=1000)
     simulation, row = wg.Simulation(scene), Row(path, 2)
-    force, unsolved = [], 0
+    force, moments, unsolved = [], {}, 0
     for step in range(1, 17):
         named = simulation.step().infeasible
         unsolved += len(named) > 0
         force.append(float(simulation.contacts().force.max()))
-        if step in (1, 16):
-            row.show(simulation, "pressure")
+        moments[step] = simulation.state()
+    for step in (1, 16):
+        simulation.restore(moments[step])
+        row.show(simulation, "pressure", largest=force[-1])
     return {
         "steps without a solution": unsolved,
         "grains that cannot fit": len(named),
@@ -151,6 +155,7 @@ def batch(path: Path) -> Numbers:
     """Kick the grains of the course's scene at random, a thousand times, and see where they come to rest."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
+    from matplotlib.patches import Circle
 
     scene, random = wg.Scene.load("annulus"), np.random.default_rng(0)
     scenes = [scene.replace(velocity=random.normal(0.0, 0.5, (scene.n, 2))) for _ in range(COUNT)]
@@ -159,11 +164,22 @@ def batch(path: Path) -> Numbers:
     ends = [analysis.snapshot(one, many.state(k)) for k, one in enumerate(scenes)]
     x, y = np.concatenate([end.position for end in ends]).T
     largest = np.array([end.force.max() for end in ends])
-    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
-    places, forces = figure.subplots(1, 2)
-    shown = places.hist2d(x, y, bins=120, range=((-1.5, 1.5), (-2.0, -0.8)), norm=LogNorm())[3]
-    figure.colorbar(shown, ax=places, label="centres")
-    places.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    figure = Figure(figsize=(9.7, 6.4), layout="constrained")
+    places, forces = figure.subplots(2, 1, height_ratios=(3, 2))
+    left, right, low, high = -1.2, 1.2, -2.02, -1.32
+    bins = (round((right - left) / BIN), round((high - low) / BIN))
+    limits = (left, right), (low, high)
+    shown = places.hist2d(x, y, bins=bins, range=limits, norm=LogNorm(), cmap="magma_r")[3]
+    figure.colorbar(shown, ax=places, label="centers in a square of 1 cm")
+    wall = Circle((0.0, 0.0), scene.radius_out, fill=False, color="0.35", linewidth=1.5)
+    reached = Circle(
+        (0.0, 0.0), scene.radius_out - scene.smallest_radius, fill=False, color="0.6", linestyle=":"
+    )
+    for circle, label in ((wall, "outer wall"), (reached, "centers of grains that touch it")):
+        circle.set_label(label)
+        places.add_patch(circle)
+    places.legend(handles=[wall, reached], fontsize="small", loc="upper center", ncols=2)
+    places.set(xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]", aspect="equal")
     forces.hist(largest, bins=40)
     forces.set(xlabel="largest force between two grains [N]", ylabel="scenes")
     figure.savefig(path, dpi=90)

@@ -1,6 +1,7 @@
 """Fixtures that several test files share."""
 
 import ctypes
+import math
 import signal
 import subprocess
 import sys
@@ -48,6 +49,14 @@ def held_elsewhere() -> Iterator[Callable[[Path], subprocess.Popen[bytes]]]:
     for holder in holders:
         holder.kill()
         holder.wait(timeout=60)
+
+
+@pytest.fixture(autouse=True)
+def whole_teams(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let as many threads work as a test asks for, also where they do not pay and on a busy machine."""
+    monkeypatch.setattr(tuning, "crew", lambda scene, team: (team, team))
+    monkeypatch.setattr(tuning, "WAITING", math.inf)
+    monkeypatch.setattr(tuning, "SEGMENT_GRAINS", 1e-9)
 
 
 @pytest.fixture(scope="session")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
-    from warpgrains.errors import SceneError, SimulationError
+    from warpgrains.errors import OutputError, SceneError, SimulationError
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Batch",
+    "OutputError",
     "Recording",
     "Scene",
     "SceneError",
@@ -43,6 +44,7 @@ __all__ = [
 
 _HOME = {
     "Batch": "batch.batch",
+    "OutputError": "errors",
     "Recording": "analysis.recording",
     "Scene": "scene.scene",
     "SceneError": "errors",

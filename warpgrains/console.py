@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from math import inf
@@ -13,12 +13,15 @@ from tempfile import TemporaryFile
 from time import monotonic
 from typing import Any, NoReturn, Protocol
 
+from warpgrains.turns import BUILDING
+
 BETWEEN_LINES = 30.0  # seconds, where no terminal can show a bar
 INTERRUPTED = 130
 """Exit code of a command that Ctrl-C has ended."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 STDIN, STDOUT, STDERR = 0, 1, 2
+_ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 def in_columns(rows: Mapping[str, object]) -> str:
@@ -109,18 +112,56 @@ def interrupts_end_at_once() -> Iterator[None]:
 
 
 @contextmanager
+def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Call `stop` on Ctrl-C, SIGTERM and SIGHUP; what is in the block then ends, and so does the command.
+
+    No signal interrupts the block itself, so that its contexts clean up, also if a signal comes as they do.
+    """
+    received: list[int] = []
+
+    def on_signal(number: int, _frame: object) -> None:
+        received.append(number)
+        stop()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in _ENDING}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, on_signal)
+    try:
+        yield
+    except Exception:
+        if not received:
+            raise
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if signal.SIGINT in received:
+        raise KeyboardInterrupt
+    if received:
+        sys.exit(128 + received[0])
+
+
+@contextmanager
 def stdout_kept_clean() -> Iterator[None]:
     """Send to standard error what anyone prints on standard output meanwhile."""
     with _redirected(STDOUT, STDERR):
         yield
 
 
-@cache
 def start_warp() -> None:
     """Initialise Warp without its banner, and without its remark that this machine has no GPU.
 
     It also says no more which modules it loads, unless its `log_level` has been set.
     """
+    with BUILDING:
+        _start_warp()
+
+
+@cache
+def _start_warp() -> None:
     import warp
 
     if warp.config.log_level == warp.LOG_INFO:

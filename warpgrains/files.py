@@ -40,11 +40,38 @@ def make_folder(folder: Path) -> None:
 
 def require_place(kind: str, path: Path, *suffixes: str) -> None:
     """Raise SceneError unless a file of this kind, with one of these endings, can be created there now."""
+    path = followed(path)
     if path.suffix not in suffixes:
         raise SceneError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
     if path.is_dir():
         raise SceneError(f"{kind} '{path}' is a folder")
     require_writable_folder(path.parent)
+
+
+def followed(path: Path) -> Path:
+    """Return the file that a symbolic link leads to, or else the path itself.
+
+    What is written to a link replaces that file, and the link stays.
+    """
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def read_regular(path: Path) -> bytes:
+    """Return the content of a regular file; SceneError for anything else: a pipe would block."""
+    if not path.is_file():
+        raise SceneError(f"'{path}' is not a regular file")
+    return path.read_bytes()
+
+
+@contextmanager
+def _naming(target: Path, draft: Path) -> Iterator[None]:
+    """Name the target in errors that name no file, such as that of a full disk, or only its draft."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(draft)):
+            raise
+        raise OSError(f"'{target}' cannot be written: {error.strerror}") from error
 
 
 def sync(path: Path) -> None:
@@ -58,9 +85,10 @@ def sync(path: Path) -> None:
 
 def publish(draft: Path, target: Path) -> None:
     """Put the finished file `draft` in the place of `target`, on the same file system, and on the disk."""
-    sync(draft)
-    os.replace(draft, target)
-    sync(target.parent)
+    with _naming(target, draft):
+        sync(draft)
+        os.replace(draft, target)
+        sync(target.parent)
 
 
 @contextmanager
@@ -68,10 +96,17 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
     """Give the name of a file to write: once it is written, it takes the place of `target`.
 
     Where several processes may write the same file at once, `writer` tells them apart.
+
+    Raises
+    ------
+    OSError
+        It cannot be written: the message names the target.
     """
+    target = followed(target)
     draft = target.with_name(f".draft{writer}.{target.name}")
     try:
-        yield draft
+        with _naming(target, draft):
+            yield draft
         publish(draft, target)
     finally:
         draft.unlink(missing_ok=True)

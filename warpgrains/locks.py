@@ -24,6 +24,7 @@ from warnings import warn
 from weakref import WeakSet
 
 from warpgrains.errors import OutputError
+from warpgrains.files import followed
 
 try:
     from fcntl import LOCK_EX, LOCK_NB, LOCK_UN, flock, lockf
@@ -44,6 +45,7 @@ class Lock:
     """
 
     def __init__(self, path: Path) -> None:
+        path = followed(path)
         self._file = path.with_name(f".{path.name}.lock")
         self._descriptor: int | None = None
         try:

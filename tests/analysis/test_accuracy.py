@@ -197,6 +197,16 @@ class TestCertify:
         tangent = solve_exactly(replace(problem, scene=scene.replace(wall="tangent")), slide)
         assert np.abs(tangent.velocity - slide).max() > 1e3 * (tangent.error + bound.at_most)
 
+    def test_drag_at_the_midpoint(self) -> None:
+        """Contacts share by masses of which drag dt / 2 is half a kg, where grains have 0.1 to 1 kg."""
+        scene = crowd(np.random.default_rng(1)).replace(drag=100.0, scheme="leapfrog")
+        simulation = Simulation(scene, method="accelerated", tolerance=1e-12, max_iterations=100_000)
+        for _ in range(5):
+            assert simulation.step().converged
+            assert simulation.contacts().force.max(initial=0.0) + simulation.wall_contacts().force.max() > 1.0
+            bound = certify(simulation)
+            assert bound.at_most - bound.solver_error <= 1e-9  # the difference, of speeds of 30 m/s
+
     def test_it_changes_nothing(self) -> None:
         plain, certified = (Simulation(Scene.load("annulus")) for _ in range(2))
         for _ in range(60):

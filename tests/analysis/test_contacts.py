@@ -5,7 +5,7 @@ from dataclasses import replace
 import networkx
 import numpy as np
 import pytest
-from schemes import SCHEMES, without_contacts
+from schemes import SCHEMES, contact_mass, without_contacts
 
 from warpgrains import Scene, SceneError, Simulation, analysis
 
@@ -92,7 +92,7 @@ def test_rattlers_are_what_no_core_holds(settled, gravity, needed):
 
 def test_forces_add_up_to_the_change_of_momentum(flowing):
     scene, start = flowing.scene, flowing.last_start()
-    m = scene.mass[:, np.newaxis]
+    m = contact_mass(scene)[:, np.newaxis]
     free = without_contacts(scene, start.velocity, start.staggered)
     expected = m * (flowing.velocity - free) / scene.dt
     assert np.abs(expected).max() > 1.0
@@ -107,7 +107,7 @@ def test_stress_is_what_weight_and_walls_demand(settled):
     x, normal = moment.start, moment.start / np.hypot(*moment.start.T)[:, np.newaxis]
     start = settled.last_start()
     free = without_contacts(scene, start.velocity, start.staggered)
-    from_contacts = scene.mass[:, np.newaxis] * (settled.velocity - free) / scene.dt
+    from_contacts = contact_mass(scene)[:, np.newaxis] * (settled.velocity - free) / scene.dt
     on_wall = moment.wall_force[:, np.newaxis] * normal
     at_wall = x + np.sign(moment.wall_force)[:, np.newaxis] * scene.radius[:, np.newaxis] * normal
     expected = (x.T @ from_contacts + on_wall.T @ at_wall) / scene.walls.area
@@ -180,6 +180,21 @@ def test_energy_is_accounted_for_from_the_first_kick_on(scheme):
     # each step's sums are of less than a joule, as above
     assert analysis.kinetic_energy(simulation) == pytest.approx(change, abs=1e4 * EPS * steps)
     assert min(balance) > 0.01
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_drag_takes_what_moves(scheme):
+    """Its work is that on the velocity that it acts on, by the midpoint rule the mean of before and after."""
+    simulation = Simulation(Scene.load("polydisperse"), drag=0.5, **scheme)
+    for step in range(60):
+        simulation.step()
+        before, after = simulation.last_start().velocity, simulation.velocity
+        mean = 0.5 * (before + after)
+        acted_on = before if scheme["scheme"] == "text" else mean if step > 0 else 0.5 * after
+        expected = 0.5 * simulation.scene.dt * (acted_on * mean).sum()
+        # as above, and drag is a share of these joules
+        assert analysis.step_energy_balance(simulation).drag_loss == pytest.approx(expected, abs=1e4 * EPS)
+    assert expected > 0.0
 
 
 def test_a_grain_that_hits_the_wall_loses_what_it_had():

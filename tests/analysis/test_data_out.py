@@ -75,10 +75,36 @@ def test_what_is_not_recorded_is_not_made_up(tmp_path):
 def test_recording_as_dataset(recorded):
     found = wg.Recording(recorded[0])
     dataset = found.to_xarray()
-    assert dict(dataset.sizes) == {"time": 7, "grain": 80, "component": 2}
+    contacts = len(dataset.contact_force)
+    assert dict(dataset.sizes) == {"time": 7, "grain": 80, "component": 2, "contact": contacts}
     assert np.array_equal(dataset.position.values, found.position)
     assert dataset.velocity.attrs["units"] == "m/s"
     assert dataset.sel(time=0.3, method="nearest").position.shape == (80, 2)
+
+
+def test_contacts_of_a_dataset_are_those_of_the_frames(recorded):
+    found = wg.Recording(recorded[0])
+    dataset = found.to_xarray()
+    for k in range(len(found)):
+        frame, here = found.frame(k), dataset.isel(contact=(dataset.contact_frame == k).values)
+        between = (here.contact_other >= 0).values
+        pair = np.stack([here.contact_grain, here.contact_other], axis=1)[between]
+        assert np.array_equal(pair, frame.pair)
+        assert np.array_equal(here.contact_force[between], frame.force)
+        assert np.array_equal(here.contact_normal[between], frame.normal)
+        wall = here.contact_grain.values[~between]
+        sign = np.where(here.contact_other[~between] == -1, 1.0, -1.0)
+        assert np.array_equal(wall, np.flatnonzero(frame.wall_force))
+        assert np.array_equal(sign * here.contact_force.values[~between], frame.wall_force[wall])
+        outward = frame.position[wall] / np.hypot(*frame.position[wall].T)[:, np.newaxis]
+        assert here.contact_normal.values[~between] == pytest.approx(sign[:, np.newaxis] * outward, abs=1e-15)
+    assert dataset.contact_force.attrs["units"] == "N"
+    assert dataset.contact_frame[-1] == 6
+
+
+def test_a_dataset_without_forces_has_no_contacts(tmp_path):
+    Simulation(Scene.load("annulus")).run(steps=10, record=tmp_path / "bare.usdc")
+    assert "contact" not in wg.Recording(tmp_path / "bare.usdc").to_xarray().sizes
 
 
 def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
@@ -133,7 +159,14 @@ def test_contacts_and_reports_as_frames():
     assert list(frame) == ["i", "j", "normal_x", "normal_y", "gap", "correction", "force"]
     assert np.array_equal(frame[["i", "j"]].to_numpy(), contacts.pair)
     assert np.array_equal(frame.force, contacts.force)
-    assert len(simulation.wall_contacts().to_pandas()) == 15
+    walls, frame = simulation.wall_contacts(), simulation.wall_contacts().to_pandas()
+    assert list(frame) == ["grain", "normal_x", "normal_y", "correction", "force"]
+    assert frame.grain.tolist() == list(range(15))
+    start = simulation.last_start().position
+    expected = start / np.hypot(*start.T)[:, np.newaxis]
+    assert frame[["normal_x", "normal_y"]].to_numpy() == pytest.approx(expected, abs=1e-15)
+    assert np.array_equal(frame.force, walls.force)
+    assert walls.force.any()
     report = simulation.step()
     assert report.to_pandas().loc[0].to_dict() == {
         name: value for name, value in asdict(report).items() if name != "history"

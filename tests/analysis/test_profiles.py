@@ -1,11 +1,15 @@
 """Profiles and the radial distribution: closed forms, totals, and freud."""
 
+from dataclasses import replace
+
 import freud
 import numpy as np
 import pytest
 
-from warpgrains import Scene, analysis
+from warpgrains import Scene, SceneError, Simulation, analysis
+from warpgrains.analysis.structure import share_inside
 from warpgrains.scene.layouts import random
+from warpgrains.scene.region import region_of
 from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import Annulus
 
@@ -27,11 +31,20 @@ def scattered():
     return moment_of(position, 0.001, velocity=rng.normal(0.0, 2.0, position.shape))
 
 
-def test_pairs_by_distance_are_freuds():
-    moment = moment_of(*random(Annulus(0.3, 1.0), count=500, radius=[0.005, 0.02], seed=2))
-    found = analysis.radial_distribution(moment, bins=60, reach=0.4)
+LOWER = {"x": (-0.9, 0.9), "y": (-0.95, 0.0), "distance": (0.35, 0.97)}
+
+
+@pytest.mark.parametrize("region", [{}, LOWER])
+def test_pairs_by_distance_are_freuds(region):
+    moment = moment_of(*random(Annulus(0.3, 1.0), count=1000, radius=[0.005, 0.02], seed=2))
+    found = analysis.radial_distribution(moment, bins=60, reach=0.4, region=region)
     other = freud.density.RDF(bins=60, r_max=0.4)
-    places = np.column_stack([moment.position, np.zeros(moment.n)])
+    counted = moment.position
+    if region:
+        (x, y), (rho, limits) = counted.T, (np.hypot(*counted.T), region)
+        ranges = zip((x, y, rho), limits.values(), strict=True)
+        counted = counted[np.all([(low <= at) & (at <= high) for at, (low, high) in ranges], axis=0)]
+    places = np.column_stack([counted, np.zeros(len(counted))])
     other.compute((freud.box.Box.square(4.0), places), reset=True)
     assert np.abs(found.edges - other.bin_edges).max() < 1e-7  # float32
     # each pair twice there; in float32, a pair at an edge may be in the next bin
@@ -39,11 +52,89 @@ def test_pairs_by_distance_are_freuds():
     assert found.pairs.sum() > 10_000
 
 
-def test_grains_anywhere_have_g_of_one(scattered):
+def test_g_in_the_bulk_is_freuds():
+    """That of freud, of grains whose circles are inside, is over the density of the box."""
+    box, reach = freud.box.Box.square(4.0), 0.15
+    moment = moment_of(
+        *random(Annulus(0.0, 1.0), count=3000, radius=[0.008, 0.013], seed=2), Annulus(0.0, 1.0)
+    )
+    found = analysis.radial_distribution(moment, bins=30, reach=reach, region={"distance": (0.0, 0.9)})
+    rho, places = np.hypot(*moment.position.T), np.column_stack([moment.position, np.zeros(moment.n)])
+    other = freud.density.RDF(bins=30, r_max=reach)
+    inside = places[rho < 0.9]
+    neighbors = {"r_max": reach, "exclude_ii": False, "r_min": 1e-6}
+    other.compute((box, inside), query_points=places[rho < 0.9 - reach], neighbors=neighbors)
+    expected = other.rdf * (len(inside) / box.volume) / (len(inside) / (np.pi * 0.9**2))
+    assert expected.max() > 1.2
+    # a third of the circles of ours are not among theirs; a bin has some thousand pairs
+    assert np.abs(found.g - expected).max() < 0.1
+    assert np.abs(found.g - expected).mean() < 0.02
+
+
+@pytest.mark.parametrize("region", [None, {}, LOWER, {"x": (-0.5, 0.1)}, {"distance": (0.5, 0.8)}])
+@pytest.mark.parametrize("gravity", [(0.0, -9.81), (6.0, 3.0), (0.0, 0.0)])
+def test_grains_anywhere_have_g_of_one(scattered, region, gravity):
     """Up to the walls and beyond; k pairs of n grains deviate by about sqrt(k) and k / sqrt(n)."""
-    found = analysis.radial_distribution(scattered, bins=20, reach=1.2)
-    deviation = 1.0 / np.sqrt(found.pairs) + 1.0 / np.sqrt(scattered.n)
-    assert (np.abs(found.g - 1.0) < 3.0 * deviation).all()
+    moment = replace(scattered, scene=scattered.scene.replace(gravity=gravity))
+    found = analysis.radial_distribution(moment, bins=20, reach=1.2, region=region)
+    deviation = 1.0 / np.sqrt(np.maximum(found.pairs, 1)) + 1.0 / np.sqrt(scattered.n)
+    assert (np.abs(found.g - 1.0) < 3.0 * deviation)[found.pairs > 0].all()
+    assert (found.pairs > 0).sum() >= 15
+
+
+@pytest.mark.parametrize("gravity", [(0.0, -9.81), (9.81, 0.0)])
+def test_g_of_a_pile_tends_to_one(gravity):
+    """Grains at random in the lower part, whichever way that is: as a whole, space is mostly empty."""
+    position, radius = random(
+        Annulus(0.0, 1.0), count=600, radius=[0.012, 0.018], seed=1, region={"y": [-1.0, -0.4]}
+    )
+    turned = np.stack([-position[:, 1], position[:, 0]], axis=1) if gravity[0] else position
+    moment = moment_of(turned, radius, Annulus(0.0, 1.0), gravity=gravity)
+    diameter = 2.0 * radius.mean()
+    found = analysis.radial_distribution(moment, bins=60, reach=12.0 * diameter)
+    tail = found.edges[:-1] > 4.0 * diameter
+    assert np.average(found.g[tail], weights=found.edges[1:][tail]) == pytest.approx(1.0, abs=0.03)
+    whole = analysis.radial_distribution(moment, bins=60, reach=12.0 * diameter, region={})
+    assert whole.g[tail].min() > 1.4
+
+
+def test_g_of_a_settled_drum_tends_to_one():
+    simulation = Simulation(Scene.load("drum"))
+    simulation.run(duration=3.0)
+    diameter = 2.0 * simulation.scene.radius.mean()
+    found = analysis.radial_distribution(simulation)
+    tail = found.edges[:-1] >= 2.0 * diameter
+    # 900 pairs; there are long-lived waves of density about a grain
+    assert np.average(found.g[tail], weights=found.edges[1:][tail]) == pytest.approx(1.0, abs=0.03)
+
+
+def test_share_of_a_circle_is_that_of_points_on_it():
+    region = region_of(Annulus(0.3, 1.0), LOWER)
+    rng = np.random.default_rng(7)
+    centre = rng.uniform(-1.0, 1.0, (200, 2))
+    angle = 2.0 * np.pi * np.arange(100_000) / 100_000
+    for r in (0.05, 0.4, 0.9):
+        found = share_inside(region, centre, r)
+        for at, share in zip(centre, found, strict=True):
+            x, y = at[0] + r * np.cos(angle), at[1] + r * np.sin(angle)
+            rho = np.hypot(x, y)
+            inside = (np.abs(x) <= 0.9) & (y >= -0.95) & (y <= 0.0) & (rho >= 0.35) & (rho <= 0.97)
+            assert share == pytest.approx(inside.mean(), abs=12 / len(angle))  # at most 12 arcs
+
+
+@pytest.mark.parametrize(
+    ("region", "complaint"),
+    [
+        ({"z": (0.0, 1.0)}, "unknown key of region 'z'"),
+        ({"y": (0.5, -0.5)}, "region.y is"),
+        ({"y": (1.5, 2.0)}, "there is no space between the walls"),
+        ({"distance": (0.3, 0.304)}, "no space for centres of grains of radius 0.0058272 m in the region"),
+    ],
+)
+def test_bad_region_is_refused(region, complaint):
+    moment = moment_of(*random(Annulus(0.3, 1.0), count=20, radius=[0.005, 0.02], seed=2))
+    with pytest.raises(SceneError, match=complaint):
+        analysis.radial_distribution(moment, region=region)
 
 
 def test_radial_distribution_of_two_and_of_one():

@@ -1,5 +1,6 @@
 """Many scenes together: each has the bits that it has alone, whatever is beside it."""
 
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -10,7 +11,7 @@ from mixed import STEPS, Alone, alone
 from same_bits import contents
 from sample_scenes import random_scene
 
-from warpgrains import Batch, Scene
+from warpgrains import Batch, Scene, SceneError, Simulation
 from warpgrains.batch import resident
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.validity import ORDERS
@@ -133,3 +134,55 @@ def test_own_durations_and_other_spans() -> None:
     assert [summary.steps for summary in batch.run()] == [10, 20]
     assert [summary.steps for summary in batch.run(duration=0.1)] == [10, 5]
     assert [batch.state(k).steps for k in range(2)] == [20, 25]
+
+
+class TestUntil:
+    """A scene ends where it ends alone, whatever the others do."""
+
+    @pytest.mark.parametrize("memory", [None, 200_000.0])
+    @pytest.mark.parametrize("threads", [1, 2])
+    def test_rest_is_that_of_the_scene_alone(
+        self, threads: int, memory: float | None, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        if memory is not None:  # scenes take turns in it
+            monkeypatch.setattr(resident, "free_memory", lambda _: memory)
+        annulus = Scene.load("annulus")
+        scenes = [annulus.replace(drag=drag) for drag in (0.5, 1.0)]
+        scenes += [annulus.replace(duration=0.33), random_scene(3).replace(duration=0.2)]
+        until, batch = "rest,speed=0.05,time=0.35", Batch(scenes, threads=threads)
+        for k, summary in enumerate(batch.run(until=until)):
+            simulation = Simulation(scenes[k])
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that rest was not met
+                expected = simulation.run(until=until)
+            assert {**vars(summary), "seconds": 0.0} == {**vars(expected), "seconds": 0.0, "error": None}
+            assert contents(batch.state(k)) == contents(simulation.state())
+        again = batch.run(until=until, steps=60)[:3]  # two rest from the first test to that after 35 steps
+        assert [(summary.steps, summary.met) for summary in again] == [(50, True), (50, True), (60, False)]
+
+    def test_a_callable_is_given_each_scene(self) -> None:
+        scenes = [Scene.load("annulus").replace(drag=drag) for drag in (0.1, 1.0)]
+        batch = Batch(scenes)
+        summaries = batch.run(until=lambda scene: scene.position[:, 1].min() < -1.0 and scene.time > 0.3)
+        for k, scene in enumerate(scenes):
+            simulation = Simulation(scene)
+            expected = simulation.run(until=lambda other: other.position[:, 1].min() < -1.0)
+            assert (summaries[k].met, summaries[k].steps) == (True, expected.steps)
+            assert np.array_equal(batch.position(k), simulation.position)
+        assert batch.reports[0] is not None
+
+    def test_a_scene_that_fails_stops(self) -> None:
+        scene = Scene.load("annulus")
+        failing = scene.replace(max_iterations=3, on_unconverged="raise")
+        summaries = Batch([failing, scene]).run(until="rest,speed=0.05,time=0.35")
+        assert (summaries[0].steps, summaries[0].met) == (19, False)
+        assert summaries[0].error is not None
+        assert "step 20, from t = 0.19 s: not converged" in summaries[0].error
+        assert (summaries[1].met, summaries[1].error) == (True, None)
+
+    def test_bad_criterion_is_refused(self) -> None:
+        scene = Scene.load("annulus")
+        with pytest.raises(SceneError, match="did you mean 'rest'"):
+            Batch([scene]).run(until="rst")
+        with pytest.raises(SceneError, match="needs time, and speed or energy"):
+            Batch([scene, scene.replace(gravity=(0.0, 0.0))]).run(until="rest")

@@ -26,6 +26,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
 from warpgrains.scene.document import shipped_scenes
 
+from ..support.sample_scenes import dense_start
 from .rows import SPEEDUP, Subject, open_table, row
 from .timing import say
 
@@ -170,6 +171,47 @@ def shipped(options: argparse.Namespace) -> Iterator[dict[str, str]]:
         yield row(subject, [done.unconverged], "steps not there", target="<= 0")
 
 
+def quickly(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+    """Time of steps that sweeps converge soon: the exact method must not cost more."""
+    scene = pile("poly", 100).replace(tolerance=1e-6, max_iterations=MOST, stop="residual", order="color")
+    steps = min(800, options.steps)
+    ours: list[float] = []
+    theirs: list[float] = []
+    for _ in range(options.repeats):
+        for method, times in (("exact", ours), ("accelerated", theirs)):
+            simulation = Simulation(scene.replace(method=method), threads=1)
+            simulation.compile()
+            begun = process_time()
+            simulation.advance(steps)
+            times.append(1e3 * (process_time() - begun) / steps)
+    subject = Subject(f"pile, {steps} steps to 1e-06", scene.n, "color")
+    yield row(subject, ours, "ms a step", "accelerated", theirs, target="<= 1.1")
+
+
+def densely(options: argparse.Namespace) -> Iterator[dict[str, str]]:
+    """Residual and time of two steps of dense random starts, which the host rarely solves."""
+    worse = solved = 0
+    ours: list[float] = []
+    theirs: list[float] = []
+    starts = min(60, options.steps)
+    for seed in range(starts):
+        scene = dense_start(seed, (0.4, 0.55, 0.67)[seed % 3], tolerance=1e-7, max_iterations=2000)
+        residuals = []
+        for method, times in (("exact", ours), ("accelerated", theirs)):
+            simulation = Simulation(scene.replace(method=method, stop="residual"), threads=1)
+            simulation.compile()
+            begun = process_time()
+            report = simulation.step()
+            times.append(1e3 * (process_time() - begun))
+            residuals.append(report.residual)
+        worse += residuals[0] > max(residuals[1], scene.tolerance)
+        solved += residuals[0] <= scene.tolerance < residuals[1]
+    subject = Subject("dense random starts, 60 to 260 grains", starts, "color")
+    yield row(subject, [worse], "steps that end worse than accelerated ones", target="<= 0")
+    yield row(subject, [solved], "steps that it alone converges")
+    yield row(subject, ours, "ms a step", "accelerated", theirs)
+
+
 PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
     "small": partial(against_sweeps, "poly", 1_000, "resting", (1e-9, 1e-6), ">= 5"),
     "crystal": partial(against_sweeps, "mono", 1_000, "resting", (1e-9, 1e-6), ""),
@@ -177,6 +219,8 @@ PARTS: dict[str, Callable[[argparse.Namespace], Iterator[dict[str, str]]]] = {
     "creeping": partial(against_sweeps, "poly", 10_000, "creeping", (1e-9, 1e-6), ""),
     "resting": partial(against_sweeps, "poly", 10_000, "resting", (1e-9, 1e-6), ""),
     "settling": partial(against_sweeps, "poly", 10_000, "settling", (1e-6, 1e-6), ">= 0.91"),
+    "quick": quickly,
+    "dense": densely,
     "largest": largest,
     "shipped": shipped,
 }

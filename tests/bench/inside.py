@@ -10,7 +10,7 @@ from warpgrains.kernels.integrate import free_velocity
 from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each, Stage
 from warpgrains.kernels.step import EXPIRE, METHODS, NEW_LIST, WARM_START, sweeping_order
-from warpgrains.solver.threads import team_of
+from warpgrains.solver.crew import Crew
 from warpgrains.solver.tuning import paying_threads
 
 from ..support.stages import kernel_of
@@ -48,7 +48,7 @@ class Record:
 
     def command(self, stages: Sequence[Stage]) -> wp.Launch:
         """Return the launch of some stages."""
-        inputs = (self._records.device, team_of(1)[0])
+        inputs = (self._records.device, Crew(1).members[0])
         return wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu", record_cmd=True)
 
     def _keep(self) -> None:

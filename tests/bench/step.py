@@ -14,7 +14,7 @@ from pathlib import Path
 
 from warpgrains.console import start_warp
 
-from . import accelerated, against_c, lists, moving, scaling, solo, threads
+from . import accelerated, against_c, busy, lists, moving, scaling, solo, threads
 from .options import Options
 from .rows import Table, open_table
 from .timing import say, seconds
@@ -28,6 +28,7 @@ PARTS: dict[str, Callable[[Options], Iterator[dict[str, str]]]] = {
     "lists": lists.lists,
     "moving": moving.moving,
     "threads": threads.threads,
+    "busy": busy.busy,
     "costs": scaling.costs,
     "memory": scaling.memory,
     "accelerated": accelerated.accelerated,

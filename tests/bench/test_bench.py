@@ -1,15 +1,17 @@
 """The benchmarks run, and write what their table reads. No time is asserted."""
 
+import ast
 import csv
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bench.mutations import mutants
 
 ROOT = Path(__file__).parents[2]
 COLUMNS = "name,n,order,threads,median,unit,compared with,its median,ratio,ratio is,target,repeats"
-QUICK = ["sweeps", "steps", "course", "solo", "lists", "threads", "costs", "memory", "accelerated"]
+QUICK = ["sweeps", "steps", "course", "solo", "lists", "threads", "busy", "costs", "memory", "accelerated"]
 
 
 def command(module: str, *arguments: object) -> str:
@@ -24,7 +26,7 @@ def command(module: str, *arguments: object) -> str:
 @pytest.mark.parametrize(
     ("parts", "count"),
     [
-        (QUICK, 32),
+        (QUICK, 44),
         pytest.param(["moving"], 11, marks=pytest.mark.slow),
         pytest.param(["compiling"], 1, marks=pytest.mark.slow),
     ],
@@ -108,3 +110,22 @@ def test_benchmark_of_peers(tmp_path: Path) -> None:
     assert len(ours) == 21
     assert 0.0 < ours["dt 0.01, to 0.0001 m/s"] < ours["dt 0.01, to 0.1 m/s"]
     assert picture.stat().st_size > 10_000
+
+
+def test_mutants_are_changes_of_the_kernels_as_they_are() -> None:
+    for mutant in mutants():
+        assert mutant.source.count(mutant.old) == 1, mutant
+        assert mutant.old != mutant.new
+        assert mutant.effect in ("result", "speed", "nothing")
+        assert bool(mutant.reason) == (mutant.effect != "result")
+        ast.parse(mutant.source.replace(mutant.old, mutant.new))
+
+
+def test_a_mutant_is_detected(tmp_path: Path) -> None:
+    file = tmp_path / "mutations.csv"
+    test = "tests/kernels/test_resumed.py::test_new_list_keeps_what_11b_needs"
+    command("mutations", "--only", "skins", "--most", 1, "--tests", test, "-o", file)
+    as_it_is, mutant = csv.DictReader(file.open())
+    assert as_it_is["detected by"] == "none"
+    assert mutant["detected by"] == f"{test}[goes on]"
+    assert (mutant["file"], mutant["effect"]) == ("skins", "result")

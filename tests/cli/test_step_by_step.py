@@ -5,12 +5,14 @@ import pty
 import subprocess
 import sys
 import termios
+import time
 from pathlib import Path
 
 import pytest
 from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation
+from warpgrains.cli import step_by_step
 from warpgrains.files import read_table
 
 COMMAND = [sys.executable, "-m", "warpgrains", "run", "annulus", "--step-by-step"]
@@ -21,11 +23,67 @@ def steps_of(printed: str) -> list[int]:
     return [int(line.split()[0]) for line in printed.splitlines()[2:]]
 
 
-@pytest.mark.parametrize(("keys", "steps"), [("nNxn", 3), ("nrsnqnn", 3), ("q", 0), ("", 0), ("r", 25)])
+@pytest.mark.parametrize(
+    ("keys", "steps"), [("nNn", 3), ("nrsnqnn", 3), ("q", 0), ("", 0), ("r", 25), ("n\nr\n", 25)]
+)
 def test_keys(keys: str, steps: int) -> None:
     done = subprocess.run([*COMMAND, "--steps", "25"], input=keys, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert steps_of(done.stdout) == list(range(1, steps + 1))
+
+
+@pytest.mark.parametrize("keys", ["nNxn", "nn n", "nné", "n\x1b[An"])
+def test_an_unknown_key_is_answered_with_those_that_there_are(keys: str) -> None:
+    done = subprocess.run([*COMMAND, "--steps", "25"], input=keys, capture_output=True, text=True)
+    assert (done.returncode, done.stderr.count("\n")) == (0, 1)
+    assert "unknown key; N: next step   R: run   S: stop   Q: quit" in done.stderr
+
+
+class Terminal:
+    """The command at a terminal."""
+
+    def __init__(self, *options: str) -> None:
+        self.ours, theirs = pty.openpty()
+        command = ["timeout", "--foreground", "100", *COMMAND, *options]
+        self._process = subprocess.Popen(command, stdin=theirs, stdout=subprocess.PIPE, text=True)
+        assert self._process.stdout is not None
+        self.printed = self._process.stdout
+        for _ in range(2):
+            self.printed.readline()
+
+    def press(self, keys: str) -> None:
+        os.write(self.ours, keys.encode())
+
+    def rest(self) -> list[str]:
+        """Return the other lines that it prints before it ends."""
+        lines = self.printed.readlines()
+        assert self._process.wait(timeout=60) == 0
+        return lines
+
+
+def test_a_run_is_in_real_time_and_can_be_stopped() -> None:
+    terminal = Terminal("--set", "time.dt=0.05", "--steps", "1000")
+    begin = time.monotonic()
+    terminal.press("r")
+    steps = [terminal.printed.readline().split()[0] for _ in range(21)]
+    assert steps == [str(step) for step in range(1, 22)]
+    assert time.monotonic() - begin >= 20 * 0.05
+    terminal.press("sq")
+    assert len(terminal.rest()) < 900
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.0])
+def test_steps_of_a_run_are_that_far_apart(spacing: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, pressed = [10.0], ["r"]
+
+    def key(patience: float | None) -> str | None:
+        clock[0] += patience or 0.0
+        return pressed.pop() if pressed else None
+
+    monkeypatch.setattr(step_by_step, "_key", key)
+    monkeypatch.setattr(step_by_step, "monotonic", lambda: clock[0])
+    begun = [clock[0] for _ in step_by_step._pressed(5, spacing)]
+    assert begun == pytest.approx([10.0 + k * spacing for k in range(5)])
 
 
 def test_a_terminal_gives_keys_at_once_and_is_left_as_it_was() -> None:
@@ -83,9 +141,10 @@ def test_bad_options_are_one_line(
     assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
 
 
-def test_history_needs_step_by_step(capfd: pytest.CaptureFixture[str]) -> None:
-    assert exit_code("run", "annulus", "--history", "a.csv") == 2
-    require_refusal(capfd, "--history needs --step-by-step")
+@pytest.mark.parametrize("option", [["--history", "a.csv"], ["--full-speed"]])
+def test_options_of_steps_need_step_by_step(option: list[str], capfd: pytest.CaptureFixture[str]) -> None:
+    assert exit_code("run", "annulus", *option) == 2
+    require_refusal(capfd, f"{option[0]} needs --step-by-step")
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,12 @@
 """Every public name has an example, which runs and prints what it says."""
 
 import doctest
+import inspect
 import pkgutil
 import re
 
 import pytest
-from pages import PAGES, program
+from pages import PAGES, ROOT, program
 
 import warpgrains
 from warpgrains import accuracy, analysis
@@ -18,6 +19,8 @@ PUBLIC = {
     if name not in NO_DOCSTRING
 }
 NAMED = re.findall(r"^\.\. auto(?:class|function|exception):: (\S+)", PAGES["api"].read_text(), re.M)
+SOURCES = "".join(path.read_text() for path in (ROOT / "warpgrains").rglob("*.py"))
+DEFINED = {*re.findall(r"^(?:class|def) (\w+)", SOURCES, re.M)}
 SHOWN = PUBLIC | {name: pkgutil.resolve_name(name) for name in NAMED}
 
 
@@ -39,6 +42,31 @@ def test_example(name, given):
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
     runner.run(example, out=said.append)
     assert not runner.failures, "".join(said)
+
+
+def documented(name):
+    """Yield the docstrings of a public name and of its public members."""
+    own = SHOWN[name]
+    yield inspect.getdoc(own) or ""
+    if inspect.isclass(own):
+        for member in (getattr(own, one) for one in dir(own) if not one.startswith("_")):
+            yield inspect.getdoc(member) or ""
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_refers_to_what_a_page_explains(name):
+    """A name of this package in backticks is public: what help() says can be looked up."""
+    explained = {
+        *SHOWN,
+        "warpgrains.analysis",
+        *NO_DOCSTRING,
+        *(shown.rpartition(".")[2] for shown in SHOWN),
+        *dir(SHOWN[name]),
+    }
+    for text in documented(name):
+        for word in re.findall(r"(?<!`)`([A-Za-z_][\w.]*)`(?!`)", text):
+            if word.partition(".")[0] in DEFINED or word.startswith("warpgrains."):
+                assert {word, word.partition(".")[0]} & explained, word
 
 
 def test_the_page_has_every_name():

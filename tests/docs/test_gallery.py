@@ -1,12 +1,18 @@
 """What the gallery shows: the numbers of its scenes, and that each says what to look at."""
 
+import itertools
 from functools import cache
 from itertools import takewhile
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from pages import PAGES, ROOT
 
+from warpgrains.drawing.colormaps import colormap
+from warpgrains.drawing.colors import COLORMAPS
+from warpgrains.pictures.canvas import FrameArtists
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.scenes import gallery
 
@@ -30,6 +36,57 @@ def test_a_column_carries_its_weight(numbers):
     assert found["their weights above, at most [N]"] == pytest.approx(49 * 0.1 * 9.81)
     # a velocity is off by up to 49 tolerances where all contacts below are, and so is a force by 49 of these
     assert found["worst difference of a force [N]"] <= 49 * 49 * 1e-6 * 0.1 / 0.01
+
+
+def test_no_curve_of_the_column_hides_another(monkeypatch, tmp_path):
+    curves = []
+    plot = Axes.plot
+    monkeypatch.setattr(Axes, "plot", lambda axes, *of, **how: curves.append(of[1]) or plot(axes, *of, **how))
+    gallery.EXHIBITS["column"](tmp_path / "column.png")
+    assert len(curves) == 5
+    for one, other in itertools.combinations(curves, 2):
+        shared = min(len(one), len(other))
+        # of the height of the axes, 62 N in 200 pixels: ten pixels
+        assert np.abs(one[:shared] - other[:shared]).max() > 3.0 or abs(len(one) - len(other)) > 5
+
+
+def test_scales_of_the_jam_reach_to_its_forces(monkeypatch, tmp_path):
+    settings = []
+    begin = FrameArtists.__init__
+    keep = lambda artists, axes, setting: settings.append(setting) or begin(artists, axes, setting)  # noqa: E731
+    monkeypatch.setattr(FrameArtists, "__init__", keep)
+    shots = []
+    show = FrameArtists.show
+    monkeypatch.setattr(FrameArtists, "show", lambda artists, shot: shots.append(shot) or show(artists, shot))
+    gallery.EXHIBITS["jam"](tmp_path / "jam.png")
+    first, last = (shot.chains.force.max() for shot in shots)
+    assert last == pytest.approx(16.0 * first, rel=0.02)  # 400 N a step, and the first somewhat more
+    for setting in settings:
+        assert setting.chain_scale.force == pytest.approx(last, rel=0.01)  # that of a wall is a little larger
+        assert setting.scale.high >= 2.0 * last / (2.0 * np.pi * setting.radius.max())
+    assert shots[0].chains.width.max() < 0.1 * shots[1].chains.width.max()
+
+
+@pytest.mark.parametrize("name", ["drum", "batch", "jam", "bidisperse", "bullet"])
+def test_a_quantity_has_one_colormap(name, monkeypatch, tmp_path):
+    """That of a quantity that grains are colored by, and no other quantity has it."""
+    monkeypatch.setattr(gallery, "COUNT", 10)
+    bars, draw = [], Figure.colorbar
+
+    def colorbar(figure, mapped, **options):
+        bar = draw(figure, mapped, **options)
+        bars.append((bar, mapped))
+        return bar
+
+    monkeypatch.setattr(Figure, "colorbar", colorbar)
+    gallery.EXHIBITS[name](tmp_path / "picture.png")
+    assert bars
+    for bar, mapped in bars:
+        quantity = bar.ax.get_ylabel().partition(" [")[0]
+        shown = mapped.cmap(np.linspace(0.0, 1.0, 5))[:, :3]
+        for other, of in COLORMAPS.items():
+            is_its = np.abs(shown - colormap(of, np.linspace(0.0, 1.0, 5))).max() < 0.03
+            assert is_its == (other == quantity), (quantity, other)
 
 
 def test_a_sliding_grain_is_of_second_order(numbers):

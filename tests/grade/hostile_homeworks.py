@@ -2,12 +2,33 @@
 
 from right_homeworks import PLAIN
 
+from warpgrains.reference.reference import SOURCE
+
 _START = "    double zeta = 0.0;\n"
 
 
 def contact_that(does: str, before: str = "") -> str:
     """Return a homework whose femGrainsContactIterate does something else first."""
     return PLAIN.replace(_START, f"{_START}    {does}\n").replace("\n\n", f"\n\n{before}", 1)
+
+
+def reading(attribute: str, path: str = "/etc/passwd") -> str:
+    """Return a function that prints a file without the C library, which resolvers cannot call yet."""
+    return f"""
+static __attribute__(({attribute})) void read_it(void) {{
+    static char text[4096];
+#ifdef __x86_64__
+#define CALL(result, number, a, b, c) \\
+    __asm__ volatile("syscall" : "=a"(result) : "0"(number), "D"(a), "S"(b), "d"(c) : "rcx", "r11", "memory")
+    long file, length;
+    CALL(file, 2L, "{path}", 0L, 0L);
+    CALL(length, 0L, file, text, 4095L);
+    CALL(file, 1L, 1L, text, length);
+#else
+    fopen("{path}", "r");
+#endif
+}}
+"""
 
 
 HOSTILE = {
@@ -47,10 +68,77 @@ HOSTILE = {
     "a kill": ("kill(getppid(), 9);", "#include <signal.h>\n#include <unistd.h>\n", "makes system call"),
     "an assertion": ("assert(n < 0);", "#include <assert.h>\n", "aborts"),
     "a changed struct": ("myGrains->n = 0;", "", "changes n, radiusIn"),
+    "a look for a file": ('access("/etc/passwd", 0);', "#include <unistd.h>\n", "opens or changes a file"),
     "before main": (
         "",
         '__attribute__((constructor)) void early(void) { fopen("hacked", "w"); }\n',
         "opens or changes a file",
     ),
+    "before main, by reading": ("", reading("constructor"), "opens or changes a file"),
+    "before main, by a section": (
+        "",
+        reading("used")
+        + 'static void (*first)(void) __attribute__((section(".init_array"), used)) = read_it;\n',
+        "opens or changes a file",
+    ),
+    "before main, by a resolver": (
+        "",
+        reading("used") + "static void nothing(void) {}\n"
+        "static void (*resolve(void))(void) { read_it(); return nothing; }\n"
+        'void resolved(void) __attribute__((ifunc("resolve")));\nvoid (*address)(void) = resolved;\n',
+        "opens or changes a file",
+    ),
 }
 """What is done, what stands before it, and what is said of it."""
+
+_SAYS = "\n__attribute__((constructor)) static void say(void) { puts(stolen); }\n"
+
+SNOOPING = {
+    "a path": 'static const char *stolen =\n#include "PATH"\n;' + _SAYS,
+    "a path in angles": "static const char *stolen =\n#include <PATH>\n;" + _SAYS,
+    "a macro": '#define FILE_NAME "PATH"\nstatic const char *stolen =\n#include FILE_NAME\n;' + _SAYS,
+    "folders above": 'static const char *stolen =\n#include "../../../../../../../../..PATH"\n;' + _SAYS,
+    "a message": '# 1 "PATH"\nint wrong = nothing;\n',
+    "an assembler's file": '__asm__(".data\\nstolen: .incbin \\"PATH\\"\\n.byte 0\\n.text");\n'
+    "extern const char stolen[];" + _SAYS,
+    "an assembler's macro": '__asm__(".macro copy a b\\n.\\\\a\\\\b \\"PATH\\"\\n.endm\\n'
+    '.data\\nstolen: copy inc bin\\n.byte 0\\n.text");\nextern const char stolen[];' + _SAYS,
+    "a section's name": '__attribute__((section(".data\\nstolen: .incbin \\"PATH\\"\\n.byte 0\\n.data#")))'
+    " int placed = 1;\nextern const char stolen[];" + _SAYS,
+    "a constructor": reading("constructor", "PATH"),
+}
+"""Ways of showing what is in another file, if it is a string of C."""
+
+CHEATING = {
+    "the reference": "#define REFERENCE\n#include <grains.c>\n",
+    "the reference in quotes": '#define REFERENCE\n#include "grains.c"\n',
+    "the reference above": '#define REFERENCE\n#include "../grains.c"\n',
+    "the reference by its path": f'#include "{SOURCE}"\n',
+    "the reference beside": "#include <../reference/grains.c>\n",
+}
+
+WAITS = """
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+static void wait_for(double seconds) {
+    static int word;
+    struct timespec most = {(time_t)seconds, (long)(1e9 * (seconds - (time_t)seconds))};
+    syscall(SYS_futex, &word, FUTEX_WAIT, 0, &most, 0, 0);
+}
+static void tell(const char *text, long bytes) { for (int i = 3; i < 32; i++) write(i, text, bytes); }
+"""
+
+SLOW_TO_ANSWER = {
+    "it waits": ("for (;;) wait_for(1.0);", WAITS),
+    "a byte now and then": ('for (;;) { tell("", 1); wait_for(0.2); }', WAITS),
+    "a full pipe": (
+        "",
+        f"{WAITS}static int forged[1 << 17];\n"  # the first answer, again and again
+        "__attribute__((constructor)) static void fill(void) {\n"
+        "    for (int k = 1; k < 1 << 17; k += 6) forged[k] = 7;\n"
+        "    tell((char *)forged, sizeof forged);\n}\n",
+    ),
+}
+"""What keeps the grader waiting, and what stands before it."""

@@ -1,5 +1,6 @@
 """Homeworks: right ones pass, each mistake is named, and hostile ones do no harm and are named."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from operator import itemgetter
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hostile_homeworks import HOSTILE, contact_that
+from hostile_homeworks import CHEATING, HOSTILE, SLOW_TO_ANSWER, SNOOPING, WAITS, contact_that
 from right_homeworks import PLAIN, RIGHT
 from wrong_homeworks import CONTACT, UPDATE, WRONG, wrong
 
@@ -26,6 +27,11 @@ Grade = Callable[..., Verdict]
 @pytest.fixture(scope="module")
 def grader(tmp_path_factory: pytest.TempPathFactory) -> Grader:
     return Grader(tmp_path_factory.mktemp("grader"), limits=Limits(seconds=0.3))
+
+
+@pytest.fixture(scope="module")
+def hasty(tmp_path_factory: pytest.TempPathFactory) -> Grader:
+    return Grader(tmp_path_factory.mktemp("hasty"), limits=Limits(patience=3.0))
 
 
 @pytest.fixture
@@ -82,9 +88,69 @@ def test_hostile_ones_do_no_harm_and_are_named(grade: Grade, what: str, tmp_path
     does, before, said = HOSTILE[what]
     verdict = grade(contact_that(does, before))
     part = parts(verdict)[CONTACT]
-    assert statuses(verdict) == ["wrong" if what == "before main" else "right", "wrong", "not run"]
+    is_early = what.startswith("before main")
+    assert statuses(verdict) == ["wrong" if is_early else "right", "wrong", "not run"]
     assert said in (part.ended or ""), verdict.text(False)
+    assert "root:" not in json.dumps(verdict.as_json())
     assert not list(tmp_path.parent.parent.rglob("hacked"))
+
+
+@pytest.mark.parametrize("what", SNOOPING)
+def test_no_other_homework_can_be_read(grader: Grader, grade: Grade, what: str, tmp_path: Path) -> None:
+    if not grader.fenced:
+        pytest.skip("this kernel cannot fence the compiler in")
+    other = tmp_path / "ada.c"
+    other.write_text('"secret of ada"\n')
+    verdict = grade(PLAIN + SNOOPING[what].replace("PATH", str(other)))
+    assert "secret" not in json.dumps(verdict.as_json())
+    assert verdict.status != "right"
+
+
+@pytest.mark.parametrize("what", CHEATING)
+def test_the_reference_cannot_be_included(grade: Grade, what: str) -> None:
+    verdict = grade(CHEATING[what])
+    assert verdict.status == "does not compile"
+
+
+@pytest.mark.parametrize("what", SLOW_TO_ANSWER)
+def test_each_call_has_a_limit_of_time(hasty: Grader, tmp_path: Path, what: str) -> None:
+    source = tmp_path / "homework.c"
+    source.write_text(contact_that(*SLOW_TO_ANSWER[what]))
+    verdict = hasty.grade(source)
+    assert parts(verdict)[CONTACT].status == "wrong"
+    assert parts(verdict)[BOTH].status == "not run"
+    assert "does not answer within 3 s" in (parts(verdict)[CONTACT].ended or "")
+
+
+@pytest.mark.slow
+def test_a_homework_has_a_limit_of_time(tmp_path: Path) -> None:
+    grader = Grader(tmp_path, limits=Limits(patience=60.0, in_all=10.0))
+    source = tmp_path / "homework.c"
+    source.write_text(contact_that("wait_for(0.5);", WAITS))
+    ended = parts(grader.grade(source))[CONTACT].ended or ""
+    assert "takes more than 10 s" in ended
+
+
+HANDED_IN = {
+    "the empty one": (PLAIN, []),
+    "a program": (f"{PLAIN}int main(void) {{ return 0; }}\n", ["main"]),
+    "a program that is left out": (f"{PLAIN}#ifdef TEST\nint main(void) {{ return 0; }}\n#endif\n", []),
+    "no markers": (RIGHT["helpers, no markers, columns first"], ["#ifndef"]),
+    "one marker": (PLAIN.replace("#ifndef NOUPDATE", "#if 1"), ["#ifndef"]),
+    "both": (f"{PLAIN}int main(void) {{ return 0; }}\n".replace("NOUPDATE", "UPDATE"), ["main", "#ifndef"]),
+}
+
+
+@pytest.mark.parametrize("what", HANDED_IN)
+def test_what_the_course_forbids_is_a_warning(grade: Grade, what: str) -> None:
+    text, words = HANDED_IN[what]
+    verdict = grade(text)
+    assert verdict.status == "right"
+    assert len(verdict.warnings) == len(words)
+    assert all(word in warning for word, warning in zip(words, verdict.warnings, strict=True))
+    assert verdict.text(False).count("\n  warning: ") == len(words)
+    assert verdict.as_json()["warnings"] == list(verdict.warnings)
+    assert verdict.as_row()["warnings"] == "; ".join(verdict.warnings)
 
 
 def test_what_it_prints_is_no_verdict(grade: Grade) -> None:
@@ -143,8 +209,6 @@ def test_undefined_functions_are_named(grade: Grade) -> None:
 def test_only_rounding_passes(grader: Grader) -> None:
     for function, probes in grader.probes.items():
         for probe, expected in list(zip(probes, grader.expected[function], strict=True))[::7]:
-            if probe.capped:
-                continue
             for name, start in (("x", 0), ("vx", 2), ("dvBoundary", 6)):
                 other = answer_with(expected, start * probe.call.n, 1e-7)
                 assert difference(probe, expected, expected, strict=True) is None
@@ -156,6 +220,38 @@ def test_only_rounding_passes(grader: Grader) -> None:
                 assert (difference(probe, expected, nearly, strict=True) is None) == np.array_equal(
                     nearly.state, expected.state
                 )
+
+
+@pytest.mark.parametrize(
+    "mistake", ["gravity missing", "tolerance ignored", "positions moved before the contacts"]
+)
+def test_iteration_0_may_count_for_the_limit_beside_a_mistake(grade: Grade, mistake: str) -> None:
+    text = wrong(WRONG[UPDATE, mistake])
+    part = parts(grade(text.replace("iter <= iterMax", "iter < iterMax")))[UPDATE]
+    assert (part.mistakes, part.remark) == ((mistake,), "")
+
+
+def test_a_step_may_end_an_iteration_earlier_or_later_where_zeta_is_the_tolerance(grader: Grader) -> None:
+    long = [
+        (probe, answer)
+        for probe, answer in zip(grader.probes[UPDATE], grader.expected[UPDATE], strict=True)
+        if 5 < answer.calls <= probe.call.max_iterations
+    ]
+    assert len(long) > 4
+    for probe, expected in long:
+        early = replace(expected, calls=expected.calls - 1, record=expected.record[:-1])
+        zeta, n = early.record[-1, 2], probe.call.n
+        for change, same in ((0.0, True), (1e-15, True), (-1e-15, True), (1e-6, False), (-1e-6, False)):
+            at = probe._replace(call=probe.call._replace(tolerance=zeta + change))
+            for one, other in ((expected, early), (early, expected)):
+                found = difference(at, one, other)
+                assert (found is None) is same, (probe.scene, probe.step, found)
+                before = one.before.copy()
+                before[2 * n] += 1e-6
+                assert difference(at, replace(one, before=before), other) is not None
+        earlier = replace(expected, calls=expected.calls - 2, record=expected.record[:-2])
+        at = probe._replace(call=probe.call._replace(tolerance=zeta))
+        assert difference(at, expected, earlier) is not None
 
 
 def answer_with(answer: Answer, place: int, change: float) -> Answer:

@@ -1,10 +1,19 @@
 """`warpgrains grade`: verdicts, exit codes, tables of a folder, and the template."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
+from time import sleep
 
 import pytest
 from command import exit_code, require_refusal
+from hostile_homeworks import WAITS, contact_that
 from pages import PAGES
 from right_homeworks import PLAIN
 from wrong_homeworks import CONTACT, UPDATE, WRONG, wrong
@@ -51,11 +60,8 @@ def test_one_that_does_not_compile(tmp_path: Path, capfd: Capture) -> None:
 
 
 def test_strict_lets_only_the_bits_of_the_reference_pass(tmp_path: Path, capfd: Capture) -> None:
-    text = (
-        SOURCE.read_text()
-        .replace("#include", "#define NOCREATE\n#include")
-        .replace("grains.h", f"{SOURCE.parent}/grains.h")
-    )
+    header = (SOURCE.parent / "grains.h").read_text()
+    text = f"#define NOCREATE\n{header}" + SOURCE.read_text().replace('#include "grains.h"', "")
     assert exit_code("grade", homework(tmp_path / "homework.c", text), "--strict") == 0
     assert exit_code("grade", homework(tmp_path / "homework.c", PLAIN), "--strict") == 1
     assert capfd.readouterr().out.count("it differs by rounding only") == 2
@@ -67,9 +73,8 @@ def test_a_folder(tmp_path: Path, capfd: Capture) -> None:
     homework(folder / "bob" / "homework.c", wrong(WRONG[UPDATE, "drag missing"]))
     homework(folder / "eve.c", "=1+1\n")
     assert exit_code("grade", folder, "-o", output) == 2
-    assert (
-        capfd.readouterr().out.split() == f"homeworks 3 right 1 wrong 1 not compiled 1 table {output}".split()
-    )
+    counts = "homeworks 3 right 1 wrong 1 not compiled 1 not read 0 with warnings 0"
+    assert capfd.readouterr().out.split() == f"{counts} table {output}".split()
     rows = {row["file"]: row for row in read_table(output)}
     assert [row["status"] for row in rows.values()] == ["right", "wrong", "does not compile"]
     assert rows["bob/homework.c"]["mistakes"] == "drag missing"
@@ -82,6 +87,113 @@ def test_a_folder(tmp_path: Path, capfd: Capture) -> None:
         "does not compile",
     ]
     assert len(read_table(output)) == 2
+
+
+def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
+    folder, output = tmp_path / "all", tmp_path / "grades.csv"
+    homework(folder / "ada.c", PLAIN)
+    homework(folder / "dots.c", f'#include ".."\n{PLAIN}')
+    homework(folder / "long.c", f'#if 0\n#include "{"a" * 400}"\n#include "{"a" * 400}.h"\n#endif\n{PLAIN}')
+    homework(folder / "huge.c", " " * (2**20 + 1))
+    os.mkfifo(folder / "pipe.c")
+    (folder / "lost.c").symlink_to("nowhere")
+    with open(os.fsencode(folder) + b"/name\xff.c", "w") as file:
+        file.write(PLAIN)
+    expected = {
+        "ada.c": ("right", ""),
+        "dots.c": ("does not compile", "homework.c:1:10: "),
+        "huge.c": ("cannot be read", "it has more than 1048576 bytes"),
+        "long.c": ("right", ""),
+        "lost.c": ("cannot be read", "No such file or directory"),
+        "name\\xff.c": ("right", ""),
+        "pipe.c": ("cannot be read", "it is not a regular file"),
+    }
+    assert exit_code("grade", folder, "-o", output, "--json") == 2
+    verdicts = json.loads(capfd.readouterr().out)
+    rows = read_table(output)
+    assert [verdict["file"] for verdict in verdicts] == [f"{folder}/{name}" for name in expected]
+    assert [row["file"] for row in rows] == list(expected)
+    for row, verdict, (status, first) in zip(rows, verdicts, expected.values(), strict=True):
+        assert row["status"] == verdict["status"] == status, row
+        assert first in row["first"]
+        assert verdict["problem"] == (row["first"] if status == "cannot be read" else "")
+    assert exit_code("grade", folder, "-o", output) == 2
+    assert "not read          3\n" in capfd.readouterr().out
+
+
+def test_a_compiler_that_fails_behind_the_fence_is_used_without(
+    tmp_path: Path, capfd: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("warpgrains.grade.compiler.toolchain_paths", list)
+    assert exit_code("grade", homework(tmp_path / "homework.c", PLAIN)) == 0
+    assert "warning: this system has no fence around the compiler" in capfd.readouterr().err
+
+
+RUNNING = {
+    "a homework": contact_that(
+        "", f"{WAITS}__attribute__((constructor)) void stay(void) {{ for (;;) wait_for(1.0); }}\n"
+    ),
+    "the compiler": "#define A x x x x\n"
+    + "".join(f"#define {b} {a} {a} {a} {a}\n" for a, b in pairwise("ABCDEFGHIJKLMNOP"))
+    + "P\n",
+}
+
+
+@pytest.mark.parametrize("what", RUNNING)
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
+def test_a_signal_leaves_nothing_behind(tmp_path: Path, what: str, number: signal.Signals) -> None:
+    code, out, err = signalled(tmp_path, what, number)
+    assert code == (143 if number == signal.SIGTERM else 130)
+    assert out == b""
+    assert b"Traceback" not in err
+    assert programs_in(tmp_path / "work") == []
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_a_homework_ends_with_a_killed_command(tmp_path: Path) -> None:
+    assert signalled(tmp_path, "a homework", signal.SIGKILL)[0] == -signal.SIGKILL
+    wait_until(lambda: programs_in(tmp_path / "work") == [])
+
+
+def signalled(folder: Path, what: str, number: signal.Signals) -> tuple[int, bytes, bytes]:
+    """Send a signal to a command that grades, once something runs, and return its exit code and output."""
+    work = folder / "work"
+    work.mkdir()
+    for name in "abc":
+        homework(folder / "all" / f"{name}.c", RUNNING[what])
+    command = subprocess.Popen(
+        [sys.executable, "-m", "warpgrains", "grade", str(folder / "all"), "--json"],
+        env={**os.environ, "TMPDIR": str(work)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        name = "child" if what == "a homework" else "cc1"
+        wait_until(lambda: list(work.glob("*/homework1")) and name in programs_in(work))
+        command.send_signal(number)
+        out, err = command.communicate(timeout=60)
+    finally:
+        command.kill()
+        command.wait()
+    return command.returncode, out, err
+
+
+def wait_until(holds: Callable[[], object]) -> None:
+    for _ in range(600):
+        if holds():
+            return
+        sleep(0.1)
+    pytest.fail("it does not happen within a minute")
+
+
+def programs_in(folder: Path) -> list[str]:
+    """Return the names of all processes that work in a folder."""
+    names = []
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if Path(os.readlink(process / "cwd")).is_relative_to(folder):
+                names.append((process / "comm").read_text().strip())
+    return names
 
 
 def test_the_template(tmp_path: Path, capfd: Capture) -> None:
@@ -110,6 +222,7 @@ REFUSED = {
     "a foreign table": (["all", "-o", "mine.csv"], "no table of grades"),
     "a template of one": (["homework.c", "--template"], "--template goes alone"),
     "no homework": (["huge.c"], "it has more than 1048576 bytes"),
+    "a pipe": (["pipe"], "'pipe' cannot be read: it is not a regular file"),
 }
 
 
@@ -122,6 +235,7 @@ def test_bad_input_is_one_line(
     if case != "an empty folder":
         homework(tmp_path / "all" / "homework.c", PLAIN)
         homework(tmp_path / "huge.c", " " * (2**20 + 1))
+        os.mkfifo(tmp_path / "pipe")
         (tmp_path / "mine.csv").write_text("a,b\n1,2\n")
     assert exit_code("grade", *arguments) == 2
     require_refusal(capfd, complaint)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from same_bits import assert_same_bits
 from sample_scenes import SUDDEN, random_scene
+from schemes import MIXED, SCHEMES
 from simulate import Simulate
 
 from warpgrains import Scene, Simulation, State, StepReport
@@ -57,8 +58,9 @@ def step_both(simulation: Simulation, reference: Reference, steps: int) -> list[
     return reports
 
 
-def test_python_side_of_the_reference(reference: MakeReference) -> None:
-    scene = Scene.load("annulus")
+@pytest.mark.parametrize("scheme", [*SCHEMES, *MIXED])
+def test_python_side_of_the_reference(reference: MakeReference, scheme: dict[str, str]) -> None:
+    scene = Scene.load("annulus").replace(mass=np.geomspace(0.1, 3.0, 15), **scheme)
     in_c, in_python = reference(scene), reference(scene)
     for _ in range(200):
         in_c.update()

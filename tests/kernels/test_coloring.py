@@ -80,6 +80,36 @@ def test_every_pair_has_its_place(pairs: IntArray, by_color: bool) -> None:
     assert merged.record["contacts"]["count"]["sets"] == 1
 
 
+@pytest.mark.parametrize("name", ["star", "complete", "dense"])
+def test_kept_colors_stay_within_the_capacity(name: str) -> None:
+    """Of lists that follow each other within a step, colors keep their order, and sets stay few."""
+    every, rng = GRAPHS[name], np.random.default_rng(0)
+    listed = np.ones(len(every), bool)
+    record, color = grouped(every, by_color=True)
+    record.record["control"]["resuming"] = 1
+    for _ in range(60):
+        before, old = np.flatnonzero(listed), color
+        listed = rng.random(len(every)) < 0.8
+        now = np.flatnonzero(listed)
+        rows = np.arange(record.record["grains"]["position"]["shape"][0] + 1)
+        record["workspace.old.start"][:] = record["neighbors.start"]
+        record["workspace.old_color"][: len(old)] = old
+        record["neighbors.start"][:] = np.searchsorted(every[now, 0], rows)
+        record["neighbors.neighbor"][: len(now)] = every[now, 1]
+        place = np.where(np.isin(now, before), np.searchsorted(before, now), -1)
+        record["workspace.old_place"][: len(now)] = place
+        record.run(Serial(group_pairs), Serial(place_pairs))
+        color = record["workspace.group"][: len(now)].copy()
+        kept = place >= 0
+        first, second = old[place[kept]], color[kept]
+        assert np.array_equal(first[first < 64], second[first < 64])
+        assert np.array_equal(np.argsort(first, kind="stable"), np.argsort(second, kind="stable"))
+        assert_no_shared_grain(every[now], color)
+        sets = record.record["contacts"]["count"]["sets"]
+        assert sets == color.max() + 1 <= len(every)
+        assert np.array_equal(np.unique(color[color >= 64]), np.arange(64, max(sets, 64)))
+
+
 @pytest.mark.parametrize("tile", [1, 7, 100])
 def test_tiles(pairs: IntArray, tile: int, by_color: bool) -> None:
     """Of two pairs that share a grain, the one that was swept first still is; tiles follow each other."""

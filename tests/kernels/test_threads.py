@@ -3,6 +3,7 @@
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from time import sleep, thread_time
 
 import numpy as np
 import pytest
@@ -59,6 +60,47 @@ def test_threads(order: str, method: str, threads: int, steps: int) -> None:
     state, expected = (final_state(order, method, steps, threads=count) for count in (threads, 1))
     assert_same_bits(state, expected)
     assert_same_lists(state, expected)
+
+
+@pytest.mark.parametrize(("threads", "members"), [(2, 1), (4, 1), (3, 2), (4, 3)])
+def test_fewer_threads_than_the_team_is_for(
+    order: str, method: str, expected: State, threads: int, members: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tuning, "crew", lambda scene, team: (min(members, team),) * 2)
+    assert_same_bits(final_state(order, method, threads=threads), expected)
+
+
+@pytest.mark.parametrize("threads", [2, 4])
+def test_a_team_that_shrinks_and_grows(
+    order: str, method: str, expected: State, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tuning, "WAITING", 0.1)
+    monkeypatch.setattr(tuning, "PAUSE", 1e-4)
+    simulation = Simulation(scene(order, method), threads=threads)
+    sizes = set()
+    for _ in range(STEPS):
+        simulation.step()
+        sizes.add(simulation._engine._crew.size)
+    assert_same_bits(simulation.state(), expected)
+    assert min(sizes) < threads
+
+
+def test_a_thread_that_waits_sleeps() -> None:
+    """A second thread is launched alone: it waits for the first, which has nothing to do."""
+    engine = Simulation(scene("sequential"), threads=2)._engine
+    first, second = engine.works(2)
+
+    def wait() -> float:
+        begun = thread_time()
+        second()
+        return thread_time() - begun
+
+    with ThreadPoolExecutor(1) as pool:
+        waited = pool.submit(wait)
+        sleep(0.5)
+        assert not waited.done()
+        first()
+        assert waited.result() < 0.1
 
 
 def test_threads_continue_alike_from_a_state_without_lists(order: str) -> None:

@@ -50,6 +50,7 @@ def tower(n: int, tolerance: float) -> Scene:
 CASES: dict[str, tuple[Callable[[], Scene], int]] = {
     "falls": (lambda: annulus(dt=0.03), 100),
     "rests": (lambda: few(dt=0.02), 100),
+    "thick syrup": (lambda: few(dt=0.02, drag=4.0), 60),
     "step far too large": (lambda: annulus(dt=0.3, drag=0.0), 12),
     "deep overlap": (lambda: crowd(10, area=1.1, max_iterations=205), 8),
     "does not fit": (lambda: chain(6, overlap=0.05, max_iterations=205), 4),

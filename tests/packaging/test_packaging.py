@@ -2,9 +2,11 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -32,6 +34,64 @@ def test_the_version_is_one():
     assert f"version = {{{warpgrains.__version__}}}" in PAGES["README"].read_text()
     assert f"version: {warpgrains.__version__}\n" in (ROOT / "scenes/docs/CITATION.cff").read_text()
     assert f"## {warpgrains.__version__}\n" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_what_is_said_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    versions = {line.rpartition(" ")[2] for line in project["classifiers"] if "Python :: 3." in line}
+    assert project["requires-python"] == ">=3.11"
+    assert versions == {"3.11", "3.12", "3.13"}
+
+
+TYPED = """
+import warpgrains as wg
+from warpgrains import analysis
+
+simulation = wg.Simulation("annulus")
+steps: int = simulation.run(steps=1).steps
+series: analysis.Series = analysis.Series("stress")
+wrong: str = simulation.steps
+"""
+CHECKERS = {
+    "mypy": ["mypy", "--python-executable"],
+    "pyright": ["basedpyright", "--level", "error", "--pythonpath"],
+}
+
+
+@pytest.fixture(scope="module")
+def editable(tmp_path_factory):
+    """An environment in which `pip install -e` has installed a copy of the checkout, as the README says."""
+    folder = tmp_path_factory.mktemp("editable")
+    kept = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in kept.stdout.splitlines():
+        (folder / "checkout" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / "checkout" / name)
+    venv.create(folder / "fresh", with_pip=True)
+    python = folder / "fresh/bin/python"
+    command = [python, "-m", "pip", "install", "-q", "--no-deps", "-e", folder / "checkout"]
+    subprocess.run(command, check=True)
+    return python
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("checker", CHECKERS.values(), ids=CHECKERS)
+def test_type_checkers_find_an_editable_installation(editable, tmp_path, checker):
+    """They know the types of what is returned: one line, the wrong one, is refused."""
+    (tmp_path / "program.py").write_text(TYPED)
+    command = [sys.executable, "-m", *checker, editable, "program.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1
+    errors = [line for line in done.stdout.splitlines() if "error:" in line]
+    assert len(errors) == 1, done.stdout
+    assert "program.py:8" in errors[0]
+    assert '"int"' in errors[0]
+
+
+@pytest.mark.slow
+def test_editable_installation_finds_all_packages(editable, tmp_path):
+    packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    script = "import sys, importlib.util as u; assert all(u.find_spec(name) for name in sys.argv[1:])"
+    subprocess.run([editable, "-c", script, *packages], cwd=tmp_path, check=True)
 
 
 @pytest.fixture(scope="module")

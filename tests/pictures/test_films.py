@@ -145,7 +145,7 @@ class TestStill:
         ({"record": "run.mp4", "draw_as": "spheres"}, "draw_as has no effect on a film"),
         ({"record": "run.gif", "checkpoint": "run.npz"}, "cannot continue a film"),
         ({"record": "run.png", "checkpoint": "run.npz"}, "cannot continue a still"),
-        ({"record": "run.mp4", "color_by": "mood"}, "color by 'mood' is unknown"),
+        ({"record": "run.mp4", "color_by": "mood"}, "unknown color_by 'mood': known: palette"),
         ({"record": "no/run.mp4"}, "cannot be written"),
         ({"record": "no/run.png"}, "cannot be written"),
     ],

@@ -100,7 +100,10 @@ def test_duration(simulation, duration):
         ({"forces": True}, "forces has no effect without record"),
         ({"color_by": "radius"}, "color_by has no effect without record"),
         ({"draw_as": "spheres"}, "draw_as has no effect without record"),
-        ({"record": "run.usdc", "draw_as": "cubes"}, "draw as 'cubes' is unknown; choose points, discs"),
+        (
+            {"record": "run.usdc", "draw_as": "cubes"},
+            "unknown draw_as 'cubes': known: discs, points, spheres",
+        ),
         ({"record": "run.usdc", "draw_as": 3}, "draw_as is 3"),
         ({"every": 10}, "every has no effect without checkpoint"),
         ({"record": "run.usdc", "fps": None}, "fps is None"),

@@ -1,12 +1,13 @@
 """What holds in every step, whatever the scene.
 
-A step ends with velocities v = v* - M^-1 J^T p, where v* are the free velocities, p >= 0 the impulses of its
-contacts, and J v the velocities vn at which they close. Its residual eta says (kernels/residual.py) that
-vn <= gap/dt + eta everywhere, and vn >= gap/dt - eta where a contact carries dv > eta.
+A step ends with velocities v = v* - M^-1 J^T p, where v* are the free velocities, M the contact masses,
+p >= 0 the impulses of its contacts, and J v the velocities vn at which they close. Its residual eta says
+(kernels/residual.py) that vn <= gap/dt + eta everywhere, and vn >= gap/dt - eta where a contact carries
+dv > eta.
 
-Momentum. m_i (v_i - v*_i) is the sum of the impulses of the contacts of grain i: pairs change no total.
+Momentum. M_i (v_i - v*_i) is the sum of the impulses of the contacts of grain i: pairs change no total.
 
-Energy. From M (v* - v) = J^T p,
+Energy. With K(v) = 1/2 v^T M v, from M (v* - v) = J^T p,
 
     K(v*) - K(v) = 1/2 |v - v*|_M^2 + (v* - v)^T M v = 1/2 |v - v*|_M^2 + p^T J v.
 
@@ -28,7 +29,7 @@ negative where nothing overlaps: a grain that slides has to turn, and what makes
 from dataclasses import dataclass
 
 import numpy as np
-from schemes import without_contacts
+from schemes import contact_mass, without_contacts
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray, IntArray
@@ -42,6 +43,7 @@ class Step:
     """One step, as seen from outside: arrays before (0) and after it, and what it says of its contacts."""
 
     scene: Scene
+    mass: FloatArray  # M_i of eq. 17b [kg]
     report: StepReport
     x0: FloatArray
     x: FloatArray
@@ -72,9 +74,11 @@ def checked_step(simulation: Simulation) -> StepReport:
     report = simulation.step()
     contacts, walls = simulation.contacts(), simulation.wall_contacts()
     i, j = contacts.pair.T
-    mu = scene.mass[i] * scene.mass[j] / (scene.mass[i] + scene.mass[j])
+    mass = contact_mass(scene)
+    mu = mass[i] * mass[j] / (mass[i] + mass[j])
     step = Step(
         scene=scene,
+        mass=mass,
         report=report,
         x0=x0,
         x=simulation.position,
@@ -100,22 +104,22 @@ def assert_finite(step: Step) -> None:
 
 
 def momentum_rounding(step: Step) -> FloatArray:
-    """How far m_i (v_i - v*_i) may be from the sum of its impulses [kg m/s], shape (n,).
+    """How far M_i (v_i - v*_i) may be from the sum of its impulses [kg m/s], shape (n,).
 
     With k contacts, k additions on either side and less than 8 more operations for v* and each product, each
     rounded by at most eps of what has come together by then.
     """
     n, (i, j) = step.scene.n, step.pair.T
-    impulses, count = step.scene.mass * np.abs(step.wall_correction), np.ones(n)
+    impulses, count = step.mass * np.abs(step.wall_correction), np.ones(n)
     for grain in (i, j):
         impulses += np.bincount(grain, step.pair_impulse, n)
         count += np.bincount(grain, minlength=n)
-    return 2.0 * (count + 8.0) * EPS * (step.scene.mass * np.hypot(*step.v_free.T) + impulses)
+    return 2.0 * (count + 8.0) * EPS * (step.mass * np.hypot(*step.v_free.T) + impulses)
 
 
 def assert_momentum(step: Step) -> None:
     """A grain's momentum changes by the impulses of its contacts, the sum of all by those of the walls."""
-    mass, (i, j) = step.scene.mass[:, None], step.pair.T
+    mass, (i, j) = step.mass[:, None], step.pair.T
     d = step.x0[j] - step.x0[i]
     impulse = (step.pair_impulse / np.hypot(*d.T))[:, None] * d
     wall_normal = step.x0 / np.hypot(*step.x0.T)[:, None]
@@ -146,14 +150,14 @@ def contacts_of(step: Step) -> tuple[FloatArray, FloatArray, FloatArray, FloatAr
         (-1.0, rho - scene.radius_in - scene.radius),
     ):
         dv = np.maximum(sign * step.wall_correction, 0.0)
-        kinds.append((scene.mass * dv, dv, gap, sign * outward))
+        kinds.append((step.mass * dv, dv, gap, sign * outward))
     p, dv, gap, vn = map(np.concatenate, zip(*kinds, strict=True))
     return p, dv, gap, vn
 
 
 def assert_energy(step: Step) -> None:
     """Contacts dissipate, but for what separating overlaps takes."""
-    mass, eta = step.scene.mass, step.report.residual
+    mass, eta = step.mass, step.report.residual
     p, dv, gap, vn = contacts_of(step)
     opening = np.where(dv > eta, np.maximum(-gap, 0.0) / step.scene.dt + eta, np.maximum(-vn, 0.0))
     before, after, dissipated = (

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from schemes import contact_mass
 
 from warpgrains import Scene
 from warpgrains.reference.reference import free_velocity
@@ -140,7 +141,7 @@ class AcceleratedTwin:
 
     def _pairs(self) -> list[Pair]:
         scene, x, pairs = self.scene, [complex(*x) for x in self.position], []
-        m, r = scene.mass.tolist(), scene.radius.tolist()
+        m, r = contact_mass(scene).tolist(), scene.radius.tolist()
         places = zip(*np.triu_indices(scene.n, 1), self.pair_correction.tolist(), strict=True)
         for i, j, dv in places:
             n, distance = normal(x[j] - x[i])
@@ -151,7 +152,7 @@ class AcceleratedTwin:
 
     def _walls(self) -> list[Wall]:
         scene, walls = self.scene, []
-        m, r = scene.mass.tolist(), scene.radius.tolist()
+        m, r = contact_mass(scene).tolist(), scene.radius.tolist()
         for i, dv in enumerate(self.wall_correction.tolist()):
             n, distance = normal(complex(*self.position[i]))
             gap = (scene.radius_out - distance - r[i]) / scene.dt
@@ -206,7 +207,7 @@ class AcceleratedTwin:
 
     def _sweep(self, k: int) -> bool:
         """Go on to y and sweep from there, the k-th time; return whether it is kept."""
-        beta, omega, mass = self._beta, 1.0 + self._rho * self._beta, self.scene.mass.tolist()
+        beta, omega, mass = self._beta, 1.0 + self._rho * self._beta, contact_mass(self.scene).tolist()
         before = self._v
         self._v = [v + beta * (v - last) for v, last in zip(before, self._v_last, strict=True)]
         self._v_last = before

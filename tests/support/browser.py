@@ -39,6 +39,18 @@ class Tab:
     def click(self, label):
         self.driver.find_element(By.XPATH, f"//button[contains(., '{label}')]").click()
 
+    def text(self):
+        return self.driver.find_element(By.TAG_NAME, "body").text
+
+    def buttons(self):
+        """Return the labels of the buttons that are seen, in their order."""
+        found = self.driver.find_elements(By.XPATH, "//button[contains(., '(')]")
+        return [button.text for button in found if button.is_displayed()]
+
+    def charts(self):
+        """Return the charts that are seen."""
+        return [chart for chart in self.driver.find_elements(By.CLASS_NAME, "uplot") if chart.is_displayed()]
+
     def slider(self, label):
         """Return the number field beside a slider."""
         return self.driver.find_element(

@@ -1,7 +1,7 @@
 """The natural residual of a simulation's last step (kernels/MODEL.md, eq. 12), in NumPy, over all pairs."""
 
 import numpy as np
-from schemes import without_contacts
+from schemes import contact_mass, without_contacts
 from scipy.spatial import KDTree
 
 from warpgrains import Simulation
@@ -25,7 +25,8 @@ def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:
     i, j = contacts.pair.T
     d = position[j] - position[i]
     impulse = (contacts.correction / np.hypot(*d.T))[:, None] * d
-    share = (scene.mass[j] / (scene.mass[i] + scene.mass[j]))[:, None]
+    mass = contact_mass(scene)
+    share = (mass[j] / (mass[i] + mass[j]))[:, None]
     np.subtract.at(v, i, impulse * share)
     np.add.at(v, j, impulse * (1.0 - share))
     # A pair that carries nothing has an error only if it is so near that it can close its gap in the step.

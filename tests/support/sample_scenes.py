@@ -1,6 +1,7 @@
 """Scenes hard on the solver: random ones, ones that make it solve a step again, ones that cannot fit."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,24 @@ def random_scene(seed: int) -> Scene:
 def _anywhere(rng: np.random.Generator, n: int, radius_in: float) -> FloatArray:
     angle = rng.uniform(0.0, 2.0 * np.pi, n)
     return rng.uniform(radius_in, 1.0, (n, 1)) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def dense_start(seed: int, filled: float, **changes: Any) -> Scene:
+    """Draw 60 to 260 grains of radii 1:4 anywhere in a disc, of which they would fill some part."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(60, 260))
+    radius = rng.uniform(0.25, 1.0, n)
+    radius *= np.sqrt(filled / (radius @ radius))
+    angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), 0.8 * np.sqrt(rng.uniform(0.0, 1.0, n))
+    return Scene(
+        position=distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1),
+        velocity=rng.normal(0.0, 1.0, (n, 2)),
+        radius=radius,
+        mass=100.0 * radius**2,
+        radius_out=1.0,
+        wall="round" if seed % 2 else "tangent",
+        order="color",
+    ).replace(**changes)
 
 
 def bullet() -> Scene:

@@ -22,3 +22,8 @@ def without_contacts(scene: Scene, v: FloatArray, staggered: bool) -> FloatArray
         return v + scene.dt * (g - rate * v)
     old, kick = (0.5 * v, scene.dt) if staggered else (0.0 * v, 0.5 * scene.dt)
     return (v + kick * g - scene.dt * rate * old) / (1.0 + 0.5 * scene.dt * rate)
+
+
+def contact_mass(scene: Scene) -> FloatArray:
+    """Impulse that changes a velocity by 1 m/s [kg], shape (n,): midpoint drag acts on half of the change."""
+    return scene.mass + (0.5 * scene.dt * scene.drag if scene.scheme == "leapfrog" else 0.0)

@@ -11,10 +11,10 @@ from warpgrains.console import start_warp
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import OPTIONS, Stage, fuse
 from warpgrains.kernels.threads import TeamRecord
+from warpgrains.solver.crew import Crew
 from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
-from warpgrains.solver.threads import team_of
 
 KERNELS: dict[str, wp.Kernel] = {}
 
@@ -67,7 +67,7 @@ class OneRecord:
         return self.record["verlet"]["numbers"]
 
     def run(self, *stages: Stage) -> None:
-        inputs = (self._records.device, team_of(1)[0])
+        inputs = (self._records.device, Crew(1).members[0])
         wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu")
 
 

@@ -21,7 +21,7 @@ class Slices:
         if self.left == 0:
             raise Interrupted
         self.left -= 1
-        self.steps.append(steps)
+        self.steps.append(max(steps))
         return run(batch, steps)
 
 

@@ -1,8 +1,10 @@
 """A sweep with one damaged run: it is named and counted as failed, and the others go on."""
 
+import os
 import shutil
 
 import pytest
+from command import exit_code, require_refusal
 from sweeps import SMALL, batch, results, table, write
 
 from warpgrains.frame_log import FrameLog, LogReader
@@ -67,6 +69,7 @@ DAMAGED_RESULTS = {
     "no number": with_value("unconverged", "many"),
     "not UTF-8": lambda run: (run / "result.csv").write_bytes(b"\xff\xfe"),
     "a folder": lambda run: ((run / "result.csv").unlink(), (run / "result.csv").mkdir()),
+    "a pipe": lambda run: piped(run / "result.csv"),
 }
 
 
@@ -100,11 +103,42 @@ def damage_frame(log):
     log.write_bytes(content)
 
 
+def cut_scene(run, end):
+    """Keep a share of a scene file, or all but some lines."""
+    lines = (run / "scene.toml").read_text().splitlines(keepends=True)
+    (run / "scene.toml").write_text("".join(lines[: end if end < 0 else int(end * len(lines))]))
+
+
+def changed_scene(run, old, new):
+    text = (run / "scene.toml").read_text()
+    assert text.count(old) >= 1
+    last = text.rindex(old)
+    (run / "scene.toml").write_text(text[:last] + new + text[last + len(old) :])
+
+
+def piped(path):
+    """Put a pipe that nobody writes to in the place of a file."""
+    path.unlink()
+    os.mkfifo(path)
+
+
 DAMAGED_FILES = {
     "no log": (lambda run: (run / "recording.usdc.frames").unlink(), "holds no frames"),
     "a frame is damaged": (lambda run: damage_frame(run / "recording.usdc.frames"), "holds 0 of the"),
     "checkpoint": (lambda run: (run / "checkpoint.npz").write_bytes(b"PK"), "is no checkpoint"),
     "scene": (lambda run: (run / "scene.toml").write_bytes(b"\xff\xff"), "is no text"),
+    "empty scene": (lambda run: (run / "scene.toml").write_bytes(b""), "scene.toml' is damaged"),
+    "half a scene": (lambda run: cut_scene(run, 0.5), "scene.toml' is damaged"),
+    "scene without its last line": (lambda run: cut_scene(run, -1), "scene.toml' is damaged"),
+    "scene with another value": (lambda run: changed_scene(run, "drag = 0.1", "drag = 0.3"), "is damaged"),
+    "scene of another name": (lambda run: changed_scene(run, "run 1 of", "run 7 of"), "is damaged"),
+    "scene is no TOML": (lambda run: (run / "scene.toml").write_text("# run 9 of\n=\n"), "is damaged"),
+    "scene is a folder": (
+        lambda run: ((run / "scene.toml").unlink(), (run / "scene.toml").mkdir()),
+        "scene.toml' is not a regular file",
+    ),
+    "scene is a pipe": (lambda run: piped(run / "scene.toml"), "scene.toml' is not a regular file"),
+    "checkpoint is a pipe": (lambda run: piped(run / "checkpoint.npz"), "checkpoint"),
 }
 
 
@@ -135,6 +169,37 @@ def test_checkpoint_of_another_run_is_not_continued(tmp_path, whole):
 
     rows = resume_damaged(tmp_path, whole, interrupted(swap), "--usd")
     assert "checkpoint.npz' is of another run" in rows[1]["error"]
+
+
+def test_run_of_another_sweep_is_not_taken_for_a_damaged_one(tmp_path, whole, capfd):
+    """Only the values of one axis differ: what the runs have in common is the same."""
+    shutil.copytree(whole, tmp_path / "out")
+    other = write(tmp_path, GOOD.replace("[5, 15]", "[5, 14]"))
+    assert exit_code("batch", other, "-o", tmp_path / "out", "--resume") == 2
+    require_refusal(capfd, "is another scene than this run of the sweep: choose another -o")
+
+
+@pytest.mark.parametrize("damage", [lambda path: path.write_bytes(b"1"), piped], ids=["cut", "pipe"])
+def test_damaged_part_is_done_again(tmp_path, damage, capfd):
+    sweep, out = write(tmp_path, GOOD), tmp_path / "out"
+    assert batch(sweep, "-o", out) == 0
+    before = results(out)
+    (part,) = (out / "parts").glob("*.csv")
+    damage(part)
+    capfd.readouterr()
+    assert batch(sweep, "-o", out, "--resume") == 0
+    assert "is damaged: its runs are done again" in capfd.readouterr().err
+    assert results(out) == before
+
+
+def test_scene_of_a_sweep_that_is_a_pipe_is_refused(tmp_path, capfd):
+    """Nobody may ever write to it."""
+    folder = tmp_path / "scenes"
+    folder.mkdir()
+    os.mkfifo(folder / "scene.toml")
+    for sweep in (folder, write(tmp_path, 'scene = "scenes/scene.toml"')):
+        assert exit_code("batch", sweep, "-o", tmp_path / "out") == 2
+        require_refusal(capfd, "scene.toml' of the sweep is not a regular file")
 
 
 def test_file_in_the_place_of_a_run(tmp_path, capfd):

@@ -199,12 +199,14 @@ class TestOutput:
             Recorder(tmp_path / name, make_scene(), 60)
 
     def test_unknown_coloring(self, tmp_path):
-        with pytest.raises(SceneError, match="color by 'mood' is unknown; choose palette, radius, speed"):
+        with pytest.raises(
+            SceneError, match="unknown color_by 'mood': known: palette, pressure, radius, speed"
+        ):
             Recorder(tmp_path / "run.usdc", make_scene(), 60, color_by="mood")
         assert list(tmp_path.iterdir()) == []
 
     def test_unknown_way_to_draw(self, tmp_path):
-        with pytest.raises(SceneError, match="draw as 'cubes' is unknown; choose points, discs, spheres"):
+        with pytest.raises(SceneError, match="unknown draw_as 'cubes': known: discs, points, spheres"):
             Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="cubes")
         assert list(tmp_path.iterdir()) == []
 

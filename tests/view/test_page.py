@@ -53,6 +53,32 @@ def test_keys_and_sliders_of_a_simulation(tmp_path):
     page.close()
 
 
+def test_labels_and_charts_appear_when_there_is_something(tmp_path):
+    """And nothing that appears moves the sliders."""
+    scene = Scene.load("annulus").replace(max_iterations=5, on_unconverged="raise")  # fails at step 20
+    page = Simulation(scene).view(port=8320)
+    sliders = ("playback speed", "drag [kg/s]", "gravity [m/s2]", "gravity direction [degrees]")
+    with opened(page.url) as tab:
+        assert tab.buttons()[:4] == ["run (R)", "stop (S)", "one step (N)", "restart (0)"]
+        assert tab.charts() == []
+        places = [tab.slider(label).location for label in sliders]
+        tab.press("n")
+        tab.wait_for(lambda: tab.told()["steps"] == "1")
+        assert tab.buttons()[0] == "resume (R)"
+        tab.press("n")
+        tab.wait_for(lambda: tab.told()["steps"] == "2")
+        tab.wait_for(
+            lambda: len(tab.charts()) == 1
+        )  # of the energy; a step without contacts has one iteration
+        tab.press("r")
+        tab.wait_for(lambda: "not converged" in tab.text() and tab.told()["state"] == "stopped")
+        assert [tab.slider(label).location for label in sliders] == places
+        tab.click("restart")
+        tab.wait_for(lambda: tab.told()["steps"] == "0")
+        tab.wait_for(lambda: tab.buttons()[0] == "run (R)" and tab.charts() == [])
+    page.close()
+
+
 def require_colors(tab, folder, simulation):
     """Check in a picture of the page that grains are where they are, in their colors."""
     tab.driver.save_screenshot(str(folder / "page.png"))

@@ -12,7 +12,7 @@ from same_bits import contents
 
 from warpgrains import Scene, SceneError, Simulation
 from warpgrains.usd.reader import RecordingReader
-from warpgrains.view.players import Live, Recorded
+from warpgrains.view.players import AXES, Live, Recorded
 
 
 @pytest.fixture
@@ -49,6 +49,21 @@ def test_numbers_are_those_of_the_step(simulation):
     iteration, zeta = live.curves()["log10 zeta of the last step"]
     assert iteration.tolist() == list(range(1, report.iterations + 1))
     assert zeta[-1] == np.log10(report.zeta)
+
+
+def test_the_table_has_its_rows_from_the_start(simulation):
+    live = Live(simulation)
+    before = live.readout()
+    live.advance(30)
+    assert list(live.readout()) == list(before)
+    assert "\N{EN DASH}" in before.values()
+    assert "\N{EN DASH}" not in live.readout().values()
+    live.restart()
+    assert live.readout() == before
+
+
+def test_every_curve_has_titles_of_its_axes(simulation):
+    assert set(Live(simulation).curves()) == set(AXES)
 
 
 def test_a_step_that_fails_ends_it_and_is_told():

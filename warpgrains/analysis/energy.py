@@ -102,8 +102,8 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     """Return what became of energy in the last step, from its forces and velocities; zeros before the first.
 
     From v before the step to v' after it, m (v' - v) = dt F, so the kinetic energy changes by
-    dt F . (v + v') / 2: each force has its share. With the free velocity v* = v' - dt F_contacts / m, v
-    follows from kernels/MODEL.md, eq. 2, or 16 and 17.
+    dt F . (v + v') / 2: each force has its share. With the free velocity v* = v' - dt F_contacts / M, v
+    follows from kernels/MODEL.md, eq. 2, or 16 and 17; M is the contact mass (17b).
 
     Examples
     --------
@@ -116,7 +116,8 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
         return EnergyBalance(0.0, 0.0, 0.0)
     scene, mass = moment.scene, moment.scene.mass[:, np.newaxis]
     gravity, force = np.array(scene.gravity), contact_forces(moment)
-    kick = kick_of(scene, moment.velocity - scene.dt * force / mass, staggered=moment.steps > 1)
+    free = moment.velocity - scene.dt * force / scene.contact_mass[:, np.newaxis]
+    kick = kick_of(scene, free, moment.velocity, staggered=moment.steps > 1)
     mean = 0.5 * (kick.before + moment.velocity)
     return EnergyBalance(
         gravity_work=float((kick.time * mass * mean * gravity).sum()),

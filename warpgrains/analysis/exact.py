@@ -4,10 +4,10 @@ In NumPy, apart from the kernels, a step is the convex problem (kernels/MODEL.md
 
     min 1/2 (v - v*)^T M (v - v*)   subject to   J v <= b,   b = gap / dt,
 
-v* the free velocities, a row of J for every pair of grains and for every grain at every wall. In units of
-its own, y = sqrt(M) (v - v*) / s with s the largest entry of sqrt(M) v*, and with rows of length 1, it is the
-projection of 0 onto a polyhedron: min 1/2 |y|^2 subject to A y <= h. Any y that satisfies A y <= h and any
-multipliers z >= 0 bracket the minimum; both functions are strongly convex, so
+v* the free velocities, M the contact masses (eq. 17b), a row of J for every pair of grains and for every
+grain at every wall. In units of its own, y = sqrt(M) (v - v*) / s with s the largest entry of sqrt(M) v*, and
+with rows of length 1, it is the projection of 0 onto a polyhedron: min 1/2 |y|^2 subject to A y <= h. Any y
+that satisfies A y <= h and any multipliers z >= 0 bracket the minimum; both functions are strongly convex, so
 
     |y - y_exact|^2 <= |y + A^T z|^2 + 2 z^T (h - A y),
 
@@ -151,7 +151,7 @@ def solve_exactly(problem: StepProblem, velocity: FloatArray, witness: Witness |
 
 def _solve(problem: StepProblem, constraints: LinearConstraints, witness: Witness) -> ExactStep:
     """Solve a step for given constraints."""
-    root = np.sqrt(np.repeat(problem.scene.mass, 2))
+    root = np.sqrt(np.repeat(problem.scene.contact_mass, 2))
     free = problem.free_velocity.ravel()
     scale = float(np.abs(root * free).max()) or float(root.max())
     rows = constraints.rows @ sparse.diags_array(1.0 / root)

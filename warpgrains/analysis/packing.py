@@ -64,9 +64,14 @@ def packing_fraction(of: Snapshot | HasState) -> float:
 
 def packing_fractions(grains: Grains) -> FloatArray:
     """Return the packing fractions of many runs, shape (m,)."""
-    radius, height = grains.radius, _heights(grains)
-    mean = (radius**2 * height).sum(axis=-1) / (radius**2).sum(axis=-1)
+    radius, height, mean = grains.radius, _heights(grains), mean_heights(grains)
     return area_below(radius, mean[:, np.newaxis] - height).sum(axis=-1) / grains.walls.area_below(mean)
+
+
+def mean_heights(grains: Grains) -> FloatArray:
+    """Return the mean heights of the grains of many runs, weighted by area [m], shape (m,)."""
+    area = grains.radius**2
+    return (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)
 
 
 def global_packing_fraction(of: Snapshot | HasState) -> float:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
+from warpgrains.scene.geometry import pair_normals
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.walls import outward
 from warpgrains.shown import Shown
 from warpgrains.tables import library
 from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
@@ -139,7 +141,12 @@ class Recording(Shown):
         )
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return positions, velocities and radii as a dataset over time and grain, with units.
+        """Return positions, velocities, radii and contacts as a dataset, with units.
+
+        Positions and velocities are over time and grain. Contacts, where they were recorded, are in one list
+        along the dimension `contact`: the number of the frame, `contact_frame`; the grain, `contact_grain`;
+        the other grain, or -1 for the outer wall and -2 for the inner one, `contact_other`; the unit vector
+        from the grain to the other or the wall, `contact_normal`; and the force, `contact_force`.
 
         Raises
         ------
@@ -147,12 +154,40 @@ class Recording(Shown):
             xarray is not installed; it comes with the extra ``[data]``.
         """
         dims = ("time", "grain", "component")
+        contacts = self._contacts() if self.has_forces else {}
         return library("xarray", "to_xarray").Dataset(
             {
                 "position": (dims, self.position, {"units": "m"}),
                 "velocity": (dims, self.velocity, {"units": "m/s"}),
                 "radius": ("grain", self.radius, {"units": "m"}),
+                **contacts,
             },
             coords={"time": ("time", self.time, {"units": "s"}), "component": ["x", "y"]},
             attrs={"recording": self.path.name},
         )
+
+    def _contacts(self) -> dict[str, Any]:
+        """Return the contacts of all frames, as `to_xarray` names them."""
+        chains = [self._reader.chains(k) for k in range(len(self))]
+        normal = [_normals(self.position[k], of.pair) for k, of in enumerate(chains)]
+        frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])
+        pair = np.concatenate([of.pair for of in chains])
+        force = np.concatenate([of.force for of in chains])
+        return {
+            "contact_frame": ("contact", frame),
+            "contact_grain": ("contact", pair[:, 0]),
+            "contact_other": ("contact", pair[:, 1]),
+            "contact_normal": (("contact", "component"), np.concatenate(normal)),
+            "contact_force": ("contact", force, {"units": "N"}),
+        }
+
+
+def _normals(position: FloatArray, pair: IntArray) -> FloatArray:
+    """Return unit vectors from each grain to the other, or to the wall -1 or -2, shape (m, 2)."""
+    i, j = pair.T
+    between = j >= 0
+    normal = np.zeros(pair.shape)
+    normal[between] = pair_normals(position, i[between], j[between])
+    sign = np.where(j[~between] == -1, 1.0, -1.0)
+    normal[~between] = sign[:, np.newaxis] * outward(position[i[~between]])
+    return normal

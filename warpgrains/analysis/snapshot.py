@@ -149,7 +149,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     scene, state = (of.scene, of.state()) if state is None else (of, state)
     start = state.position - scene.dt * state.velocity
     contacts = pair_contacts(scene, start, state.corrections)
-    wall_force = wall_contacts(scene, state.corrections).force
+    wall_force = wall_contacts(scene, start, state.corrections).force
     return Snapshot(
         scene=scene,
         steps=state.steps,

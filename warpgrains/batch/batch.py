@@ -1,21 +1,27 @@
 """Batch: many scenes, advanced together."""
 
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.batch.resident import Done, ResidentSets
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
-from warpgrains.scene.scene import Scene
+from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown
 from warpgrains.simulation.options import steps_of
+from warpgrains.simulation.until import Criterion, Question, criterion
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
+from warpgrains.turns import Driver
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,11 +48,13 @@ class Batch(Shown):
     """Many scenes on one device, of any sizes and parameters.
 
     Each scene gets the same bits as alone in a `Simulation`, whatever else is in the batch, in whatever
-    order, on however many threads. If there are more scenes than memory holds, they take turns in it.
+    order, on however many threads. If there are more scenes than memory holds, they take turns in it. A batch
+    that one Python thread advances refuses all others, by a `SimulationError`.
 
     Parameters
     ----------
-    scenes : iterable of Scene
+    scenes : Scene or iterable of Scene
+        Or files or names of scenes, see `Scene.load`.
     device : str
         A Warp device, "cpu" or "cuda:0".
     threads : int, optional
@@ -63,6 +71,11 @@ class Batch(Shown):
     ----------
     scenes : tuple of Scene
 
+    Notes
+    -----
+    A copy, by `copy.copy` too, and an unpickled batch have their own memory. They continue from the exact
+    states with the same bits.
+
     Examples
     --------
     >>> scene = wg.Scene.load("annulus")
@@ -73,14 +86,25 @@ class Batch(Shown):
     True
     """
 
-    def __init__(self, scenes: Iterable[Scene], device: str = "cpu", threads: int | None = None):
-        self.scenes = tuple(scenes)
+    def __init__(
+        self, scenes: SceneLike | Iterable[SceneLike], device: str = "cpu", threads: int | None = None
+    ):
+        if isinstance(scenes, Scene | str | os.PathLike) or not np.iterable(scenes):
+            scenes = (as_scene("scenes", scenes),)
+        self.scenes = tuple(as_scene(f"scenes[{k}]", scene) for k, scene in enumerate(scenes))
         if not self.scenes:
             raise SceneError("a batch needs at least one scene")
         if threads is not None:
             checks.thread_count("threads", threads)
-        self._sets = ResidentSets(self.scenes, find_device(device), cores() if threads is None else threads)
+        self._device, self._threads_wanted = find_device(device), threads
+        self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
+        self._driver = Driver("batch")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        states = [self.state(k) for k in range(len(self))]
+        given = self.scenes, self._device.alias, self._threads_wanted, states, self._reports
+        return _continued, (type(self), *given)
 
     def facts(self) -> dict[str, str]:
         """Return what there is to tell of it in a line."""
@@ -100,7 +124,7 @@ class Batch(Shown):
         ------
         SimulationError
             A number of some scene is no longer finite: that scene's state is that before the step, and the
-            others have advanced.
+            others have advanced. Or another thread advances this batch.
         """
         outcomes = self._advance([1] * len(self), lambda _: None)
         failures = [f"scene {done.k}: {done.error}" for done in outcomes if done.error is not None]
@@ -109,7 +133,11 @@ class Batch(Shown):
         return [done.report for done in outcomes if done.report is not None]
 
     def run(
-        self, steps: int | None = None, duration: float | None = None, progress: bool = False
+        self,
+        steps: int | Sequence[int] | None = None,
+        duration: float | None = None,
+        progress: bool = False,
+        until: str | Question | None = None,
     ) -> list[SceneSummary]:
         """Advance every scene by many time steps.
 
@@ -117,28 +145,46 @@ class Batch(Shown):
 
         Parameters
         ----------
-        steps : int, optional
-            How many; or
+        steps : int or sequence of int, optional
+            How many, or how many of each scene; or
         duration : float, optional
             for how long [s]; by default every scene for its own duration.
         progress : bool
             Whether to show a progress bar on standard error.
+        until : str or callable, optional
+            What ends each scene earlier, as in `Simulation.run`: "rest", or a callable. A callable is given a
+            scene of the batch, with the attributes `scene`, `steps`, `time`, `position`, `velocity` and the
+            method `state` of a `Simulation`.
 
         Returns
         -------
         list of SceneSummary
-            One a scene; `error` tells why it failed, if it did.
+            One a scene; `error` tells why it failed, if it did, and `met` whether it ended at `until`.
+
+        Raises
+        ------
+        SceneError
+            The steps are no number of steps; or `until` is no criterion for one of the scenes.
         """
-        wanted = [steps_of(scene, steps, duration) for scene in self.scenes]
+        each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
+        if len(each) != len(self):
+            raise SceneError(
+                f"steps are {len(each)} numbers: a batch of {len(self)} scenes needs one of each"
+            )
+        wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
+        criteria = [found for scene in self.scenes if (found := criterion(until, scene)) is not None]
         with progress_bar(sum(wanted), shown=progress) as bar:
-            outcomes = self._advance(wanted, bar.update)
+            outcomes = self._advance(wanted, bar.update, criteria or None)
         return [SceneSummary(**vars(done.statistics.summary(None)), error=done.error) for done in outcomes]
 
-    def _advance(self, steps: list[int], on_progress: OnProgress) -> list[Done]:
-        """Do so many steps of each scene, and keep the last reports."""
-        outcomes = sorted(self._sets.work(steps, on_progress))
-        for done in outcomes:
-            self._reports[done.k] = done.report or self._reports[done.k]
+    def _advance(
+        self, steps: list[int], on_progress: OnProgress, criteria: list[Criterion] | None = None
+    ) -> list[Done]:
+        """Do so many steps of each scene, or fewer where its criterion is met, and keep the last reports."""
+        with self._driver.advancing():
+            outcomes = sorted(self._sets.work(steps, on_progress, criteria))
+            for done in outcomes:
+                self._reports[done.k] = done.report or self._reports[done.k]
         return outcomes
 
     @property
@@ -147,16 +193,18 @@ class Batch(Shown):
         return list(self._reports)
 
     def position(self, k: int) -> FloatArray:
-        """Return the centres of the grains of scene k [m], shape (n, 2); a copy."""
-        return self.state(k).position
+        """Return the centres of the grains of scene k [m], shape (n, 2); a read-only copy."""
+        return checks.frozen(self.state(k).position.copy())
 
     def velocity(self, k: int) -> FloatArray:
-        """Return the velocities of the grains of scene k [m/s], shape (n, 2); a copy."""
-        return self.state(k).velocity
+        """Return the velocities of the grains of scene k [m/s], shape (n, 2); a read-only copy."""
+        return checks.frozen(self.state(k).velocity.copy())
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k, from which `restore` continues with the same bits."""
-        return self._sets.state(k)
+        k = self._number(k)
+        with self._driver.alone():
+            return self._sets.state(k)
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state.
@@ -164,7 +212,29 @@ class Batch(Shown):
         Raises
         ------
         SceneError
-            It is a state of other grains.
+            It is a state of other grains, or there is no scene k.
         """
+        k = self._number(k)
         require_state(state, self.scenes[k].n)
-        self._sets.restore(k, state)
+        with self._driver.alone():
+            self._sets.restore(k, state)
+
+    def _number(self, k: int) -> int:
+        """Return the number of a scene, once it is checked."""
+        return checks.whole_number("k", k, least=0, most=len(self) - 1)
+
+
+def _continued(
+    kind: type[Batch],
+    scenes: tuple[Scene, ...],
+    device: str,
+    threads: int | None,
+    states: list[State],
+    reports: list[StepReport | None],
+) -> Batch:
+    """Return a batch that continues from states: what a copy is, or one that is unpickled."""
+    batch = kind(scenes, device, threads)
+    for k, state in enumerate(states):
+        batch.restore(k, state)
+    batch._reports = list(reports)
+    return batch

@@ -1,14 +1,16 @@
 """The scenes of a batch: which of them are in memory together, and where the others' states are."""
 
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import IndexArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
+from warpgrains.simulation.until import Criterion, steps_to_test
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
@@ -30,6 +32,42 @@ class Done(NamedTuple):
     error: str | None
 
 
+class ResidentScene:
+    """A scene of a batch while it runs, as a test of its end is given it.
+
+    Attributes
+    ----------
+    scene : Scene
+    """
+
+    def __init__(self, scene: Scene, engine: Engine, place: int):
+        self.scene, self._engine, self._place = scene, engine, place
+
+    @property
+    def steps(self) -> int:
+        """Time steps since the start."""
+        return self._engine.steps(self._place)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.steps * self.scene.dt
+
+    @property
+    def position(self) -> FloatArray:
+        """Centres of the grains [m], shape (n, 2); a copy."""
+        return self._engine.grains(self._place, "position")
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities of the grains [m/s], shape (n, 2); a copy."""
+        return self._engine.grains(self._place, "velocity")
+
+    def state(self) -> State:
+        """Return the exact state."""
+        return self._engine.state(self._place)
+
+
 class ResidentSet:
     """Scenes in memory, by their numbers in the batch, each in the engine of its method.
 
@@ -45,6 +83,7 @@ class ResidentSet:
         self._threads = threads
         self._engines: list[Engine] = []
         self._numbers: list[list[int]] = []
+        self._is_halted = False
         self.place: dict[int, tuple[Engine, int]] = {}
         for method in sorted({scene.method for scene in scenes.values()}):
             numbers = [k for k, scene in scenes.items() if scene.method == method]
@@ -70,8 +109,45 @@ class ResidentSet:
             engine.submit([steps[k] for k in numbers])
         advance(self._engines, self._threads, on_progress)
 
+    def work_until(
+        self, criteria: Sequence[Criterion], steps: Sequence[int], on_progress: OnProgress
+    ) -> dict[int, Done]:
+        """Do so many steps of each scene, or fewer, to where its criterion is met; return what they did.
+
+        A scene that is halted or fails stops between two steps.
+        """
+        done = {k: Done(k, RunStatistics(), None, None) for k in self.place}
+        running = {k: ResidentScene(engine.scenes[at], engine, at) for k, (engine, at) in self.place.items()}
+        going = [k for k in self.place if steps[k] > 0]
+        self._is_halted = False
+        while going and not self._is_halted:
+            due = [0] * len(steps)
+            for k in going:
+                taken = done[k].statistics.steps
+                due[k] = min(steps[k] - taken, steps_to_test(taken))
+            self.work(due, on_progress)
+            going = [k for k in going if self._goes_on(done, k, due[k], steps[k], running[k], criteria[k])]
+        return done
+
+    def _goes_on(
+        self,
+        done: dict[int, Done],
+        k: int,
+        due: int,
+        steps: int,
+        running: ResidentScene,
+        criterion: Criterion,
+    ) -> bool:
+        """Count what scene k has just done; return whether it goes on."""
+        statistics, last = done[k].statistics, self.done(k)
+        statistics.add(last.statistics)
+        done[k] = last._replace(statistics=statistics, report=last.report or done[k].report)
+        whole = last.error is None and last.statistics.steps == due
+        return whole and not criterion.is_met(running, statistics) and statistics.steps < steps
+
     def halt(self) -> None:
         """Let the steps under way be the last, those that take long given up."""
+        self._is_halted = True
         for engine in self._engines:
             engine.halt()
 
@@ -139,21 +215,29 @@ class ResidentSets:
         """Return the exact state of scene k."""
         if self._resident is not None and self._number[k] == self._in_memory:
             return self._resident.state(k)
-        return self._states[k] or first_state(self._scenes[k])
+        return deepcopy(self._states[k]) or first_state(self._scenes[k])
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
         if self._resident is not None and self._number[k] == self._in_memory:
             self._resident.load(k, state)
         else:
-            self._states[k] = state
+            self._states[k] = deepcopy(state)
 
-    def work(self, steps: Sequence[int], on_progress: OnProgress) -> Iterator[Done]:
-        """Do so many steps of each scene, set after set; yield what became of every scene, in any order."""
+    def work(
+        self, steps: Sequence[int], on_progress: OnProgress, criteria: Sequence[Criterion] | None = None
+    ) -> Iterator[Done]:
+        """Do so many steps of each scene, set after set; yield what became of every scene, in any order.
+
+        Where there are criteria, a scene stops earlier, where its own is met.
+        """
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._in_memory):
             resident = self._enter(number)
-            resident.work(steps, on_progress)
-            yield from map(resident.done, self._sets[number])
+            if criteria is None:
+                resident.work(steps, on_progress)
+                yield from map(resident.done, self._sets[number])
+            else:
+                yield from resident.work_until(criteria, steps, on_progress).values()
 
     def _enter(self, number: int) -> ResidentSet:
         """Have a set in memory instead of the one that is."""

@@ -14,6 +14,7 @@ from warpgrains.errors import OutputError, SceneError, missing_extra
 from warpgrains.files import make_folder
 from warpgrains.scene import checks
 from warpgrains.simulation.options import ExecutionOptions
+from warpgrains.simulation.until import rest_bounds
 from warpgrains.sweep.folder import SweepFolder, Tables
 from warpgrains.sweep.run_folder import RunFolder
 from warpgrains.sweep.sweep import Run, Sweep
@@ -41,7 +42,7 @@ def run(arguments: Namespace) -> bool:
         return False
     sweep = Sweep.load(arguments.sweep)
     gc.freeze()  # no run becomes garbage, and to look at a million of them again and again takes long
-    folder = SweepFolder(path.absolute(), sweep.axes, _measured(arguments))
+    folder = SweepFolder(path.absolute(), sweep.axes, _measured(arguments), _until(arguments))
     if plot is not None:
         plot.require_columns(folder.columns)
     share = _share(sweep, arguments)
@@ -83,6 +84,14 @@ def _measured(arguments: Namespace) -> tuple[str, ...]:
     return names_of(name.strip() for name in arguments.measure.split(","))
 
 
+def _until(arguments: Namespace) -> str | None:
+    """Return what ends each run before its last step; raise SceneError if it is no criterion."""
+    if arguments.until is not None:
+        rest_bounds(arguments.until)
+    until: str | None = arguments.until
+    return until
+
+
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
     """Return the runs of this process: all of them, or every so many."""
     index, count = arguments.index, arguments.count
@@ -117,7 +126,7 @@ def _require_no_other(files: RunFolder) -> None:
         files.require_own()
     except OutputError:
         raise
-    except SceneError:
+    except (SceneError, OSError):
         pass
 
 
@@ -178,6 +187,10 @@ def _lines(
         "failed": f"{len(failed)}{_first(failed)}",
         "not finished": f"{len(missing)}{' (--resume goes on)' if missing else ''}{_first(missing)}",
         "not converged": f"some step of {sum(run.number in tables.unconverged for run in share)} runs",
+    }
+    if tables.unmet is not None:
+        rows["not at rest"] = f"{sum(run.number in tables.unmet for run in share)} runs"
+    rows |= {
         "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
         "results": f"{results}",
     }

@@ -1,5 +1,6 @@
 """The commands: a line a command in `COMMANDS`, its options, and where it is."""
 
+import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from importlib import import_module
@@ -21,6 +22,8 @@ class Command(NamedTuple):
     def do(self, arguments: Namespace) -> int:
         """Carry it out, and return the exit code; what is heavy is imported only now."""
         module, _, function = self.home.partition(".")
+        if getattr(arguments, "check_bounds", False):
+            os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"  # read when the kernels are imported
         with interrupts_end_at_once():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
         return int(do(arguments))
@@ -51,6 +54,8 @@ def _add_batch(parser: ArgumentParser) -> None:
     measure = "measure quantities, such as coordination,stress: results.csv has those at the end of each run"
     add("--measure", metavar="WHAT,...", help=measure)
     add("--every", type=int, metavar="K", help="and a series.csv in the folder of each, a row every K steps")
+    until = "end each run earlier, at rest, as run --until does: results.csv tells whether, in `met`"
+    add("--until", metavar="rest", help=until)
     add("--usd", action="store_true", help="record every run to its recording.usdc")
     add("--folders", action="store_true", help="keep the scene, the end and the result of every run")
     add("--fps", type=float, metavar="F", help="frames recorded a second (default: 24)")

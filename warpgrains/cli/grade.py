@@ -4,16 +4,19 @@ import json
 import os
 import sys
 from argparse import Namespace
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from tqdm import tqdm
 
-from warpgrains.console import in_columns
+from warpgrains.console import in_columns, stopping_on_signals
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.files import read_table, require_place, table_text, write_whole
 from warpgrains.grade.grader import Grader
+from warpgrains.grade.processes import Processes
 from warpgrains.grade.template import write_template
 from warpgrains.grade.verdict import Verdict
 from warpgrains.locks import Lock
@@ -29,7 +32,7 @@ def grade(arguments: Namespace) -> int:
     Returns
     -------
     int
-        0: all are right; 1: one is wrong; 2: one cannot be graded, as it does not compile.
+        0: all are right; 1: one is wrong; 2: one cannot be graded, as it cannot be read or compiled.
     """
     if arguments.template is not None:
         if arguments.homework or arguments.output or arguments.json or arguments.strict:
@@ -46,12 +49,14 @@ def _grade_one(path: Path, arguments: Namespace) -> int:
     if arguments.output is not None:
         raise SceneError("-o needs a folder of homeworks; --json prints the verdict on one")
     verdict = _grade_all([path], arguments.strict)[0]
+    if verdict.problem:
+        raise SceneError(verdict.problem)
     print(json.dumps(verdict.as_json()) if arguments.json else verdict.text(_has_color()))
     return _code(verdict)
 
 
 def _grade_folder(folder: Path, arguments: Namespace) -> int:
-    paths = sorted(path for path in folder.rglob("*.c") if path.is_file())
+    paths = sorted(path for path in folder.rglob("*.c") if not path.is_dir())
     if not paths:
         raise SceneError(f"folder '{folder}' holds no homework: no file ends in .c")
     if arguments.output is None:
@@ -65,7 +70,7 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
             _require_table(output)
             verdicts = _grade_all(paths, arguments.strict)
             rows = [
-                verdict.as_row() | {"file": str(path.relative_to(folder))}
+                verdict.as_row() | {"file": _in_utf8(str(path.relative_to(folder)))}
                 for path, verdict in zip(paths, verdicts, strict=True)
             ]
             write_whole(output, table_text(rows).encode())
@@ -79,13 +84,30 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
 
 def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
     """Grade homeworks side by side."""
-    with TemporaryDirectory() as folder, ThreadPoolExecutor(os.cpu_count()) as pool:
-        grader = Grader(Path(folder), strict)
-        if not grader.confined:
-            unsafe = "this system has no filter of system calls: homeworks can open files and start processes"
-            print(f"warpgrains: warning: {unsafe}", file=sys.stderr)
+    processes = Processes()
+    with (
+        stopping_on_signals(processes.stop),
+        TemporaryDirectory() as folder,
+        ThreadPoolExecutor(os.cpu_count()) as pool,
+    ):
+        # Also the grader starts its processes in a thread, since signals interrupt the main thread.
+        grader = pool.submit(Grader, Path(folder), strict, processes=processes).result()
+        for is_safe, what in (
+            (grader.confined, "filter of system calls: homeworks can open files and start processes"),
+            (grader.fenced, "fence around the compiler: homeworks can include any file that you can read"),
+        ):
+            if not is_safe:
+                print(f"warpgrains: warning: this system has no {what}", file=sys.stderr)
+
+        def grade_one(path: Path) -> Verdict:
+            try:
+                verdict = grader.grade(path)
+            except SceneError as error:
+                verdict = Verdict(str(path), problem=_in_utf8(str(error)))
+            return replace(verdict, file=_in_utf8(str(path)))
+
         is_quiet = len(paths) == 1 or not sys.stderr.isatty()
-        return list(tqdm(pool.map(grader.grade, paths), total=len(paths), bar_format=_BAR, disable=is_quiet))
+        return list(tqdm(pool.map(grade_one, paths), total=len(paths), bar_format=_BAR, disable=is_quiet))
 
 
 def _require_table(output: Path) -> None:
@@ -95,13 +117,22 @@ def _require_table(output: Path) -> None:
 
 
 def _lines(verdicts: list[Verdict], output: Path) -> str:
-    counts = [sum(_code(verdict) == code for verdict in verdicts) for code in (RIGHT, WRONG, NOT_GRADED)]
+    counts = Counter(verdict.status for verdict in verdicts)
     rows = {
         "homeworks": len(verdicts),
-        **dict(zip(("right", "wrong", "not compiled"), counts, strict=True)),
-        "table": output,
+        "right": counts["right"],
+        "wrong": counts["wrong"],
+        "not compiled": counts["does not compile"],
+        "not read": counts["cannot be read"],
+        "with warnings": sum(bool(verdict.warnings) for verdict in verdicts),
+        "table": _in_utf8(str(output)),
     }
     return in_columns(rows)
+
+
+def _in_utf8(text: str) -> str:
+    """Write bytes of a file's name that are not UTF-8 as they are written in Python."""
+    return text.encode(errors="surrogateescape").decode(errors="backslashreplace")
 
 
 def _has_color() -> bool:

@@ -4,6 +4,7 @@ import os
 import sys
 from argparse import ArgumentParser
 from collections.abc import Sequence
+from errno import EDQUOT, EFBIG, EIO, ENOSPC
 from typing import NoReturn
 
 from warpgrains import __version__
@@ -12,6 +13,7 @@ from warpgrains.console import INTERRUPTED, STDOUT, open_standard_streams
 from warpgrains.errors import SceneError, SimulationError
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
+_FULL = (ENOSPC, EDQUOT, EFBIG, EIO)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -29,11 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     open_standard_streams()
     try:
-        parsed = _parser().parse_args(arguments)
-        if parsed.command is None:
-            _parser().print_help()
-            return DONE
-        code = parsed.command.do(parsed)
+        code = _do(arguments)
         sys.stdout.flush()
         return code
     except SceneError as error:
@@ -41,10 +39,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # nobody reads the output any more; Python must not try again at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)
         return FAILED
-    except (SimulationError, OSError) as error:
+    except OSError as error:
+        return _complain(_reason(error), FAILED)
+    except SimulationError as error:
         return _complain(str(error), FAILED)
     except KeyboardInterrupt as interrupt:  # it may say how to go on
         return _complain("; ".join(["interrupted", *map(str, interrupt.args)]), INTERRUPTED)
+
+
+def _do(arguments: Sequence[str] | None) -> int:
+    """Carry out the command, and return its exit code."""
+    try:
+        parsed = _parser().parse_args(arguments)
+    except SystemExit:  # after --help or --version
+        sys.stdout.flush()
+        raise
+    if parsed.command is None:
+        _parser().print_help()
+        return DONE
+    return parsed.command.do(parsed)
+
+
+def _reason(error: OSError) -> str:
+    """Return what an error says; a full disk without the name of a file is that of standard output."""
+    if error.filename is not None:
+        return f"'{error.filename}': {error.strerror}"
+    if error.errno not in _FULL:
+        return str(error)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)  # Python must not try again at its end
+    return f"standard output cannot be written: {error.strerror}"
 
 
 class _Parser(ArgumentParser):

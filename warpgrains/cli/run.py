@@ -55,8 +55,9 @@ def run(arguments: Namespace) -> bool:
     """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
     if arguments.step_by_step:
         return _step_by_step(arguments)
-    if arguments.history is not None:
-        raise SceneError("--history needs --step-by-step")
+    for option in ("history", "full_speed"):
+        if getattr(arguments, option):
+            raise SceneError(f"--{option.replace('_', '-')} needs --step-by-step")
     with ExitStack() as held:
         start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
         try:

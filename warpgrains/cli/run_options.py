@@ -37,10 +37,12 @@ def add_run(parser: ArgumentParser) -> None:
     add("--method", metavar="METHOD", help="gauss-seidel, accelerated or exact (default: the scene's)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)")
+    add("--check-bounds", action="store_true", help="test every array index in the kernels, to find defects")
     add_set(parser)
     stepping = parser.add_argument_group("step by step").add_argument
-    keys = "take a step a key press and print its report: N next, R run, S stop, Q quit"
+    keys = "one step per key press, with its report: N next, R run in real time, S stop, Q quit"
     stepping("--step-by-step", action="store_true", help=keys)
+    stepping("--full-speed", action="store_true", help="let R run as fast as steps are computed")
     each = "file for zeta and residual of every iteration, which plot draws"
     stepping("--history", metavar="CSV", help=each)
     series = parser.add_argument_group("series").add_argument

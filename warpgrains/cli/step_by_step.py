@@ -1,13 +1,15 @@
-"""`warpgrains run --step-by-step`: a step a key press, with the keys of the course's program."""
+"""`warpgrains run --step-by-step`: one step per key press, with the keys of the course's program."""
 
 from __future__ import annotations
 
 import os
 import select
+import sys
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from warpgrains.console import STDIN, start_warp
@@ -20,6 +22,7 @@ from warpgrains.solver.statistics import StepReport
 _KEYS = "N: next step   R: run   S: stop   Q: quit"
 _COLUMNS = ("step", "time [s]", "iterations", "zeta [m/s]", "residual [m/s]", "contacts", "overlap [m]")
 _WIDTHS = (7, 10, 11, 12, 15, 9, 12)
+_ESCAPE, _LONGEST = b"\x1b", 16  # first byte of what a terminal sends for some keys, and their length
 _HISTORY = ("step", "iteration", "zeta", "residual")
 
 
@@ -63,31 +66,52 @@ def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[s
     with _keys_at_once():
         print(f"{scene.name}, {scene.n} grains, {steps} steps   {_KEYS}")
         print(_line(_COLUMNS), flush=True)
-        for _ in _pressed(steps):
+        for _ in _pressed(steps, 0.0 if arguments.full_speed else scene.dt):
             report = simulation.step(history=arguments.history is not None)
             print(_line(_cells(simulation.steps, simulation.time, report)), flush=True)
             rows += _rows(simulation.steps, report)
     return rows
 
 
-def _pressed(steps: int) -> Iterator[None]:
-    """Yield whenever a step is to be taken, at most so often."""
-    running, taken = False, 0
+def _pressed(steps: int, spacing: float) -> Iterator[None]:
+    """Yield whenever a step is to be taken, `steps` times at most.
+
+    While it runs, steps begin `spacing` seconds apart. At the end of the input no key can stop it, so that
+    the other steps are taken at once.
+    """
+    running, taken, due = False, 0, 0.0
     while taken < steps:
-        key = _key(wait=not running)
+        key = _key(max(0.0, due - monotonic()) if running else None)
         if key == "q" or (key == "" and not running):
             return
-        running = key == "r" or (running and key not in ("s", "n"))
-        if running or key == "n":
+        if key not in (None, "", *"rsn"):
+            print(f"unknown key; {_KEYS}", file=sys.stderr, flush=True)
+            continue
+        if key == "r" and not running:
+            running, due = True, monotonic()
+        running = running and key not in ("s", "n")
+        if key == "n" or (running and (key == "" or monotonic() >= due)):
+            due += spacing
             taken += 1
             yield
 
 
-def _key(wait: bool) -> str | None:
-    """Return the key that was pressed, in lower case; "" at the end of the input, None if there was none."""
-    if not wait and not select.select([STDIN], [], [], 0.0)[0]:
-        return None
-    return os.read(STDIN, 1).decode(errors="replace").lower()
+def _key(patience: float | None) -> str | None:
+    """Return the key that is pressed, in lower case; "" at the end of the input.
+
+    Without a key for `patience` seconds return None; where `patience` is None wait for one. The end of a line
+    is no key where the input is no terminal. What a terminal sends for a key such as an arrow is one key.
+    """
+    while True:
+        if patience is not None and not select.select([STDIN], [], [], patience)[0]:
+            return None
+        byte = os.read(STDIN, 1)
+        if not byte.isascii() or byte == _ESCAPE:
+            while select.select([STDIN], [], [], 0.0)[0] and os.read(STDIN, _LONGEST):
+                pass
+            return "other"
+        if os.isatty(STDIN) or byte not in (b"\r", b"\n"):
+            return byte.decode().lower()
 
 
 @contextmanager

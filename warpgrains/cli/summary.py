@@ -5,6 +5,7 @@ from typing import Any
 
 from warpgrains.console import in_columns
 from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.kernels.access import CHECKED
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics, named
@@ -20,6 +21,8 @@ def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> 
         "overlap_in_radii": summary.overlap / scene.radius.min().item(),
         "overlaps_at_start": {"pairs": overlaps.pairs, "walls": overlaps.walls},
     }
+    if CHECKED:
+        results["bounds_checked"] = True
     if options.until is not None:
         results["until"] = options.until
     if options.record is not None and options.shows != "still":
@@ -39,6 +42,7 @@ def summary_lines(results: dict[str, Any]) -> str:
         "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
         "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall",
         "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
+        **({"bounds": "every index within its array"} if "bounds_checked" in results else {}),
         "output": "none (-o records one)" if results["output"] is None else _output(results),
     }
     return in_columns(rows)

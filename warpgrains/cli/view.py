@@ -30,7 +30,7 @@ def view(arguments: Namespace) -> bool:
 
 
 def _announce(url: str) -> None:
-    print(f"{url} (R resume, S stop, N one step, 0 restart; Ctrl-C here ends it)", flush=True)
+    print(f"{url} (R run, S stop, N one step, 0 restart; Ctrl-C here ends it)", flush=True)
 
 
 def _recorded(arguments: Namespace) -> Recorded:

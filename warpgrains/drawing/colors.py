@@ -10,7 +10,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colormaps import PALETTE, colormap
-from warpgrains.errors import SceneError
+from warpgrains.scene import checks
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -114,8 +114,7 @@ class GrainColors:
     """
 
     def __init__(self, scene: Scene, color_by: str) -> None:
-        if color_by not in COLORINGS:
-            raise SceneError(f"color by '{color_by}' is unknown; choose {', '.join(COLORINGS)}")
+        checks.one_of("color_by", color_by, COLORINGS)
         self._radius = radius = scene.radius
         self.scale: ColorScale | None = None
         self.still: IndexArray | None = None

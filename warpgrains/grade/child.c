@@ -16,7 +16,8 @@
 #define MOST_CALLS 1024 /* whose records are answered */
 #define CPU_SECONDS 20 /* in all */
 
-enum { CONFINED = 1, UPDATES = 2, ITERATES = 4 }; /* what is said first: of what there is */
+/* The first answer: what there is. MAIN, UNGUARDED: a library defines main, or a function that its marker leaves out. */
+enum { CONFINED = 1, UPDATES = 2, ITERATES = 4, MAIN = 8, UNGUARDED = 16 };
 
 typedef struct {
     int n, iter; /* iter < 0: femGrainsUpdate */
@@ -73,13 +74,15 @@ double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
     return zeta;
 }
 
-/* A function of a library; NULL if that does not define it itself, or cannot be opened. */
-static void *find(const char *path, const char *name) {
+static void *load(const char *path) {
     void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
-    if (!library) {
-        fprintf(stderr, "%s\n", dlerror());
-        return NULL;
-    }
+    if (!library) fprintf(stderr, "%s\n", dlerror());
+    return library;
+}
+
+/* A function that a library defines itself; NULL if there is none. */
+static void *find(void *library, const char *path, const char *name) {
+    if (!library) return NULL;
     Dl_info where;
     void *function = dlsym(library, name);
     return function && dladdr(function, &where) && strcmp(where.dli_fname, path) == 0 ? function : NULL;
@@ -131,13 +134,23 @@ int main(int count, char **words) {
     if (count != 9) return 1;
     requests = atoi(words[1]);
     answers = atoi(words[2]);
-    int confined = confine(strtoull(words[7], NULL, 10), CPU_SECONDS);
-    update = (void (*)(femGrains *, double, double, double))find(words[3], words[5]);
-    iterate = (double (*)(femGrains *, double, int))find(words[4], words[6]);
-    closeFiles();
-    Answer hello = {ANSWERED, (confined ? CONFINED : 0) | (update ? UPDATES : 0) | (iterate ? ITERATES : 0), 0, 0, 0.0};
+    double seconds = atof(words[8]);
+    const char *updates = words[3], *iterates = words[4];
+    prepareFile(updates);
+    prepareFile(iterates);
+    int has = confine(strtoull(words[7], NULL, 10), CPU_SECONDS) ? CONFINED : 0;
+    startClock(seconds);
+    void *ofUpdate = load(updates), *ofContact = load(iterates);
+    startClock(0.0);
+    update = (void (*)(femGrains *, double, double, double))find(ofUpdate, updates, words[5]);
+    iterate = (double (*)(femGrains *, double, int))find(ofContact, iterates, words[6]);
+    has |= (update ? UPDATES : 0) | (iterate ? ITERATES : 0);
+    if (find(ofUpdate, updates, "main") || find(ofContact, iterates, "main")) has |= MAIN;
+    if (strcmp(updates, iterates) != 0 && (find(ofUpdate, updates, words[6]) || find(ofContact, iterates, words[5])))
+        has |= UNGUARDED;
+    Answer hello = {ANSWERED, has, 0, 0, 0.0};
     say(&hello, sizeof hello);
-    while (answerRequest(atof(words[8]))) {
+    while (answerRequest(seconds)) {
     }
     return 0;
 }

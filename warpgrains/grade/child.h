@@ -20,10 +20,10 @@ typedef struct {
 /* Answer why the process cannot go on, and end it. */
 void end(int kind, int what, int where);
 
+/* Open a file that the process may still open by this name, once, after `confine`. */
+void prepareFile(const char *path);
 /* Limit what the process may use, from now on; 0: this system has no filter of system calls. */
 int confine(size_t bytes, int seconds);
-/* Let it open no file any more. */
-void closeFiles(void);
 /* Begin to measure the time of a call. */
 void startClock(double seconds);
 

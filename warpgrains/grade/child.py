@@ -6,26 +6,26 @@ function that it is to call. Its limits: `Limits`, a megabyte of output, no file
 
 import os
 import select
-import signal
 import struct
 import subprocess
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryFile
+from time import monotonic
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.grade.ended import EndedError, raise_if_ended, reason_of_exit
+from warpgrains.grade.processes import Processes
 
 _HEADER = struct.Struct("=iiiid")
 _REQUEST = struct.Struct("=ii8d")
-_CONFINED, _UPDATES, _ITERATES = 1, 2, 4
+_CONFINED, _UPDATES, _ITERATES, _MAIN, _UNGUARDED = 1, 2, 4, 8, 16
 _MOST_CALLS = 1024
-_PATIENCE = 60.0  # seconds of the clock, on however busy a machine
 
 
 class Limits(NamedTuple):
@@ -33,7 +33,11 @@ class Limits(NamedTuple):
 
     megabytes: int = 512
     seconds: float = 2.0
-    """Of computing, for one call; the reference needs less than a hundredth of it."""
+    """CPU time of one call; the reference needs less than a hundredth of it."""
+    patience: float = 60.0
+    """Wall time of one call [s], on however busy a machine."""
+    in_all: float = 300.0
+    """Wall time of a homework [s]."""
 
 
 DEFAULT = Limits()
@@ -109,12 +113,18 @@ class Child:
     program : Path
         Of `compile_child`.
     update, contact : Function
+    processes : Processes
+        Where it is counted.
     limits : Limits
+    until : float
+        When it must have answered its last call, by `time.monotonic`.
 
     Attributes
     ----------
     updates, iterates : bool
         Whether the libraries define their functions.
+    has_main, is_unguarded : bool
+        Whether one defines `main`, or also the function that its marker leaves out.
     confined : bool
         Whether this system can keep it from all but computing.
 
@@ -124,32 +134,45 @@ class Child:
         It ends while it is loaded.
     """
 
-    def __init__(self, program: Path, update: Function, contact: Function, limits: Limits = DEFAULT):
+    def __init__(
+        self,
+        program: Path,
+        update: Function,
+        contact: Function,
+        processes: Processes,
+        limits: Limits = DEFAULT,
+        until: float = inf,
+    ):
+        self._processes, self._limits, self._until = processes, limits, until
         self._printed = TemporaryFile()  # noqa: SIM115  # closed by close
         there, self._ask = os.pipe()
         self._answer, here = os.pipe()
         words = [str(there), str(here), str(update.library), str(contact.library)]
         words += [update.name, contact.name, str(limits.megabytes * 2**20), str(limits.seconds)]
-        self._process = subprocess.Popen(
-            [str(program), *words],
-            pass_fds=(there, here),
-            stdin=subprocess.DEVNULL,
-            stdout=self._printed,
-            stderr=self._printed,
-            cwd=program.parent,
-            env={},
-            start_new_session=True,
-        )
-        os.close(there)
-        os.close(here)
-        self._limits = limits
+        try:
+            self._process = processes.start(
+                [str(program), *words],
+                pass_fds=(there, here),
+                stdout=self._printed,
+                stderr=self._printed,
+                cwd=program.parent,
+                env={},
+            )
+        except BaseException:
+            self._close_files()
+            raise
+        finally:
+            os.close(there)
+            os.close(here)
+        os.set_blocking(self._ask, False)  # it may not read
+        self._start_call()
         try:
             _, has, *_ = self._hear_header()
         except BaseException:
             self.close()
             raise
-        self.confined, self.updates, self.iterates = (
-            bool(has & bit) for bit in (_CONFINED, _UPDATES, _ITERATES)
+        self.confined, self.updates, self.iterates, self.has_main, self.is_unguarded = (
+            bool(has & bit) for bit in (_CONFINED, _UPDATES, _ITERATES, _MAIN, _UNGUARDED)
         )
 
     def ask(self, call: Call) -> Answer:
@@ -162,10 +185,8 @@ class Child:
         """
         numbers = (call.dt, call.tolerance, call.max_iterations, call.radius_in, call.radius_out)
         head = _REQUEST.pack(call.n, call.iteration, *numbers, *call.gravity, call.drag)
-        try:
-            os.write(self._ask, head + call.state.tobytes())
-        except BrokenPipeError:
-            raise EndedError(self._reason()) from None
+        self._start_call()
+        self._send(head + call.state.tobytes())
         _, _, _, calls, zeta = self._hear_header()
         state = self._hear_numbers(len(call.state))
         before = self._hear_numbers(4 * call.n)
@@ -186,34 +207,58 @@ class Child:
     def _hear_numbers(self, count: int) -> FloatArray:
         return np.frombuffer(self._hear(8 * count), np.float64)
 
+    def _start_call(self) -> None:
+        """Begin to measure the wall time of a call."""
+        self._call_until = min(self._until, monotonic() + self._limits.patience)
+
+    def _send(self, request: bytes) -> None:
+        rest = memoryview(request)
+        while rest:
+            self._wait_for(self._ask, select.POLLOUT)
+            try:
+                rest = rest[os.write(self._ask, rest) :]
+            except BrokenPipeError:
+                raise EndedError(self._reason()) from None
+
     def _hear(self, length: int) -> bytes:
         heard = bytearray()
-        ready = select.poll()
-        ready.register(self._answer, select.POLLIN)
         while len(heard) < length:
-            if not ready.poll(1e3 * _PATIENCE):
-                raise EndedError(f"does not answer within {_PATIENCE:g} s")
+            self._wait_for(self._answer, select.POLLIN)
             part = os.read(self._answer, length - len(heard))
             if not part:
                 raise EndedError(self._reason())
             heard += part
         return bytes(heard)
 
+    def _wait_for(self, pipe: int, event: int) -> None:
+        """Wait until a pipe can be read or written."""
+        ready = select.poll()
+        ready.register(pipe, event)
+        if not ready.poll(1e3 * self._left()):
+            if self._call_until == self._until:
+                raise EndedError(f"takes more than {self._limits.in_all:g} s, compiled and run in all scenes")
+            raise EndedError(f"does not answer within {self._limits.patience:g} s")
+
+    def _left(self) -> float:
+        """Return the wall time that the call has left [s]."""
+        return max(0.0, self._call_until - monotonic())
+
     def _reason(self) -> str:
         """Say why it has ended without a word."""
         try:
-            code = self._process.wait(_PATIENCE)
+            code = self._process.wait(self._left())
         except subprocess.TimeoutExpired:
             return "closes what is not its own"
         return reason_of_exit(code)
 
     def close(self) -> None:
         """End it."""
+        self._processes.end(self._process)
+        self._close_files()
+
+    def _close_files(self) -> None:
         os.close(self._ask)
         os.close(self._answer)
-        with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
         self._printed.close()
 
     def __enter__(self) -> Self:

@@ -1,13 +1,18 @@
-"""What is compiled: the child, the reference, wrong versions of it, and homeworks."""
+"""Compile the child, the reference, wrong versions of it, and homeworks."""
 
 import os
 import re
-import signal
+import stat
 import subprocess
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
+from tempfile import TemporaryFile
+from time import monotonic
 
 from warpgrains.errors import SceneError
+from warpgrains.grade.processes import Processes
+from warpgrains.grade.toolchain import toolchain_paths
 from warpgrains.reference.reference import SOURCE
 
 HOMEWORK = "homework.c"
@@ -15,14 +20,15 @@ UPDATE, CONTACT = "femGrainsUpdate", "femGrainsContactIterate"
 WITHOUT = {UPDATE: "-DNOUPDATE", CONTACT: "-DNOCONTACTITERATE"}
 """The two functions, and the course's marker that leaves each of them out."""
 
-SECONDS, KILOBYTES = 30, 4 * 2**20
+SECONDS, MEMORY, OUTPUT = 30, 2**32, 2**27
 """Limits of the compiler: a homework can make it work without end."""
 
 _FLAGS = ("-O2", "-Wall", "-ffp-contract=off")
 _STRICT = ("-Werror=implicit-function-declaration", "-Werror=incompatible-pointer-types")
-_HEADERS = SOURCE.parent
-_PARTS = [Path(__file__).parent / name for name in ("child.c", "confine.c", "guarded.c")]
-_INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]*"([\w.-]+)"', re.MULTILINE)
+_REFERENCE = f"-I{SOURCE.parent}"
+_HERE = Path(__file__).parent
+_PARTS = [_HERE / name for name in ("child.c", "confine.c", "guarded.c")]
+_INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]*"([\w-][\w.-]{0,99}\.h)"', re.MULTILINE)
 _LONGEST = 2**20  # bytes of a homework, and of what the compiler says of it
 
 
@@ -33,7 +39,9 @@ class CompileError(Exception):
 def read_homework(source: Path) -> bytes:
     """Return the text of a homework; raise SceneError if it cannot be read."""
     try:
-        with source.open("rb") as file:
+        with open(source, "rb", opener=_open_at_once) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise SceneError(f"'{source}' cannot be read: it is not a regular file")
             text = file.read(_LONGEST + 1)
     except OSError as error:
         raise SceneError(f"'{source}' cannot be read: {error.strerror}") from None
@@ -42,76 +50,128 @@ def read_homework(source: Path) -> bytes:
     return text
 
 
-def compile_homework(text: bytes, folder: Path, defines: Sequence[str] = ()) -> tuple[Path, str]:
-    """Compile a homework to a library in a folder, and return it with the compiler's warnings.
+def _open_at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK)  # else a pipe makes it wait for a writer
 
-    Whatever header it includes by a plain name is the course's.
+
+class Compiler:
+    """The C compiler.
+
+    Parameters
+    ----------
+    folder : Path
+        An existing one, for files that each compilation needs.
+    processes : Processes
+        Where its processes are counted.
+
+    Attributes
+    ----------
+    is_fenced : bool
+        Whether this system keeps a homework from including files other than the compiler's own.
 
     Raises
     ------
-    CompileError
-        It does not compile.
     SceneError
-        There is no C compiler.
+        There is no C compiler, or it fails.
     """
-    folder.mkdir(exist_ok=True)
-    for name in {"fem.h", *(found.decode() for found in _INCLUDE.findall(text))}:
-        (folder / name).write_bytes((_HEADERS / "fem.h").read_bytes())
-    (folder / HOMEWORK).write_bytes(text)
-    return compile_library(HOMEWORK, folder, defines)
+
+    def __init__(self, folder: Path, processes: Processes):
+        self._processes, self._fence = processes, folder / "fence"
+        self._headers = folder / "headers"
+        self._headers.mkdir()
+        (self._headers / "fem.h").write_bytes((SOURCE.parent / "fem.h").read_bytes())
+        try:
+            self._run(["cc", *_FLAGS, str(_HERE / "fence.c"), "-o", str(self._fence)], folder)
+        except CompileError as error:
+            raise SceneError(f"the C compiler fails: {error}") from None
+        self._readable = [str(path) for path in (self._headers, *toolchain_paths())]
+        self.is_fenced = self._has_fence(folder / "trial")
+
+    def _has_fence(self, folder: Path) -> bool:
+        """Return whether the kernel has the fence, and the compiler works behind it."""
+        process = self._processes.start([str(self._fence)], cwd=folder.parent)
+        try:
+            if process.wait() != 0:
+                return False
+        finally:
+            self._processes.end(process)
+        try:
+            self.compile_homework(b'#include "fem.h"\n', folder)
+        except CompileError:
+            self._readable = ["/"]
+            return False
+        return True
+
+    def compile_child(self, folder: Path) -> Path:
+        """Compile the program of the child process."""
+        child = folder / "child"
+        create = [*WITHOUT.values(), _REFERENCE, "-rdynamic", *map(str, _PARTS), str(SOURCE)]
+        libraries = ["-Wl,--no-as-needed", "-ldl", "-lm"]  # a homework can load no further one
+        self._run(["cc", *_FLAGS, *create, "-o", str(child), *libraries], folder)
+        return child
+
+    def compile_library(self, source: Path, folder: Path, defines: Sequence[str] = ()) -> Path:
+        """Compile a trusted source to a library in a folder."""
+        library = folder / f"{source.stem}{''.join(defines)}.so"
+        arguments = [*_options(folder, defines), _REFERENCE, str(source), "-o", str(library), "-lm"]
+        self._run(["cc", *arguments], folder)
+        return library
+
+    def compile_homework(
+        self, text: bytes, folder: Path, defines: Sequence[str] = (), until: float = inf
+    ) -> tuple[Path, str]:
+        """Compile a homework to a library in a folder, and return it with the compiler's warnings.
+
+        It can include the compiler's own headers and fem.h, which also stands for any other header that it
+        includes by a plain name.
+
+        Raises
+        ------
+        CompileError
+            It does not compile, or not until some time (of `time.monotonic`).
+        """
+        aliases = folder / "headers"
+        aliases.mkdir(parents=True, exist_ok=True)
+        for found in set(_INCLUDE.findall(text)):
+            (aliases / found.decode()).write_text("#include <fem.h>\n")
+        (folder / HOMEWORK).write_bytes(text)
+        library = folder / f"homework{''.join(defines)}.so"
+        include = [f"-I{self._headers}", "-idirafter", str(aliases)]
+        arguments = [*_options(folder, defines), *include, HOMEWORK, "-o", str(library), "-lm"]
+        limits = map(str, (SECONDS, MEMORY, OUTPUT))
+        fence = [str(self._fence), *limits, str(folder), *self._readable, "--"]
+        return library, self._run([*fence, "cc", *arguments], folder, until)
+
+    def _run(self, command: Sequence[str], folder: Path, until: float = inf) -> str:
+        """Run the compiler, and return what it says."""
+        seconds = max(0.0, min(2.0 * SECONDS, until - monotonic()))
+        with TemporaryFile() as output:
+            try:
+                process = self._processes.start(
+                    command,
+                    cwd=folder,
+                    env={**os.environ, "TMPDIR": str(folder)},
+                    stdout=output,
+                    stderr=output,
+                )
+            except FileNotFoundError:
+                raise SceneError("a C compiler called `cc` is needed, and there is none") from None
+            try:
+                code = process.wait(seconds)
+            except subprocess.TimeoutExpired:
+                raise CompileError(f"error: the compiler does not end within {seconds:.0f} s") from None
+            finally:
+                self._processes.end(process)
+            output.seek(0)
+            lines = output.read(_LONGEST).decode(errors="replace").strip()
+        if code != 0:
+            raise CompileError(lines or f"error: the compiler ended with code {code}")
+        return lines
 
 
-def compile_library(source: str, folder: Path, defines: Sequence[str] = ()) -> tuple[Path, str]:
-    """Compile a source in a folder to a library beside it; only the two functions can be replaced in it."""
-    library, own = folder / f"{Path(source).stem}{''.join(defines)}.so", folder / "own.list"
+def _options(folder: Path, defines: Sequence[str]) -> list[str]:
+    """Return the options for a library in which only the two functions can be replaced."""
+    own = folder / "own.list"
     own.write_text(f"{{ {UPDATE}; {CONTACT}; }};\n")
     shared = ["-fPIC", "-shared", "-fsemantic-interposition", f"-Wl,--dynamic-list={own}"]
-    command = [
-        *_FLAGS,
-        *_STRICT,
-        *defines,
-        *shared,
-        "-I.",
-        f"-I{_HEADERS}",
-        source,
-        "-o",
-        str(library),
-        "-lm",
-    ]
-    return library, _cc(command, folder)
-
-
-def compile_child(folder: Path) -> Path:
-    """Compile the program of the child process."""
-    child = folder / "child"
-    create = [*WITHOUT.values(), f"-I{_HEADERS}", "-rdynamic", *map(str, _PARTS), str(SOURCE)]
-    _cc([*_FLAGS, *create, "-o", str(child), "-ldl", "-lm"], folder)
-    return child
-
-
-def _cc(arguments: Sequence[str], folder: Path) -> str:
-    """Run the compiler within limits, and return what it says."""
-    limits = f'ulimit -t {SECONDS}; ulimit -v {KILOBYTES}; ulimit -f {KILOBYTES // 16}; exec cc "$@"'
-    try:
-        process = subprocess.Popen(
-            ["sh", "-c", limits, "cc", *arguments],
-            cwd=folder,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
-    except FileNotFoundError as error:
-        raise SceneError("homeworks are compiled by `sh` and `cc`: there is none of them") from error
-    try:
-        said, _ = process.communicate(timeout=2 * SECONDS)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-        raise CompileError(f"the compiler does not end within {2 * SECONDS} s") from None
-    lines = said[:_LONGEST].decode(errors="replace").strip()
-    if process.returncode == 127:
-        raise SceneError("a C compiler called `cc` is needed, and there is none")
-    if process.returncode != 0:
-        raise CompileError(lines or f"the compiler ended with code {process.returncode}")
-    return lines
+    return [*_FLAGS, *_STRICT, *defines, *shared]

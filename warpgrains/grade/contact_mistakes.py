@@ -4,8 +4,8 @@ from warpgrains.grade.compiler import CONTACT
 from warpgrains.grade.mistake import Mistake
 
 _DV = "dv = fmax(0.0, vn + *dvc - gap / dt) - *dvc;"
-_WI = "double wi = g->m[j] / (g->m[i] + g->m[j]);"
-_WJ = "double wj = g->m[i] / (g->m[i] + g->m[j]);"
+_WI = "double wi = mj / (mi + mj);"
+_WJ = "double wj = mi / (mi + mj);"
 _OUT = "double dvOut = fmax(0.0, vn + *dvb - rateOut);"
 _IN = "double dvIn = g->radiusIn > 0.0 ? fmax(0.0, -vn - *dvb - gapIn / dt) : 0.0;"
 _WALLS = "dv = dvOut - dvIn - *dvb;"
@@ -33,8 +33,8 @@ CONTACT_MISTAKES = (
     _contact(
         "masses swapped",
         "grain i takes m_j / (m_i + m_j) of dv, grain j takes m_i / (m_i + m_j): the lighter one moves more",
-        (_WI, _WI.replace("m[j] / (", "m[i] / (")),
-        (_WJ, _WJ.replace("m[i] / (", "m[j] / (")),
+        (_WI, _WI.replace("mj / (", "mi / (")),
+        (_WJ, _WJ.replace("mi / (", "mj / (")),
     ),
     _contact(
         "masses forgotten",

@@ -1,12 +1,12 @@
 """Which of the known mistakes explain what a homework does: each is run, and what it does compared."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from warpgrains.grade.child import Answer, Child, Function
 from warpgrains.grade.compare import difference
-from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, compile_library
+from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, Compiler
 from warpgrains.grade.mistake import Mistake
 from warpgrains.grade.mistakes import MISTAKES
 from warpgrains.grade.probes import Probe
@@ -18,21 +18,26 @@ _PRIVATE = re.compile(r"^static double (\w+)\(", re.MULTILINE)
 
 
 def answers_of_mistakes(
-    function: str, program: Path, reference: Path, folder: Path, probes: Sequence[Probe]
+    function: str,
+    compiler: Compiler,
+    folder: Path,
+    start: Callable[[Function], Child],
+    probes: Sequence[Probe],
 ) -> dict[str, list[Answer]]:
-    """Return what the reference with each of the mistakes in a function answers, by the mistake's name."""
+    """Return what the reference with each of the mistakes in a function answers, by the mistake's name.
+
+    `start` starts a child with that function, and the reference's other one.
+    """
     mistakes = [mistake for mistake in MISTAKES if mistake.function == function]
-    library = _compile(mistakes, function, folder)
+    library = _compile(mistakes, function, compiler, folder)
     answers = {}
     for number, mistake in enumerate(mistakes):
-        functions = {name: Function(reference, name) for name in (UPDATE, CONTACT)}
-        functions[function] = Function(library, f"{function}_{number}")
-        with Child(program, functions[UPDATE], functions[CONTACT]) as child:
+        with start(Function(library, f"{function}_{number}")) as child:
             answers[mistake.name] = [child.ask(probe.call) for probe in probes]
     return answers
 
 
-def _compile(mistakes: Sequence[Mistake], function: str, folder: Path) -> Path:
+def _compile(mistakes: Sequence[Mistake], function: str, compiler: Compiler, folder: Path) -> Path:
     """Compile all of them at once, each with names of its own."""
     other = WITHOUT[CONTACT if function == UPDATE else UPDATE].removeprefix("-D")
     text = f"#define {other}\n#define NOCREATE\n"
@@ -40,8 +45,9 @@ def _compile(mistakes: Sequence[Mistake], function: str, folder: Path) -> Path:
         names = (function, "femGrainsContactIterateOrder", *_PRIVATE.findall(mistake.source()))
         text += "".join(f"#define {name} {name}_{number}\n" for name in names)
         text += mistake.source() + "".join(f"#undef {name}\n" for name in names)
-    (folder / f"{function}.c").write_text(text)
-    return compile_library(f"{function}.c", folder, ("-O0",))[0]
+    source = folder / f"{function}.c"
+    source.write_text(text)
+    return compiler.compile_library(source, folder, ("-O0",))
 
 
 def explain(

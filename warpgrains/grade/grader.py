@@ -1,30 +1,29 @@
 """A homework held against the reference: each of its functions with the reference's other one, then both."""
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from math import inf
 from pathlib import Path
 from threading import Lock
-from time import perf_counter
+from time import monotonic
 
 from warpgrains.grade.child import DEFAULT, Answer, Child, Function, Limits
 from warpgrains.grade.compare import difference
-from warpgrains.grade.compiler import (
-    CONTACT,
-    UPDATE,
-    WITHOUT,
-    CompileError,
-    compile_child,
-    compile_homework,
-    compile_library,
-    read_homework,
-)
+from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, CompileError, Compiler, read_homework
 from warpgrains.grade.diagnosis import answers_of_mistakes, explain
 from warpgrains.grade.ended import EndedError
 from warpgrains.grade.probes import Probe, make_probes
+from warpgrains.grade.processes import Processes
 from warpgrains.grade.verdict import BOTH, Part, Verdict
 from warpgrains.reference.reference import SOURCE
+
+_UNGUARDED = (
+    "the lines #ifndef NOUPDATE, #ifndef NOCONTACTITERATE and #endif around the two functions are missing or "
+    "changed: put them back as they are in the empty homework"
+)
+_MAIN = "it defines main: hand in the two functions without the program that tests them"
 
 
 class Grader:
@@ -38,6 +37,13 @@ class Grader:
         Whether a right homework has the bits of the reference, or differs by no more than rounding.
     limits : Limits
         What a homework may use.
+    processes : Processes
+        Where the compiler and homeworks run; once they are stopped, `grade` raises StoppedError.
+
+    Attributes
+    ----------
+    confined, fenced : bool
+        Whether this system keeps homeworks from all but computing, and from including files of others.
 
     Raises
     ------
@@ -45,12 +51,23 @@ class Grader:
         There is no C compiler.
     """
 
-    def __init__(self, folder: Path, strict: bool = False, limits: Limits = DEFAULT):
+    def __init__(
+        self,
+        folder: Path,
+        strict: bool = False,
+        limits: Limits = DEFAULT,
+        processes: Processes | None = None,
+    ):
         self._folder, self._strict, self._limits = folder, strict, limits
-        shutil.copy(SOURCE, folder)
-        self._program = compile_child(folder)
-        self._reference = compile_library(SOURCE.name, folder)[0]
-        with self._child(self._reference, self._reference) as child:
+        self._processes = processes or Processes()
+        self._compiler = Compiler(folder, self._processes)
+        self.fenced = self._compiler.is_fenced
+        self._program = self._compiler.compile_child(folder)
+        self._reference = {  # apart, so that a homework has nothing of the function that it is to write
+            function: self._compiler.compile_library(SOURCE, folder, ("-DNOCREATE", WITHOUT[other]))
+            for function, other in ((UPDATE, CONTACT), (CONTACT, UPDATE))
+        }
+        with self._child({}) as child:
             self.confined = child.confined
             probes = make_probes(child)
             self.probes: dict[str, Sequence[Probe]] = {CONTACT: probes.contact, UPDATE: probes.update}
@@ -70,7 +87,7 @@ class Grader:
         SceneError
             It cannot be read.
         """
-        start = perf_counter()
+        start = monotonic()
         with self._lock:
             self._count += 1
             folder = self._folder / f"homework{self._count}"
@@ -80,7 +97,7 @@ class Grader:
             shutil.rmtree(folder, ignore_errors=True)
 
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
-        text = read_homework(source)
+        text, until = read_homework(source), start + self._limits.in_all
         has_markers = any(marker[2:].encode() in text for marker in WITHOUT.values())
         libraries: dict[str, Path] = {}
         said: dict[str, str] = {}
@@ -89,42 +106,45 @@ class Grader:
                 libraries.update({part: libraries[BOTH]} if BOTH in libraries else {})
                 continue
             try:
-                libraries[part], said[part] = compile_homework(text, folder, defines)
+                libraries[part], said[part] = self._compiler.compile_homework(text, folder, defines, until)
             except CompileError as error:
                 said[part] = str(error)
         lines = next(filter(None, said.values()), "")
         if not libraries:
-            return Verdict(str(source), False, lines, (), perf_counter() - start)
-        parts = [self._part(part, libraries) for part in (UPDATE, CONTACT)]
-        both = self._part(BOTH, libraries, all(part.ended is None for part in parts))
+            return Verdict(str(source), lines, seconds=monotonic() - start)
+        parts = [self._part(part, libraries, until) for part in (UPDATE, CONTACT)]
+        both = self._part(BOTH, libraries, until, all(part.ended is None for part in parts))
         if both.status == "wrong" and all(part.status == "right" for part in parts):
             both = replace(both, remark="each is right alone: do they keep something between calls?")
         parts.append(both)
-        return Verdict(str(source), True, lines, tuple(parts), perf_counter() - start)
+        warnings = tuple(dict.fromkeys(warning for part in parts for warning in part.warnings))
+        return Verdict(str(source), lines, tuple(parts), warnings, seconds=monotonic() - start)
 
-    def _part(self, name: str, libraries: dict[str, Path], may_run: bool = True) -> Part:
+    def _part(self, name: str, libraries: dict[str, Path], until: float, may_run: bool = True) -> Part:
         """Grade one function, or both together."""
         function = CONTACT if name == CONTACT else UPDATE
         if name not in libraries:
             return Part(name, "does not compile")
         if not may_run:
             return Part(name, "not run")
-        own = libraries[name]
-        update, contact = (own if name in (each, BOTH) else self._reference for each in (UPDATE, CONTACT))
+        own = {each: Function(libraries[name], each) for each in (UPDATE, CONTACT) if name in (each, BOTH)}
         answers: list[Answer] = []
+        warnings: tuple[str, ...] = ()
         ended, printed, probes = None, "", self.probes[function]
         try:
-            with self._child(update, contact) as child:
+            with self._child(own, self._limits, until) as child:
                 try:
+                    warnings = _warnings(child)
                     if not ((child.updates or name == CONTACT) and (child.iterates or name == UPDATE)):
-                        return Part(name, "missing", ended=child.printed.strip() or None)
+                        missing = child.printed.strip() or None
+                        return Part(name, "missing", ended=missing, warnings=warnings)
                     for probe in probes:
                         answers.append(child.ask(probe.call))
                 finally:
                     printed = child.printed
         except EndedError as error:
             ended = f"{_where(probes[len(answers)])}: it {error}"
-        return self._judged(name, function, answers, ended, printed)
+        return replace(self._judged(name, function, answers, ended, printed), warnings=warnings)
 
     def _judged(
         self, name: str, function: str, answers: Sequence[Answer], ended: str | None, printed: str
@@ -154,11 +174,26 @@ class Grader:
     def _answers_of_mistakes(self, function: str) -> dict[str, list[Answer]]:
         folder = self._folder / function
         folder.mkdir()
-        return answers_of_mistakes(function, self._program, self._reference, folder, self.probes[function])
 
-    def _child(self, update: Path, contact: Path) -> Child:
-        functions = Function(update, UPDATE), Function(contact, CONTACT)
-        return Child(self._program, *functions, self._limits)
+        def start(mistake: Function) -> Child:
+            return self._child({function: mistake})
+
+        return answers_of_mistakes(function, self._compiler, folder, start, self.probes[function])
+
+    def _child(
+        self, functions: Mapping[str, Function], limits: Limits = DEFAULT, until: float = inf
+    ) -> Child:
+        """Start a child with some functions, and the reference's others."""
+        update, contact = (
+            functions.get(name, Function(self._reference[name], name)) for name in (UPDATE, CONTACT)
+        )
+        return Child(self._program, update, contact, self._processes, limits, until)
+
+
+def _warnings(child: Child) -> tuple[str, ...]:
+    """Return what the course forbids and a homework does all the same."""
+    found = {_MAIN: child.has_main, _UNGUARDED: child.is_unguarded}
+    return tuple(warning for warning, holds in found.items() if holds)
 
 
 def _is_near(probe: Probe, expected: Answer, found: Answer) -> bool:

@@ -21,16 +21,11 @@ _NOISE = 1e-9  # [m/s]: below it, zeta is nothing but rounding
 
 
 class Probe(NamedTuple):
-    """A call, and where it stands.
-
-    `capped`: it stops at its limit of iterations; whether the one that is numbered 0 counts, the text leaves
-    open.
-    """
+    """A call, and the scene and step that it is of."""
 
     scene: str
     step: int
     call: Call
-    capped: bool = False
 
 
 class Probes(NamedTuple):
@@ -116,7 +111,7 @@ def _updates(step: Probe, zeta: FloatArray) -> list[Probe]:
         return [step._replace(call=call)]
     return [
         step._replace(call=call),
-        step._replace(call=call._replace(max_iterations=float(CAP)), capped=True),
+        step._replace(call=call._replace(max_iterations=float(CAP))),
     ]
 
 

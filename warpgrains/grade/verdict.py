@@ -9,7 +9,7 @@ from warpgrains.grade.mistakes import MISTAKES
 BOTH = "both together"
 
 _ADVICE = {(mistake.function, mistake.name): mistake.advice for mistake in MISTAKES}
-_COLORS = {"right": "32", "wrong": "31", "missing": "31", "does not compile": "31", "not run": "33"}
+_COLORS = {"right": "32", "not run": "33"}  # else red
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,8 @@ class Part:
         What else is known of it.
     printed : str
         The beginning of what it printed.
+    warnings : tuple of str
+        What the course forbids, though it may pass.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Part:
     mistakes: tuple[str, ...] = ()
     remark: str = ""
     printed: str = ""
+    warnings: tuple[str, ...] = ()
 
     @property
     def first(self) -> str:
@@ -57,31 +60,38 @@ class Verdict:
     Attributes
     ----------
     file : str
-    compiled : bool
     compiler : str
         The compiler's own lines.
     parts : tuple of Part
-        femGrainsUpdate, femGrainsContactIterate, and both.
+        femGrainsUpdate, femGrainsContactIterate, and both; empty if it does not compile.
+    warnings : tuple of str
+        What the course forbids, though it may pass.
+    problem : str
+        Why it cannot be read; empty if it can.
     seconds : float
         Wall time [s].
     """
 
     file: str
-    compiled: bool
-    compiler: str
-    parts: tuple[Part, ...]
-    seconds: float
+    compiler: str = ""
+    parts: tuple[Part, ...] = ()
+    warnings: tuple[str, ...] = ()
+    problem: str = ""
+    seconds: float = 0.0
 
     @property
     def status(self) -> str:
-        """In a word: right, wrong, or does not compile."""
-        if not self.compiled:
+        """In a word: right, wrong, does not compile, or cannot be read."""
+        if self.problem:
+            return "cannot be read"
+        if not self.parts:
             return "does not compile"
         return "right" if all(part.status == "right" for part in self.parts) else "wrong"
 
     def text(self, color: bool) -> str:
         """Return the verdict as people read it."""
         lines = [f"{_printable(self.file)}: {_colored(self.status, color)}"]
+        lines += [f"  warning: {warning}" for warning in self.warnings]
         lines += ["", *_printable(self.compiler).splitlines()] if self.compiler else []
         lines += ["", *self._table(color)] if self.parts else []
         alone = [part for part in self.parts if part.name != BOTH]
@@ -121,6 +131,8 @@ class Verdict:
         return {
             "file": self.file,
             "status": self.status,
+            "problem": self.problem,
+            "warnings": list(self.warnings),
             "compiler": self.compiler,
             "parts": parts,
             "seconds": self.seconds,
@@ -134,17 +146,17 @@ class Verdict:
             "status": self.status,
             **{name: status.get(name, self.status) for name in _PARTS},
             "mistakes": "; ".join(name for part in self.parts for name in part.mistakes),
+            "warnings": "; ".join(self.warnings),
             "first": next(
                 filter(None, (part.first or part.ended for part in self.parts)), self._first_line()
             ),
         }
 
     def _first_line(self) -> str:
-        return (
-            ""
-            if self.compiled
-            else next((line for line in self.compiler.splitlines() if "error" in line), "")
-        )
+        """Return why nothing has run, if so."""
+        if self.problem or self.parts:
+            return self.problem
+        return next((line for line in self.compiler.splitlines() if "error" in line), "")
 
 
 _PARTS = ("femGrainsUpdate", "femGrainsContactIterate", BOTH)
@@ -155,7 +167,7 @@ def _word(wrong: str) -> str:
 
 
 def _colored(word: str, color: bool) -> str:
-    return f"\x1b[{_COLORS[word]}m{word}\x1b[0m" if color else word
+    return f"\x1b[{_COLORS.get(word, '31')}m{word}\x1b[0m" if color else word
 
 
 def _printable(text: str) -> str:

@@ -85,7 +85,9 @@ def _add_chain_legend(axes: Axes, scale: ChainScale, reach: float) -> None:
         (left, bottom - scale.width / 2.0), length, scale.width, color=CHAIN_COLOR, linewidth=0.0
     )
     axes.add_patch(band)
-    axes.text(left + 1.1 * length, bottom, f"{scale.force:.2g} N", va="center", fontsize="small")
+    axes.text(
+        left + 1.1 * length, bottom, f"{float(f'{scale.force:.2g}'):g} N", va="center", fontsize="small"
+    )
 
 
 class Canvas:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-from collections.abc import Generator
 from contextlib import ExitStack
 from math import ceil
 from pathlib import Path
@@ -11,15 +9,14 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-import imageio_ffmpeg
 import numpy as np
-from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.files import draft_of, require_place
 from warpgrains.locks import Lock
 from warpgrains.pictures.canvas import Canvas
+from warpgrains.pictures.encoding import Encoding, encoding_of_frames
 from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
 
@@ -29,11 +26,6 @@ if TYPE_CHECKING:
     from warpgrains.usd.reader import RecordingReader
 
 _HEIGHTS = {".mp4": 720, ".gif": 400, ".webp": 400}  # pixels
-_CODECS = {
-    ".mp4": ("libx264", ["-crf", "18", "-preset", "fast", "-movflags", "+faststart"]),
-    ".webp": ("libwebp_anim", ["-lossless", "0", "-q:v", "80", "-loop", "0"]),
-    ".mkv": ("libx264rgb", ["-crf", "0", "-preset", "ultrafast"]),
-}
 _PALETTE = "palettegen=stats_mode=full"
 _WITH_PALETTE = "paletteuse=dither=none:diff_mode=rectangle"
 
@@ -55,26 +47,15 @@ class FilmWriter:
         self._folder = TemporaryDirectory(dir=path.parent, prefix=".film.")
         is_gif = path.suffix == ".gif"  # its palette is known when all frames are
         self._encoded = Path(self._folder.name) / "film.mkv" if is_gif else path
-        self._encoder: Generator[None, NDArray[np.uint8], None] | None = None
+        self._encoder: Encoding | None = None
         self.frames = 0
 
     def add(self, shot: Shot) -> None:
         """Append a frame."""
         pixels = np.ascontiguousarray(self._canvas.pixels(shot))
         if self._encoder is None:
-            codec, options = _CODECS[self._encoded.suffix]
-            self._encoder = imageio_ffmpeg.write_frames(
-                str(self._encoded),
-                pixels.shape[1::-1],
-                fps=self._rate,
-                codec=codec,
-                pix_fmt_out="rgb24" if codec == "libx264rgb" else "yuv420p",
-                quality=None,
-                macro_block_size=2,
-                output_params=options,
-            )
-            next(self._encoder)
-        self._encoder.send(pixels)
+            self._encoder = encoding_of_frames(self._encoded, pixels.shape, self._rate)
+        self._encoder.write(pixels)
         self.frames += 1
 
     def __enter__(self) -> Self:
@@ -82,27 +63,19 @@ class FilmWriter:
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         with self._folder:
-            if self._encoder is not None:
-                self._encoder.close()
             if kind is None:
                 self._finish()
+            elif self._encoder is not None:
+                self._encoder.stop()
 
     def _finish(self) -> None:
         if self._encoder is None:
             raise ValueError(f"nothing was drawn for '{self._path}'")
+        self._encoder.finish()
         if self._encoded != self._path:
             palette = self._encoded.with_name("palette.png")
-            _ffmpeg("-i", self._encoded, "-vf", _PALETTE, palette)
-            _ffmpeg("-i", self._encoded, "-i", palette, "-lavfi", _WITH_PALETTE, self._path)
-        if not self._path.is_file() or not self._path.stat().st_size:
-            raise OSError(f"'{self._path}' could not be encoded")
-
-
-def _ffmpeg(*arguments: str | Path) -> None:
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *map(str, arguments)]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True)
-    if done.returncode:
-        raise OSError(f"'{arguments[-1]}' could not be encoded: {' '.join(done.stderr.split())}")
+            Encoding(["-i", self._encoded, "-vf", _PALETTE], palette).finish()
+            Encoding(["-i", self._encoded, "-i", palette, "-lavfi", _WITH_PALETTE], self._path).finish()
 
 
 def draw_film(reader: RecordingReader, output: Path) -> range:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
@@ -49,17 +49,32 @@ class Shot:
 class Painter:
     """Makes shots of frames of a scene, colored by a quantity, with force chains or without.
 
+    Parameters
+    ----------
+    scene : Scene
+    color_by : str
+        See `GrainColors`.
+    forces : bool
+        Whether there are force chains.
+    largest : float, optional
+        Force that has a chain of full width [N], and, over the diameter of a mean grain, the pressure of the
+        last color; by default as `ChainScale.of` estimates it from the scene.
+
     Raises
     ------
     SceneError
         The coloring is unknown.
     """
 
-    def __init__(self, scene: Scene, color_by: str, forces: bool) -> None:
+    def __init__(self, scene: Scene, color_by: str, forces: bool, largest: float | None = None) -> None:
         self._scene = scene
         self._colors = GrainColors(scene, color_by)
         self.needs_contacts = forces or color_by == "pressure"
         chain_scale = ChainScale.of(scene) if forces else None
+        if largest is not None:
+            chain_scale = chain_scale and replace(chain_scale, force=largest)
+            if color_by == "pressure":
+                self._colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
         walls = list(rings(scene.walls).values())
         self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale)
 

@@ -51,6 +51,11 @@ void femGrainsFree(femGrains *myGrains) {
 
 #ifndef NOCONTACTITERATE
 
+/* Impulse that changes the velocity of grain i by 1: the contact mass (eq. 17b). */
+static double contactMass(const femGrains *g, int i, double dt) {
+    return g->leapfrog ? g->m[i] + g->gamma * dt / 2.0 : g->m[i];
+}
+
 /* The contact of grains i < j; dvc is its accumulated correction. Returns |dv|. */
 static double contactPair(femGrains *g, int i, int j, double *dvc, double dt, int iter) {
     double dx = g->x[j] - g->x[i];
@@ -65,8 +70,10 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double dt, in
         dv = fmax(0.0, vn + *dvc - gap / dt) - *dvc;
         *dvc += dv;
     }
-    double wi = g->m[j] / (g->m[i] + g->m[j]);
-    double wj = g->m[i] / (g->m[i] + g->m[j]);
+    double mi = contactMass(g, i, dt);
+    double mj = contactMass(g, j, dt);
+    double wi = mj / (mi + mj);
+    double wj = mi / (mi + mj);
     g->vx[i] -= dv * nx * wi;
     g->vy[i] -= dv * ny * wi;
     g->vx[j] += dv * nx * wj;

@@ -1,5 +1,6 @@
 """Checks of single values: each raises `SceneError` with one line that names the field and the value."""
 
+import os
 from collections.abc import Iterable
 from difflib import get_close_matches
 from math import isfinite
@@ -12,13 +13,20 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import SceneError
 
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
+LONGEST_SHOWN = 100  # characters of a value in a message
 MOST_THREADS = 1024  # more than any machine has cores: each of them takes a stack and a start
+
+
+def shown(value: Any) -> str:
+    """Return a value as messages show it: on one line, and cut where it is long."""
+    line = " ".join(repr(value).split())
+    return line if len(line) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]} ..."
 
 
 def number(field: str, value: Any) -> float:
     """Return a finite real number as a float."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
-        raise SceneError(f"{field} is {value!r}: it must be a number")
+        raise SceneError(f"{field} is {shown(value)}: it must be a number")
     try:
         converted = float(value)
     except OverflowError:
@@ -47,11 +55,11 @@ def not_negative(field: str, value: Any) -> float:
 def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE_NUMBER) -> int:
     """Return an integer between `least` and `most`."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
-        raise SceneError(f"{field} is {value!r}: it must be a whole number")
+        raise SceneError(f"{field} is {shown(value)}: it must be a whole number")
     converted = int(value)
     if not least <= converted <= most:
-        shown = str(converted) if abs(converted) < 10**30 else "an immense number"
-        raise SceneError(f"{field} is {shown}: it must be between {least} and {most}")
+        found = str(converted) if abs(converted) < 10**30 else "an immense number"
+        raise SceneError(f"{field} is {found}: it must be between {least} and {most}")
     return converted
 
 
@@ -63,14 +71,27 @@ def thread_count(field: str, value: Any) -> int:
 def text(field: str, value: Any) -> str:
     """Return a text."""
     if not isinstance(value, str):
-        raise SceneError(f"{field} is {value!r}: it must be a text")
+        raise SceneError(f"{field} is {shown(value)}: it must be a text")
     return value
+
+
+def path(field: str, value: Any) -> str:
+    """Return the name of a file, a text or a path."""
+    if not isinstance(value, str | os.PathLike) or isinstance(name := os.fspath(value), bytes):
+        raise SceneError(f"{field} is {shown(value)}: it must be the name of a file")
+    return name
+
+
+def function(field: str, value: Any) -> None:
+    """Require what can be called."""
+    if not callable(value):
+        raise SceneError(f"{field} is {shown(value)}: it must be a function")
 
 
 def truth(field: str, value: Any) -> bool:
     """Return True or False."""
     if not isinstance(value, bool | np.bool_):
-        raise SceneError(f"{field} is {value!r}: it must be True or False")
+        raise SceneError(f"{field} is {shown(value)}: it must be True or False")
     return bool(value)
 
 
@@ -97,14 +118,14 @@ def unknown(what: str, name: Any, known: Iterable[str]) -> SceneError:
     known = sorted(known)
     nearest = get_close_matches(str(name), known, n=1)
     hint = f"did you mean {nearest[0]!r}? Known" if nearest else "known"
-    return SceneError(f"unknown {what} {name!r}: {hint}: {', '.join(known)}")
+    return SceneError(f"unknown {what} {shown(name)}: {hint}: {', '.join(known)}")
 
 
 def vector(field: str, value: Any) -> tuple[float, float]:
     """Return two finite numbers as a pair."""
     components = list(value) if np.iterable(value) and not isinstance(value, str) else []
     if len(components) != 2:
-        raise SceneError(f"{field} is {value!r}: it must be two numbers")
+        raise SceneError(f"{field} is {shown(value)}: it must be two numbers")
     return number(f"{field}[0]", components[0]), number(f"{field}[1]", components[1])
 
 
@@ -114,7 +135,7 @@ def vectors(field: str, value: Any) -> FloatArray:
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise SceneError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one grain")
     require_finite(field, array)
-    return _frozen(array)
+    return frozen(array)
 
 
 def require_finite(field: str, array: FloatArray) -> None:
@@ -136,7 +157,7 @@ def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
     for bad, demand in ((~np.isfinite(array), "finite"), (array <= 0.0, "greater than 0")):
         if bad.any():
             raise SceneError(f"{of_grain(field, array, bad)}: it must be {demand}")
-    return _frozen(array)
+    return frozen(array)
 
 
 def of_grain(field: str, array: FloatArray, bad: BoolArray) -> str:
@@ -158,6 +179,7 @@ def _floats(field: str, value: Any) -> FloatArray:
     return np.array(array, dtype=np.float64, order="C")
 
 
-def _frozen(array: FloatArray) -> FloatArray:
+def frozen(array: FloatArray) -> FloatArray:
+    """Return an array after making it read-only."""
     array.setflags(write=False)
     return array

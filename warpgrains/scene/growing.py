@@ -12,7 +12,8 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.geometry import distance, overlapping_pairs
-from warpgrains.scene.placing import limits, place_at_random, shared
+from warpgrains.scene.placing import launch, limits, place_at_random, shared
+from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
     from warpgrains.scene.region import Region
@@ -64,7 +65,8 @@ def _push(region: Region, position: FloatArray, radius: FloatArray, enough: floa
     """
     import warp as wp
 
-    from warpgrains.kernels import pushing
+    with BUILDING:
+        from warpgrains.kernels import pushing
 
     walls, box = limits(region)
     worst = np.array([np.inf, 0.0])
@@ -74,7 +76,7 @@ def _push(region: Region, position: FloatArray, radius: FloatArray, enough: floa
         if distance(position - listed).max() > far:
             listed, pair = position.copy(), _near(position, (1.0 + SKIN) * radius)
         inputs: list[Any] = [places, radii, shared(pair, wp.vec2i), walls, box, AT_ONCE, enough, told]
-        wp.launch(pushing.push, dim=1, inputs=inputs, device="cpu")
+        launch(pushing.push, inputs)
         sweeps -= int(worst[1])
     return float(worst[0])
 

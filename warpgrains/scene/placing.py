@@ -10,6 +10,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
+from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
     from warpgrains.scene.region import Region
@@ -89,7 +90,7 @@ class _Discs:
 
         self._set("places", places)
         record = wp.array(ptr=self._record.ctypes.data, shape=1, dtype=_kernels().DiscsRecord, device="cpu")
-        wp.launch(_kernels().place, dim=1, inputs=[record], device="cpu")
+        launch(_kernels().place, [record])
 
     def _set(self, name: str, array: np.ndarray[Any, Any]) -> None:
         """Let the kernel see an array: arrays of Warp's own, eight a scene, take longer than all the rest."""
@@ -116,13 +117,22 @@ def shared(array: np.ndarray[Any, Any], dtype: Any) -> Any:
     return wp.array(array, dtype=dtype, device="cpu", copy=False)
 
 
-@cache
+def launch(kernel: Any, inputs: list[Any]) -> None:
+    """Launch one thread of a kernel on the CPU; other Python threads may launch it at the same time."""
+    import warp as wp
+
+    with BUILDING:
+        kernel.module.load(wp.get_device("cpu"), 1)
+    wp.launch(kernel, dim=1, inputs=inputs, device="cpu")
+
+
 def _kernels() -> ModuleType:
     """Start Warp only where something is placed at random."""
-    start_warp()
-    from warpgrains.kernels import placing
+    with BUILDING:
+        start_warp()
+        from warpgrains.kernels import placing
 
-    return placing
+        return placing
 
 
 @cache

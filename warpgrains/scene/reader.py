@@ -83,6 +83,7 @@ def document_fields(document: Table, folder: Path) -> Table:
     """
     fields = _settings(document)
     walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
+    walls.require_size()
     return fields | _grains(document["grains"], walls, folder)
 
 

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import area_in_disc
@@ -29,6 +29,12 @@ class Region(NamedTuple):
         reach = self.ring.radius_out
         return np.array([np.maximum(self.low, -reach), np.minimum(self.high, reach)])
 
+    def contains(self, position: FloatArray) -> BoolArray:
+        """Return which points [m], shape (..., 2), are in it, shape (...,)."""
+        rho = np.hypot(position[..., 0], position[..., 1])
+        in_ring = (rho >= self.ring.radius_in) & (rho <= self.ring.radius_out)
+        return np.asarray(in_ring & ((position >= self.low) & (position <= self.high)).all(axis=-1))
+
     @property
     def area(self) -> float:
         """Its area [m2]."""
@@ -45,8 +51,8 @@ def _area(region: Region) -> float:
     return float(outer - inner)
 
 
-def region_of(walls: Annulus, given: Any) -> Region:
-    """Return what `grains.region` asks for: a table of ranges [m], none of which must be there.
+def region_of(walls: Annulus, given: Any, field: str = "grains.region") -> Region:
+    """Return what a field such as `grains.region` asks for: a table of ranges [m], each of them optional.
 
     Raises
     ------
@@ -56,20 +62,18 @@ def region_of(walls: Annulus, given: Any) -> Region:
     if given is None:
         return Region(walls)
     if not isinstance(given, dict):
-        raise SceneError(f"grains.region is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
+        raise SceneError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
     for key in given:
-        checks.one_of("key of grains.region", key, KEYS)
-    ranges = {key: _range(f"grains.region.{key}", value) for key, value in given.items()}
+        checks.one_of(f"key of {field}", key, KEYS)
+    ranges = {key: _range(f"{field}.{key}", value) for key, value in given.items()}
     between = (walls.radius_in, walls.radius_out)
     near, far = ranges.get("distance", between)
     if near < walls.radius_in or far > walls.radius_out:
-        raise SceneError(
-            f"grains.region.distance is ({near}, {far}) m: it must be between the walls, {between} m"
-        )
+        raise SceneError(f"{field}.distance is ({near}, {far}) m: it must be between the walls, {between} m")
     x, y = (ranges.get(key, (-np.inf, np.inf)) for key in ("x", "y"))
     region = Region(Annulus(near, far), (x[0], y[0]), (x[1], y[1]))
     if not (region.box[0] < region.box[1]).all() or region.area <= 0.0:
-        raise SceneError(f"grains.region is {given!r}: there is no space between the walls in it")
+        raise SceneError(f"{field} is {given!r}: there is no space between the walls in it")
     return region
 
 

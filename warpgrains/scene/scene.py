@@ -1,7 +1,7 @@
 """`Scene`: what is simulated, checked once and never changed."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
+from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.reader import read_scene
@@ -153,7 +154,7 @@ class Scene(Shown):
         return partial(type(self), **own), ()  # so that copies are checked and cannot be written to
 
     @classmethod
-    def load(cls, name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Self:
+    def load(cls, name_or_path: str | os.PathLike[str], overrides: str | Iterable[str] = ()) -> Self:
         """Read a scene from a TOML file, or one of the shipped scenes by its name.
 
         Parameters
@@ -161,17 +162,33 @@ class Scene(Shown):
         name_or_path
             A file, or else the name of a shipped scene, such as "annulus".
         overrides
-            Values that replace those of the file, as "section.key=value", such as "physics.drag=0.1".
+            Values that replace those of the file: a text "section.key=value", such as "physics.drag=0.1", or
+            several.
 
         Raises
         ------
         SceneError
             There is no such scene, it cannot be read, or it is not one.
         """
-        return cls(**read_scene(name_or_path, overrides))
+        if isinstance(overrides, str):
+            overrides = (overrides,)
+        elif not np.iterable(overrides) or isinstance(overrides, Mapping):
+            given = checks.shown(overrides)
+            raise SceneError(f"overrides is {given}: it must be texts such as 'physics.drag=0.1'")
+        texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
+        return cls(**read_scene(checks.path("scene", name_or_path), texts))
 
     def replace(self, **changes: Any) -> Self:
-        """Return the same scene with some fields changed, checked again; its text tells which ones."""
+        """Return the same scene with some fields changed, checked again; its text tells which ones.
+
+        Raises
+        ------
+        SceneError
+            There is no such field, or a value is not what it must be.
+        """
+        known = [field.name for field in fields(self)]
+        for name in changes:
+            checks.one_of("field of a scene", name, known)
         if self.text and changes:
             changes = {"text": f"{self.text}\n# changed afterwards: {', '.join(changes)}", **changes}
         return replace(self, **changes)
@@ -226,6 +243,14 @@ class Scene(Shown):
         return bool((self.mass == self.mass[0]).all())
 
     @property
+    def contact_mass(self) -> FloatArray:
+        """Impulse of contacts that changes a grain's velocity by 1 m/s [kg], shape (n,) (MODEL.md, eq. 17b).
+
+        It is the mass, and in the leapfrog drag dt / 2 more, because drag acts on what contacts add as well.
+        """
+        return self.mass if self.scheme == "text" else self.mass + self.drag * self.dt / 2.0
+
+    @property
     def walls(self) -> Annulus:
         """What the grains are in."""
         return Annulus(self.radius_in, self.radius_out, self.wall)
@@ -251,6 +276,19 @@ class Scene(Shown):
         """Count the overlaps at the start, between grains and with the walls."""
         pairs = sum(len(first) for first, _ in overlapping_pairs(self.position, self.radius))
         return Overlaps(pairs, int(np.count_nonzero(self.walls.overlapped(self.position, self.radius))))
+
+
+SceneLike = Scene | str | os.PathLike[str]
+"""A scene, or what `Scene.load` reads."""
+
+
+def as_scene(field: str, value: Any) -> Scene:
+    """Return a scene, or read the file or shipped scene of that name; SceneError for anything else."""
+    if isinstance(value, str | os.PathLike):
+        return Scene.load(value)
+    if not isinstance(value, Scene):
+        raise SceneError(f"{field} is {checks.shown(value)}: it must be a Scene, or the file or name of one")
+    return value
 
 
 def _range(values: FloatArray) -> str:

@@ -29,7 +29,7 @@ def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool) -> FloatA
 
 
 class Kick(NamedTuple):
-    """What made free velocities: m (v* - before) = time m g - drag path."""
+    """Gravity and drag in a step: m (velocity - before) = time m g - drag path + impulses of contacts."""
 
     before: FloatArray
     """Velocities with which the step began [m/s], shape (n, 2)."""
@@ -39,10 +39,11 @@ class Kick(NamedTuple):
     """Velocity on which drag acted, times how long [m], shape (n, 2)."""
 
 
-def kick_of(scene: Scene, free: FloatArray, staggered: bool) -> Kick:
-    """Return what made these free velocities [m/s], shape (n, 2), the inverse of `free_velocity`.
+def kick_of(scene: Scene, free: FloatArray, velocity: FloatArray, staggered: bool) -> Kick:
+    """Return the kick of a step from its free velocities and those at its end [m/s], shape (n, 2).
 
-    There is none in a leapfrog where drag dt = 2 m, which leaves nothing of a velocity: it is not finite.
+    `before` inverts `free_velocity`. It is not finite in a leapfrog where drag dt = 2 m, which leaves nothing
+    of a velocity.
     """
     dt, gravity = scene.dt, np.array(scene.gravity)
     rate = (scene.drag / scene.mass)[:, np.newaxis]
@@ -51,7 +52,7 @@ def kick_of(scene: Scene, free: FloatArray, staggered: bool) -> Kick:
         return Kick(before, dt, dt * before)
     a = 0.5 * dt * rate
     if not staggered:
-        return Kick((1.0 + a) * free - 0.5 * dt * gravity, 0.5 * dt, 0.5 * dt * free)
+        return Kick((1.0 + a) * free - 0.5 * dt * gravity, 0.5 * dt, 0.5 * dt * velocity)
     with np.errstate(divide="ignore", invalid="ignore"):
         before = ((1.0 + a) * free - dt * gravity) / (1.0 - a)
-    return Kick(before, dt, 0.5 * dt * (before + free))
+    return Kick(before, dt, 0.5 * dt * (before + velocity))

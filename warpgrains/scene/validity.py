@@ -78,14 +78,20 @@ def checked_grains(scene: Scene) -> dict[str, Any]:
 
 def require_places(scene: Scene) -> None:
     """Raise SceneError unless all grains are between the walls, apart, and in places that have digits."""
+    _require_size(scene)
     scene.walls.require_inside(scene.position, scene.radius)
     require_distinct("position", scene.position)
+
+
+def _require_size(scene: Scene) -> None:
+    """Raise SceneError unless positions have digits for a gap, and squares."""
     smallest = scene.smallest_radius
     if scene.radius_out / MOST_RADII >= smallest:
         raise SceneError(
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
             f" grain {int(np.argmin(scene.radius))}, {smallest} m, for positions to have digits for a gap"
         )
+    scene.walls.require_size()
 
 
 def require_agreement(scene: Scene) -> None:

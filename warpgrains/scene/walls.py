@@ -12,6 +12,7 @@ from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import ROUNDING, area_below, distance
 
+SMALLEST, LARGEST = 1e-140, 1e150  # m, of the radius of the outer wall
 WALLS = ("tangent", "round")
 
 
@@ -103,6 +104,14 @@ class Annulus(NamedTuple):
         rho = distance(position)
         nearest = self.radius_in + radius if self.radius_in > 0.0 else 0.0
         return (rho <= self.radius_out - radius) & (rho >= nearest) & (rho > 0.0)
+
+    def require_size(self) -> None:
+        """Raise SceneError unless squares of distances are finite, and not zero."""
+        if not SMALLEST <= self.radius_out <= LARGEST:
+            raise SceneError(
+                f"radius_out is {self.radius_out} m: it must be between {SMALLEST:g} and {LARGEST:g} m,"
+                " for squares of distances to be finite and not zero; choose another unit of length"
+            )
 
     def require_inside(self, position: FloatArray, radius: FloatArray) -> None:
         """Raise SceneError unless all grains fit between the walls, and have their centres there."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from warpgrains import __version__
 from warpgrains.errors import SceneError
-from warpgrains.files import require_place, write_whole
+from warpgrains.files import followed, require_place, write_whole
 from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -94,6 +94,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
     SceneError
         There is none, it is damaged, of a newer version, or something else.
     """
+    path = followed(path)
     if not path.is_file():
         raise SceneError(f"checkpoint '{path}' does not exist")
     try:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.drawing.frame_times import DEFAULT_RATE
 from warpgrains.errors import SceneError
+from warpgrains.files import followed
 from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
 from warpgrains.scene import checks
 
@@ -149,10 +150,12 @@ def _seen_from(checkpoint: Path, field: str, stored: Any) -> str | None:
 
 
 def _file(field: str, name: Any) -> str | None:
-    """Return the name of a file, if there is one."""
-    if name is not None and (checks.text(field, name) == "" or "\0" in name):
+    """Return the name of a file, if there is one: that to which it leads, if it is a symbolic link."""
+    if name is None:
+        return None
+    if checks.text(field, name) == "" or "\0" in name:
         raise SceneError(f"{field} is {name!r}: it must be the name of a file")
-    return name
+    return str(followed(Path(name))) if os.path.islink(name) else name
 
 
 @dataclass(frozen=True)

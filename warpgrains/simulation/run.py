@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from warnings import warn
 
 from warpgrains.console import progress_bar
+from warpgrains.errors import SceneError
 from warpgrains.files import require_place
-from warpgrains.pictures.kinds import STILLS, require_drawing
+from warpgrains.pictures.kinds import FILMS, STILLS, require_drawing
 from warpgrains.pictures.shots import Painter
+from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.until import EVERY, Criterion
+from warpgrains.simulation.until import Criterion, steps_to_test
 from warpgrains.solver.statistics import RunStatistics, Summary, named
 
 if TYPE_CHECKING:
@@ -37,6 +39,13 @@ class Observer(Protocol):
 
     def flush(self) -> None:
         """Put all that was seen on the disk: there is to be a checkpoint, or the run ends."""
+
+
+def require_observer(observer: Observer) -> None:
+    """Raise SceneError unless something can observe a run."""
+    if not all(callable(getattr(observer, name, None)) for name in ("observe", "flush")):
+        raise SceneError(f"observer is {checks.shown(observer)}: it must have every, observe() and flush()")
+    checks.whole_number("observer.every", getattr(observer, "every", None))
 
 
 class Outputs(NamedTuple):
@@ -136,7 +145,7 @@ def carry_out(
                 warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
             statistics.add(done)
             statistics.seconds = perf_counter() - start
-            if _is_met(simulation, statistics, outputs.until):
+            if outputs.until is not None and outputs.until.is_met(simulation, statistics):
                 options = replace(options, steps=statistics.steps)
             _keep(simulation, options, statistics, outputs)
     if options.record is not None and options.shows == "still":
@@ -144,15 +153,6 @@ def carry_out(
     statistics.seconds = perf_counter() - start
     if outputs.until is not None and not statistics.met:
         warn(f"{outputs.until.name} was not met within {simulation.time:g} s", stacklevel=3)
-
-
-def _is_met(simulation: Simulation, statistics: RunStatistics, until: Criterion | None) -> bool:
-    """Ask, where it is time to, whether the run is to end now, and count for how long that has held."""
-    if until is not None and statistics.steps % EVERY == 0:
-        held = statistics.held + EVERY if statistics.held else 1
-        statistics.held = held if until.holds(simulation) else 0
-        statistics.met = statistics.held > until.steps
-    return statistics.met
 
 
 @contextmanager
@@ -178,9 +178,10 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
             return Film(Path(options.record), scene, options.rate, painter)
         require_place("picture", Path(options.record), *STILLS)
         return None
-    from warpgrains.usd.recorder import Recorder, log_of
+    from warpgrains.usd.recorder import SUFFIXES, Recorder, log_of
 
     record = Path(options.record)
+    require_place("output", record, *SUFFIXES, *FILMS, *STILLS)
     is_whole = statistics.frames > 0 and record.is_file() and not log_of(record).exists()
     if is_whole and statistics.steps == options.steps:
         return None
@@ -220,7 +221,7 @@ def _steps_to_next(
     recorder, observer, until = outputs
     ends = [options.steps]
     if until is not None:
-        ends.append((statistics.steps // EVERY + 1) * EVERY)
+        ends.append(statistics.steps + steps_to_test(statistics.steps))
     if observer is not None:
         ends.append(statistics.steps + observer.every - simulation.steps % observer.every)
     if recorder is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self
 from warpgrains.drawing.frame_times import DEFAULT_RATE
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
+from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
     lock_checkpoint,
@@ -15,7 +16,7 @@ from warpgrains.simulation.checkpoint import (
     write_checkpoint,
 )
 from warpgrains.simulation.options import RunOptions, steps_of
-from warpgrains.simulation.run import Observer, Outputs, run
+from warpgrains.simulation.run import Observer, Outputs, require_observer, run
 from warpgrains.simulation.stepper import Stepper
 from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.statistics import RunStatistics, Summary
@@ -28,23 +29,33 @@ if TYPE_CHECKING:
 class Simulation(Stepper):
     """One scene on one device.
 
+    Any number of Python threads may advance simulations, each its own. A simulation that one thread advances
+    refuses all others, by a `SimulationError`.
+
     Parameters
     ----------
     scene : Scene
-        What is simulated.
+        What is simulated; or a file or the name of a shipped scene, see `Scene.load`.
     device : str
         A Warp device, "cpu" or "cuda:0".
     threads : int, optional
-        OS threads that share the work on a CPU; by default as many as pay. The result is the same for any.
+        OS threads that share the work on a CPU, at most; by default as many as pay. They are fewer while
+        waiting for each other costs more than they gain. The result is the same for any.
     **overrides
         Fields of the scene that are to be changed, such as order="color" or tolerance=1e-8.
 
     Raises
     ------
     SceneError
-        The device is unknown, the number of threads is not positive, or a change makes no scene.
+        There is no such scene, the device is unknown, the number of threads is not positive, or an override
+        is not what it must be.
     SimulationError
         The scene does not fit in memory.
+
+    Notes
+    -----
+    A copy, by `copy.copy` too, and an unpickled simulation have their own memory. They continue from the
+    exact state with the same bits, as after `load`; `last_start` needs a step first.
 
     Examples
     --------
@@ -88,43 +99,53 @@ class Simulation(Stepper):
             simulation that it is given is to stop, see `warpgrains.simulation.until.criterion`.
         record : str or Path, optional
             A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present
-            state first; or a picture of the end (.png, .pdf, .svg).
+            state first; or a picture of the end (.png, .pdf, .svg). If it is a symbolic link, the file that
+            it leads to is written, as for all outputs.
         fps : float
-            Wanted frames per second of simulated time [1/s], see `FrameTimes`.
-        color_by, forces, draw_as
-            What the frames show, see `Recorder`.
+            Frames per second of simulated time [1/s], at most one a step; recordings and films have exactly
+            this rate. A frame within a step shows positions on the straight path of that step.
+        color_by : str
+            Color of the grains: "speed", "pressure", "radius", or "palette", which tells neighbors apart.
+        forces : bool
+            Whether to draw force chains.
+        draw_as : str
+            What grains of a USD file are: "points", "discs" or "spheres".
         checkpoint : str or Path, optional
             An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
         every : int
             Steps between two checkpoints.
-        observer : Observer, optional
-            Looks at the simulation now and then, such as `warpgrains.analysis.Series`.
+        observer : object, optional
+            Measures during the run, such as a `warpgrains.analysis.Series`. Its ``observe(simulation)`` is
+            called at multiples of its ``every`` steps, its ``flush()`` before a checkpoint and at the end.
         progress : bool
             Whether to show a progress bar on standard error.
 
         Raises
         ------
         SceneError
-            The recording or the checkpoint cannot be written there; as an `OutputError`, if another run
-            does so at the same time.
+            An argument is not what it must be, or the recording or the checkpoint cannot be written there; as
+            an `OutputError`, if another run does so at the same time.
         SimulationError
-            A step failed.
+            A step failed, or another thread advances this simulation.
         """
         options = RunOptions(
             steps=steps_of(self.scene, steps, duration),
-            record=None if record is None else str(record),
+            record=None if record is None else checks.path("record", record),
             fps=fps,
             color_by=color_by,
             forces=forces,
             draw_as=draw_as,
-            checkpoint=None if checkpoint is None else str(checkpoint),
+            checkpoint=None if checkpoint is None else checks.path("checkpoint", checkpoint),
             every=every,
             until=until if isinstance(until, str) else None,
         )
         if checkpoint is not None and callable(until):
             raise SceneError("until is a callable, which no checkpoint can hold")
+        if observer is not None:
+            require_observer(observer)
         outputs = Outputs(observer=observer, until=criterion(until, self.scene))
-        return run(self, options, RunStatistics(), progress, outputs)
+        with self._driver.alone():
+            return run(self, options, RunStatistics(), progress, outputs)
 
     def view(self, port: int = 8080) -> Page:
         """Play it in a page of this machine's browser, from where it is; a notebook shows the page.
@@ -134,8 +155,9 @@ class Simulation(Stepper):
         Raises
         ------
         SceneError
-            viser is not installed.
+            viser is not installed, or the port is no port.
         """
+        checks.whole_number("port", port, most=65535)
         try:
             from warpgrains.view.page import Page
         except ModuleNotFoundError as error:
@@ -150,7 +172,7 @@ class Simulation(Stepper):
         Parameters
         ----------
         color_by : str
-            "speed", "pressure", "radius" or "palette", see `GrainColors`.
+            Color of the grains: "speed", "pressure", "radius", or "palette", which tells neighbors apart.
         forces : bool
             Whether to draw force chains.
 
@@ -172,7 +194,7 @@ class Simulation(Stepper):
         SceneError
             It cannot be written there; as an `OutputError`, if a run does so.
         """
-        path = Path(path)
+        path = Path(checks.path("path", path))
         with lock_checkpoint(path):
             write_checkpoint(path, Checkpoint(self.scene, self.state(), None, RunStatistics()))
 
@@ -192,7 +214,7 @@ class Simulation(Stepper):
         SceneError
             The checkpoint cannot be read.
         """
-        kept = read_checkpoint(Path(path))
+        kept = read_checkpoint(Path(checks.path("path", path)))
         simulation = cls(kept.scene, device, threads)
         simulation.restore(kept.state)
         return simulation

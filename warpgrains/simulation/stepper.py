@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SimulationError
 from warpgrains.scene import checks
-from warpgrains.scene.scene import Scene
+from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown
 from warpgrains.solver.advance import OnProgress, advance
@@ -15,6 +15,7 @@ from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import find_device, threads_for
+from warpgrains.turns import Driver
 
 
 class StepStart(NamedTuple):
@@ -29,9 +30,9 @@ class StepStart(NamedTuple):
     """
 
     position: FloatArray
-    """Centres [m], shape (n, 2)."""
+    """Centres [m], shape (n, 2); read-only."""
     velocity: FloatArray
-    """[m/s], shape (n, 2)."""
+    """[m/s], shape (n, 2); read-only."""
     staggered: bool
     """Whether the velocities were those of the middle of the step before, see `State`."""
 
@@ -39,12 +40,18 @@ class StepStart(NamedTuple):
 class Stepper(Shown):
     """What a `Simulation` is before anything is written, read or drawn: an engine of one scene."""
 
-    def __init__(self, scene: Scene, device: str = "cpu", threads: int | None = None, **overrides: Any):
+    def __init__(self, scene: SceneLike, device: str = "cpu", threads: int | None = None, **overrides: Any):
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
+        self._driver = Driver("simulation")
+        scene = as_scene("scene", scene)
         self._begin(scene.replace(**overrides) if overrides else scene)
         self._engine.begin()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        given = self.scene, self._device.alias, self._threads_wanted, self.state()
+        return _continued, (type(self), *given)
 
     def _begin(self, scene: Scene) -> None:
         self.scene = scene
@@ -82,10 +89,12 @@ class Stepper(Shown):
         ------
         SimulationError
             A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
-            "raise". The state is that before the step. Or a history of `max_iterations` finds no memory.
+            "raise". The state is that before the step. Or a history of `max_iterations` finds no memory. Or
+            another thread advances this simulation.
         """
-        self._advance(1, None, history)
-        return self._engine.report(0)
+        with self._driver.alone():
+            self._advance(1, None, history)
+            return self._engine.report(0)
 
     def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
         """Advance by some time steps without anything in between.
@@ -93,22 +102,30 @@ class Stepper(Shown):
         Parameters
         ----------
         steps : int
+            0 or more.
         on_progress : callable, optional
             Told now and then how many steps more have been done.
 
         Raises
         ------
+        SceneError
+            An argument is not what it must be.
         SimulationError
-            A step failed, as in `step`; those before it are done.
+            A step failed, as in `step`; those before it are done. Or another thread advances this simulation.
         """
-        self._advance(steps, on_progress)
-        return self._engine.statistics(0)
+        steps = checks.whole_number("steps", steps, least=0)
+        if on_progress is not None:
+            checks.function("on_progress", on_progress)
+        with self._driver.alone():
+            self._advance(steps, on_progress)
+            return self._engine.statistics(0)
 
     def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> None:
         before = self.steps
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
-        advance([self._engine], self._threads, on_progress)
+        with self._driver.advancing():
+            advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before
         error = self._engine.error(0)
         if error is not None:
@@ -127,11 +144,12 @@ class Stepper(Shown):
         SceneError
             A change makes no scene, or one of other grains.
         """
-        state = self.state()
-        scene = self.scene.replace(**fields)
-        require_state(state, scene.n)
-        self._begin(scene)
-        self._engine.load(0, state)
+        with self._driver.alone():
+            state = self.state()
+            scene = self.scene.replace(**fields)
+            require_state(state, scene.n)
+            self._begin(scene)
+            self._engine.load(0, state)
 
     @property
     def steps(self) -> int:
@@ -145,16 +163,16 @@ class Stepper(Shown):
 
     @property
     def position(self) -> FloatArray:
-        """Centres of the grains [m], shape (n, 2); a copy."""
-        return self._engine.grains(0, "position")
+        """Centres of the grains [m], shape (n, 2); a read-only copy."""
+        return checks.frozen(self._engine.grains(0, "position"))
 
     @property
     def velocity(self) -> FloatArray:
-        """Velocities with which the last step moved the grains [m/s], shape (n, 2); a copy.
+        """Velocities with which the last step moved the grains [m/s], shape (n, 2); a read-only copy.
 
         In the leapfrog scheme they are those of the middle of that step, half a step behind the positions.
         """
-        return self._engine.grains(0, "velocity")
+        return checks.frozen(self._engine.grains(0, "velocity"))
 
     def last_start(self) -> StepStart:
         """Return where the last step began.
@@ -166,7 +184,8 @@ class Stepper(Shown):
         """
         if not self._stepped:
             raise SimulationError("no step has been taken from this state: call step() first")
-        position, velocity = (self._engine.grains(0, f"last_{name}") for name in ("position", "velocity"))
+        names = ("last_position", "last_velocity")
+        position, velocity = (checks.frozen(self._engine.grains(0, name)) for name in names)
         return StepStart(position, velocity, self._engine.last_staggered(0))
 
     def contacts(self) -> PairContacts:
@@ -176,11 +195,13 @@ class Stepper(Shown):
 
     def wall_contacts(self) -> WallContacts:
         """Return the contacts with the walls of the last step, one entry a grain."""
-        return wall_contacts(self.scene, self._engine.corrections(0))
+        last_position = self._engine.grains(0, "last_position")
+        return wall_contacts(self.scene, last_position, self._engine.corrections(0))
 
     def state(self) -> State:
         """Return the exact state, from which `restore` continues with the same bits."""
-        return self._engine.state(0)
+        with self._driver.alone():
+            return self._engine.state(0)
 
     def restore(self, state: State) -> None:
         """Continue from a state of this scene.
@@ -191,5 +212,13 @@ class Stepper(Shown):
             It is a state of other grains, or none: the message names field, grain and value.
         """
         require_state(state, self.scene.n)
-        self._stepped = False
-        self._engine.load(0, state)
+        with self._driver.alone():
+            self._stepped = False
+            self._engine.load(0, state)
+
+
+def _continued(kind: type[Stepper], scene: Scene, device: str, threads: int | None, state: State) -> Stepper:
+    """Return a simulation that continues from a state: what a copy is, or one that is unpickled."""
+    simulation = kind(scene, device, threads)
+    simulation.restore(state)
+    return simulation

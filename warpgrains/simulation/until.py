@@ -5,23 +5,33 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, hypot, sqrt
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.simulation.simulation import Simulation
+    from warpgrains.solver.statistics import RunStatistics
 
-EVERY = 10  # steps between two looks
+EVERY = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
 TOLERANCES = 10.0  # or in the scene's tolerance, where that is more: what a step leaves is no motion
 FALLS = 5.0  # how long it must hold, in sqrt(d / g)
 
-Question = Callable[["Simulation"], bool]
+
+class Moving(Protocol):
+    """Grains that move: a `Simulation`, a scene of a `Batch`, a `Snapshot`."""
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities of the grains [m/s], shape (n, 2)."""
+
+
+Question = Callable[[Any], bool]
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,27 @@ class Criterion:
     steps: int
     """For how many steps it must hold."""
     name: str
+
+    def is_met(self, moving: Moving, statistics: RunStatistics) -> bool:
+        """Test, every `EVERY` steps of a run, whether it ends now; count for how long that has held.
+
+        Parameters
+        ----------
+        moving : Moving
+            Its grains.
+        statistics : RunStatistics
+            What the run has done; `held` and `met` are updated.
+        """
+        if statistics.steps % EVERY == 0:
+            held = statistics.held + EVERY if statistics.held else 1
+            statistics.held = held if self.holds(moving) else 0
+            statistics.met = statistics.held > self.steps
+        return statistics.met
+
+
+def steps_to_test(steps: int) -> int:
+    """Return the steps that a run, which has done `steps`, takes to its next test."""
+    return EVERY - steps % EVERY
 
 
 def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
@@ -59,7 +90,20 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
     if until is None:
         return None
     if not isinstance(until, str):
+        if not callable(until):
+            raise SceneError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
         return Criterion(until, 0, "what was asked for")
+    return _rest(rest_bounds(until), scene)
+
+
+def rest_bounds(until: str) -> dict[str, float]:
+    """Return the bounds that a text such as "rest,speed=1e-3,time=0.5" sets, by their keys.
+
+    Raises
+    ------
+    SceneError
+        It is no such text.
+    """
     name, *rest = (word.strip() for word in until.split(","))
     checks.one_of("until", name, ("rest",))
     given: dict[str, float] = {}
@@ -71,7 +115,7 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
         except ValueError as error:
             wrong = error if isinstance(error, SceneError) else f"until: {word!r} is no number"
             raise SceneError(str(wrong)) from None
-    return _rest(given, scene)
+    return given
 
 
 def _rest(given: dict[str, float], scene: Scene) -> Criterion:
@@ -84,8 +128,8 @@ def _rest(given: dict[str, float], scene: Scene) -> Criterion:
         bounds["speed"] = max(FROUDE * sqrt(gravity * diameter), TOLERANCES * scene.tolerance)
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
-    def holds(simulation: Simulation) -> bool:
-        square = (simulation.velocity**2).sum(axis=1)
+    def holds(moving: Moving) -> bool:
+        square = (moving.velocity**2).sum(axis=1)
         return bool(square.max() <= speed**2 and 0.5 * scene.mass @ square <= energy)
 
     return Criterion(holds, ceil(time / scene.dt), "rest")

@@ -48,14 +48,14 @@ class Ends(NamedTuple):
     def of(cls, records: SceneRecords, which: IndexArray) -> Self:
         """Return those of some scenes, as the host sees them."""
         host, sums = records.host, records.host["statistics"]
-        mass, dt = records.stacked("grains.mass", which), host["dt"][which]
+        contact_mass, dt = records.stacked("grains.contact_mass", which), host["dt"][which]
         radii: Any = (host["walls"][name][which] for name in ("radius_in", "radius_out"))
         grains = Grains(
-            mass=mass,
+            mass=records.stacked("grains.mass", which),
             radius=records.stacked("grains.radius", which),
             position=records.stacked("grains.position", which),
             velocity=records.stacked("grains.velocity", which),
-            wall_force=wall_forces(mass, records.wall_corrections(which), dt[:, np.newaxis]),
+            wall_force=wall_forces(contact_mass, records.wall_corrections(which), dt[:, np.newaxis]),
             gravity=host["gravity"][which],
             walls=Annulus(*radii),
         )

@@ -11,7 +11,9 @@ import numpy as np
 import warp as wp
 
 from warpgrains.arrays import IndexArray
+from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as kernels
+from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import (
     BEYOND_WALL,
@@ -26,12 +28,15 @@ from warpgrains.kernels.record import (
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
 from warpgrains.scene.state import Corrections, State, first_state
+from warpgrains.solver import tuning
+from warpgrains.solver.crew import Crew
 from warpgrains.solver.ends import Ends
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.service import REFUSED, Service
 from warpgrains.solver.statistics import RunStatistics, StepReport
-from warpgrains.solver.threads import side_by_side, team_of
+from warpgrains.solver.threads import side_by_side
+from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -81,6 +86,7 @@ class Engine:
         self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._most = np.array([float(scene.n * scene.max_iterations) for scene in scenes])
         self._works: list[Callable[[], None]] = []
+        self._crew = Crew(team, *tuning.crew(scenes[0], team))
         self._graphs: dict[int, wp.Graph] = {}
 
     @property
@@ -88,20 +94,23 @@ class Engine:
         """The kernel that advances the scenes on a CPU."""
         method, dealt = self.scenes[0].method, self._records.sizes.is_dealt
         name = f"warpgrains.kernels_{method.replace('-', '_')}{'_dealt' if dealt else ''}"
-        return kernels.kernel(name, fused_step(method, dealt))
+        with BUILDING:
+            return kernels.kernel(name, fused_step(method, dealt))
 
     @property
     def is_compiled(self) -> bool:
         """Whether the kernels have been compiled before; of a GPU this is not told."""
         if self._device.is_cuda:
             return True
-        cached = Path(wp.config.kernel_cache_dir) / self.kernel.module.get_module_identifier(CPU_BLOCK)
-        return cached.is_dir()
+        with BUILDING:
+            cached = self.kernel.module.get_module_identifier(CPU_BLOCK)
+        return (Path(wp.config.kernel_cache_dir) / cached).is_dir()
 
     def load_kernels(self) -> None:
         """Compile the kernels, or load what was compiled before."""
         if self._device.is_cpu:
-            self.kernel.module.load(self._device, CPU_BLOCK)
+            with BUILDING:
+                self.kernel.module.load(self._device, CPU_BLOCK)
 
     def begin(self) -> None:
         """Begin all scenes at their starts, in memory that is new."""
@@ -159,16 +168,22 @@ class Engine:
         self._service.forget()
 
     def works(self, threads: int) -> list[Callable[[], None]]:
-        """Return the work of each of so many threads: it advances scenes until there is no other free."""
+        """Return the work of each of so many threads: it advances scenes until there is no other free.
+
+        Of a team there are as many as are worth while now.
+        """
         if self._device.is_cuda:
             return [self._work_on_gpu]
-        missing = threads - len(self._works)
-        if missing > 0:
+        if self._team > 1:
+            threads = self._crew.threads_of_next_launch()
+        begun = len(self._works)
+        if threads > begun:
             self.load_kernels()
-            teams = team_of(self._team) if self._team > 1 else [team_of(1)[0] for _ in range(missing)]
-            for team in teams:
+            teams = self._crew.members if self._team > 1 else [Crew(1).members[0] for _ in range(threads)]
+            for team in teams[begun:threads]:
                 inputs = (self._records.device, self._queue, team)
-                command = wp.launch(self.kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
+                with BUILDING:
+                    command = wp.launch(self.kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
                 self._works.append(command.launch)
         return self._works[:threads]
 
@@ -177,7 +192,9 @@ class Engine:
         for k in range(len(self.scenes)):
             self._records.push(k)
             while self.left[k] > 0 and self.outcome[k] == SOLVED and not self._halt[0]:
-                wp.capture_launch(self._graph(k))
+                with BUILDING:
+                    graph = self._graph(k)
+                wp.capture_launch(graph)
                 self._records.pull(k)
                 self.left[k] -= self._memory[k].record["control"]["accepted"]
                 self.outcome[k] = self._memory[k].record["step"]["outcome"]
@@ -207,7 +224,7 @@ class Engine:
     def service(self) -> bool:
         """Do what scenes wait for; return whether one of them can go on."""
         if not self.outcome.any():  # all are solved
-            return False
+            return bool(self.left.any())
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:
             self._service.look_for_proof(k, self._done(k))
@@ -218,7 +235,7 @@ class Engine:
             self.seconds[k] += perf_counter() - start
         waiting = self._grow() + unproved + slow
         self.outcome[waiting] = SOLVED
-        return bool((self.left[waiting] > 0).any())
+        return bool((self.left[self.outcome == SOLVED] > 0).any())
 
     def _grow(self) -> list[int]:
         """Make room where a list needs it; return for which scenes there is room now."""
@@ -233,6 +250,8 @@ class Engine:
 
     def finish_open_steps(self) -> None:
         """Bring every scene between two steps, count the steps done, and say what failed."""
+        if CHECKED:
+            self._raise_violation()
         if self._halt[0]:
             self._halt[0] = 0
             self._records.host["control"]["halted"] = 0
@@ -244,6 +263,13 @@ class Engine:
                 self._service.give_up(k)
         self._steps += self._submitted - self.left
         self._submitted[:] = self.left
+
+    def _raise_violation(self) -> None:
+        """Raise SimulationError if a kernel has used an index outside of its array."""
+        for k in range(len(self.scenes)):
+            violation = self._records.violation(k)
+            if violation is not None:
+                raise SimulationError(f"step {self._done(k) + 1}: {violation}: please report this scene")
 
     def _solve_open_steps(self) -> None:
         """Solve to their ends the steps amid which lists are to grow."""

@@ -69,11 +69,12 @@ class ExactSolver:
                 q, left = found.q, residual
             if found.residual > tolerance or residual > 0.5 * last:
                 break
-        if left <= max(BETTER * before, tolerance):
+        is_better = before > tolerance and left <= max(BETTER * before, tolerance)
+        if is_better:
             contacts.write(q)
         else:
             record["to_search"] = 0  # a proof that no velocities solve the step
-        record["control"]["corrected"] = 1
+        record["control"]["corrected"], record["control"]["declined"] = 1, not is_better
 
 
 class FrozenContacts:
@@ -93,8 +94,9 @@ class FrozenContacts:
         self._position = memory.array("grains.position")[self._grain]
         pairs = memory.array("contacts.pairs")[self._place]
         self._gap_rate = pairs["gap_rate"]
-        mass_i, mass_j = scene.mass[pairs["i"]], scene.mass[pairs["j"]]
-        share_i, share_j = (np.sqrt(mass / (mass_i + mass_j))[:, np.newaxis] for mass in (mass_j, mass_i))
+        mass = scene.contact_mass
+        mass_i, mass_j = mass[pairs["i"]], mass[pairs["j"]]
+        share_i, share_j = (np.sqrt(other / (mass_i + mass_j))[:, np.newaxis] for other in (mass_j, mass_i))
         walls = scene.walls.seen_from(self._position, scene.radius[self._grain])
         values = [np.hstack([share_i * pairs["n"], -share_j * pairs["n"]]), *(wall.normal for wall in walls)]
         columns = [
@@ -103,11 +105,11 @@ class FrozenContacts:
         ]
         units = [
             np.sqrt(mass_i / (mass_i + mass_j) * mass_j),
-            *[np.sqrt(scene.mass[self._grain])] * len(walls),
+            *[np.sqrt(mass[self._grain])] * len(walls),
         ]
         lengths = np.repeat([4, *[2] * len(walls)], [len(rows) for rows in values])
         entries = [np.concatenate([part.ravel() for part in parts]) for parts in (values, columns)]
-        self._unit, self._root = np.concatenate(units), np.sqrt(scene.mass)[:, np.newaxis]
+        self._unit, self._root = np.concatenate(units), np.sqrt(mass)[:, np.newaxis]
         self._free = (self._root * memory.array("grains.free_velocity")).ravel()
         start = np.concatenate([[0], np.cumsum(lengths)])
         self._signs = [wall.sign for wall in walls]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE
@@ -21,11 +22,22 @@ def reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
     velocity = memory.array("grains.next_velocity")[grain].tolist()
     reached = f"grain {grain} reached a velocity of {velocity} m/s"
     if outcome == NOT_FINITE:
-        return reached
+        return f"{reached}: {_excess(scene, velocity)}"
     circle = scene.radius_out - scene.radius[grain].item()
     return (
         f"{reached} along the round wall: in a step of {scene.dt} s, it leaves the circle of {circle} m on"
         " which it touches the wall"
+    )
+
+
+def _excess(scene: Scene, velocity: list[float]) -> str:
+    """Say why a step cannot move a grain with such a velocity [m/s]."""
+    if not all(map(isfinite, velocity)):
+        return "it is not finite"
+    path = scene.dt * max(map(abs, velocity))
+    return (
+        f"in a step of {scene.dt} s it would move by {path:.3g} m, out of the domain of radius"
+        f" {scene.radius_out} m, and the square of that is not finite"
     )
 
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.geometry import pair_gaps, pair_normals
+from warpgrains.scene.walls import outward
 from warpgrains.tables import Tabular
 
 if TYPE_CHECKING:
@@ -34,7 +37,9 @@ class PairContacts(Tabular):
     correction: FloatArray
     """Accumulated corrections dv_c [m/s], shape (m,)."""
     force: FloatArray
-    """m_i m_j / (m_i + m_j) dv_c / dt, along the normal on j and against it on i [N], shape (m,)."""
+    """M_i M_j / (M_i + M_j) dv_c / dt, along the normal on j and against it on i [N], shape (m,).
+
+    M are the contact masses of the scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,16 +53,21 @@ class WallContacts(Tabular):
     ((15,), 10)
     """
 
+    grain: IntArray
+    """The grains, 0 to n - 1, shape (n,)."""
+    normal: FloatArray
+    """Unit normals of both walls at each grain, away from the origin, shape (n, 2); 0 for a grain there."""
     correction: FloatArray
     """Accumulated corrections dv_b [m/s], shape (n,), > 0 at the outer wall, < 0 at the inner one."""
     force: FloatArray
-    """m_i dv_b / dt, towards the origin [N], shape (n,)."""
+    """M_i dv_b / dt, M the contact masses of the scene, against the normal [N], shape (n,)."""
 
 
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
     """Return the contacts between grains, whose centres were at `position` [m], shape (n, 2)."""
     i, j = corrections.pair.T
-    mass_i, mass_j = scene.mass[i], scene.mass[j]
+    mass = scene.contact_mass
+    mass_i, mass_j = mass[i], mass[j]
     return PairContacts(
         pair=corrections.pair,
         normal=pair_normals(position, i, j),
@@ -67,12 +77,18 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
     )
 
 
-def wall_contacts(scene: Scene, corrections: Corrections) -> WallContacts:
-    """Return the contacts with the walls, one entry a grain."""
-    force = wall_forces(scene.mass, corrections.wall_correction, scene.dt)
-    return WallContacts(correction=corrections.wall_correction, force=force)
+def wall_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> WallContacts:
+    """Return the contacts with the walls, of grains whose centres were at `position` [m], shape (n, 2)."""
+    with np.errstate(invalid="ignore"):  # at the origin no direction is outward
+        normal = np.nan_to_num(outward(position))
+    return WallContacts(
+        grain=np.arange(scene.n, dtype=np.int32),
+        normal=normal,
+        correction=corrections.wall_correction,
+        force=wall_forces(scene.contact_mass, corrections.wall_correction, scene.dt),
+    )
 
 
-def wall_forces(mass: FloatArray, correction: FloatArray, dt: FloatArray | float) -> FloatArray:
-    """Return m_i dv_b / dt [N], of corrections dv_b [m/s]; shapes (..., n)."""
-    return mass * correction / dt
+def wall_forces(contact_mass: FloatArray, correction: FloatArray, dt: FloatArray | float) -> FloatArray:
+    """Return M_i dv_b / dt [N], of contact masses M [kg] and corrections dv_b [m/s]; shapes (..., n)."""
+    return contact_mass * correction / dt

@@ -25,10 +25,8 @@ GROWTH = 3.0  # so that the way does not lead in a circle
 SHORT = 0.2  # of a step, from which on the iteration starts anew with a wider mu
 NEARLY = 0.999  # of the way to the border
 MOST = 60  # factorizations
-LONG, STUCK = (
-    0.9,
-    3,
-)  # a step, and how many of them that leave A u + s - b as large: nothing satisfies the bounds
+LONG, STUCK = 0.9, 3  # a step, and how many of them leave A u + s - b as large: no u satisfies the bounds
+MOST_RESTARTS = 3  # after short steps: a step that has a solution has needed two
 STALLED = 25  # steps that do not halve the residual, after which more are of no use
 NEGLIGIBLE = 0.02  # of the tolerance: a correction of a contact that lets go
 
@@ -98,7 +96,7 @@ def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: f
     matrix.take(rows)
     best, least = q, problem.residual(q)
     lowest = violation = np.inf
-    stalled = stuck = 0
+    stalled = stuck = restarts = 0
     at, mu = _begin(problem, q)
     count, wider = 0, WIDER
     while count < MOST:
@@ -106,6 +104,9 @@ def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: f
         way = _direction(problem, matrix, at)
         a = at.longest(way)
         if a < SHORT:
+            restarts += 1
+            if restarts > MOST_RESTARTS:
+                break
             mu = wider * max(mu, at.gap())
             wider *= GROWTH
             at = at.moved(a, way).centred(mu)

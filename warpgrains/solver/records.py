@@ -12,7 +12,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
+from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.types import VerletNumbers
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
@@ -69,9 +71,31 @@ class SceneRecords:
             arrays["shape"][which, 0] = layout.length[number]
             arrays["strides"][which, 0] = field.bytes
             arrays["ndim"][which] = 1
+            if CHECKED:
+                arrays["grad"][which] = self._violations()[which]
         self._length[:, which], self._offset[:, which] = layout.length, layout.offset
         for k, block in zip(which.tolist(), blocks, strict=True):
             self._blocks[k] = block
+
+    def _violations(self) -> NDArray[np.uint64]:
+        """Return the address of the `Violation` of each scene, shape (scenes,)."""
+        offset = np.dtype(SceneRecord.numpy_dtype()).fields["violation"][1]
+        records = np.arange(len(self._scenes), dtype=np.uint64) * np.uint64(self.host.itemsize)
+        return records + np.uint64(self.device.ptr + offset)
+
+    def violation(self, k: int) -> str | None:
+        """Return which index of scene k was outside of its array, in checked mode (access.py), or None."""
+        found = self.host["violation"][k]
+        if not found["found"]:
+            return None
+        names = [
+            field.name
+            for number, field in enumerate(fields())
+            if field.of(self.host)["data"][k] == found["array"] and self._length[number, k] == found["length"]
+        ]
+        stage = STAGE_NAMES.get(int(found["stage"]), "a stage")
+        where = f"index {found['index']} of {' or '.join(names)}"
+        return f"{stage} uses {where}, which has length {found['length']}"
 
     def _write_parameters(self) -> None:
         """Write what a scene's record holds beside arrays."""
@@ -102,7 +126,7 @@ class SceneRecords:
         """Write all starts to new memory at once; return False where scenes are not laid out alike."""
         if self.together("verlet.skin") is None:
             return False
-        for name in ("radius", "mass", "position", "velocity"):
+        for name in ("radius", "mass", "contact_mass", "position", "velocity"):
             array = self._together(f"grains.{name}")
             array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(array.shape)
         self._together("grains.last_position")[:] = self._together("grains.position")

@@ -100,7 +100,7 @@ class SceneMemory:
             for name in VERLET:
                 self.array(f"verlet.{name}")[:] = getattr(lists, name)
             self._records.verlet_numbers(self._k)[:] = np.concatenate([lists.frame.ravel(), lists.scalar])
-        for name in ("radius", "mass"):
+        for name in ("radius", "mass", "contact_mass"):
             self.array(f"grains.{name}")[:] = getattr(self._scene, name)
         self.array("grains.velocity")[:] = state.velocity
         for name in ("position", "last_position"):

@@ -85,7 +85,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
     return {
         "grains": {
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
-            **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity", "radius", "mass"), n),
+            **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity"), n),
+            **dict.fromkeys(("radius", "mass", "contact_mass"), n),
         },
         "contacts": {
             **dict.fromkeys(("pairs", "pair_dv", "pair_dv_start"), pairs),

@@ -5,34 +5,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from threading import Condition
 
-import warp as wp
-
-from warpgrains.kernels.threads import TeamRecord
-
 GLANCE = 0.1  # seconds between two looks at how far they are
 
 
 def cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def team_of(size: int) -> list[TeamRecord]:
-    """Return a team of so many CPU threads, as each of them sees it."""
-    shared = {
-        "arrivals": wp.zeros(1, dtype=wp.int64, device="cpu"),
-        "ended": wp.zeros(8 * size, dtype=wp.int64, device="cpu"),
-        "scene": wp.zeros(1, dtype=wp.int32, device="cpu"),
-        "going_on": wp.zeros(1, dtype=wp.int32, device="cpu"),
-    }
-    team = []
-    for rank in range(size):
-        record = TeamRecord()
-        record.rank, record.size = rank, size
-        for name, array in shared.items():
-            setattr(record, name, array)
-        team.append(record)
-    return team
 
 
 class _Works:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +24,10 @@ NEAREST = 0.01  # radii a step: half of the narrowest skin (kernels/skins.py)
 TILE = {"sequential": 32768, "color": 4096}  # pairs interleaved: many hide latency, few fit in cache
 DEALT_TILE = 16384  # the same, where threads are dealt tiles: they wait at the borders of these
 DEALT_GRAINS = 20_000  # from which threads that are dealt tiles gain far more than they wait
-HOST_FEW, HOST_MANY = 150.0, 0.2  # sweeps that the host takes as long as for a step of n grains: a + b n
+SEGMENT_GRAINS = 200.0  # grains for each thread and other thread, from which segments cost little
+HOST_FEW, HOST_MANY = 750.0, 0.15  # sweeps that the host takes as long as for a step of n grains: a + b n
+WAITING = 1.0 / 3.0  # of its time that a team's first thread may wait for the others; else they are fewer
+PAUSE = 0.03  # seconds of one thread alone before more are tried, at least
 SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gain more than they wait
 
 
@@ -73,6 +77,12 @@ def paying_threads(scene: Scene) -> int:
     return cores() if scene.n >= DEALT_GRAINS else 1
 
 
+def crew(scene: Scene, team: int) -> tuple[int, int]:
+    """Return how many threads of a team begin with a scene, and how many may ever take part in it."""
+    most = min(team, cores())
+    return most if paying_threads(scene) > 1 or not sys.platform.startswith("linux") else 1, most
+
+
 def patience(scene: Scene) -> int:
     """Return how many sweeps take as long as the host's part of a step; 0 where it has none."""
     if scene.method != "exact":
@@ -81,10 +91,16 @@ def patience(scene: Scene) -> int:
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return how many threads share a scene on a CPU: so many as are wanted, or else as pay."""
+    """Return how many threads share a scene on a CPU, at most: so many as are wanted, or else as pay.
+
+    Tiles of few grains are dealt to few threads: there are some 30 segments a thread, each of which asks how
+    far every other thread is, also where one thread sweeps them all.
+    """
     if device.is_cuda:
         return 1
-    return paying_threads(scene) if threads is None else threads
+    if threads is None or scene.method != "gauss-seidel":
+        return threads or paying_threads(scene)
+    return min(threads, max(1, int(np.sqrt(scene.n / SEGMENT_GRAINS))))
 
 
 def find_device(name: str) -> wp.Device:

@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from warpgrains.errors import OutputError
-from warpgrains.files import csv_line, write_whole
+from warpgrains.files import csv_line, read_regular, write_whole
 from warpgrains.sweep.parts import Parts
-from warpgrains.sweep.results import SECONDS, columns_of
+from warpgrains.sweep.results import MET, SECONDS, columns_of, more_columns
 from warpgrains.sweep.run_folder import RESULT, RunFolder
-from warpgrains.sweep.sweep import Run, Sweep, copy_name
+from warpgrains.sweep.sweep import Base, Run, Sweep, copy_name
 
 RESULTS = "results.csv"
 TIMING = "timing.csv"
@@ -39,6 +39,8 @@ class Tables(NamedTuple):
     """Why they failed."""
     unconverged: set[int]
     """Those with a step that stopped short of the tolerance."""
+    unmet: set[int] | None
+    """Those that have ended before their criterion was met; None if they have none."""
 
 
 class SweepFolder:
@@ -52,14 +54,22 @@ class SweepFolder:
         Keys of the axes of the sweep.
     measured
         Names of quantities that are measured.
+    until
+        What ends each run before its last step, see `criterion`.
     """
 
-    def __init__(self, path: Path, axes: Iterable[str] = (), measured: Iterable[str] = ()):
-        self.path, self.axes, self.measured = path, tuple(axes), tuple(measured)
+    def __init__(
+        self,
+        path: Path,
+        axes: Iterable[str] = (),
+        measured: Iterable[str] = (),
+        until: str | None = None,
+    ):
+        self.path, self.axes, self.measured, self.until = path, tuple(axes), tuple(measured), until
         self.parts = Parts(path / _PARTS, [*self.columns, SECONDS])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.path, self.axes, self.measured)
+        return type(self), (self.path, self.axes, self.measured, self.until)
 
     @property
     def results(self) -> Path:
@@ -74,11 +84,22 @@ class SweepFolder:
     @property
     def columns(self) -> list[str]:
         """The columns of the results."""
-        return ["run", "scene", *self.axes, *columns_of(self.measured)]
+        return ["run", "scene", *self.axes, *columns_of(self.more)]
+
+    @property
+    def more(self) -> tuple[str, ...]:
+        """The columns of the results that not every sweep has."""
+        return more_columns(self.measured, self.until)
 
     def of(self, run: Run) -> RunFolder:
         """Return the folder of a run, which need not be there."""
-        return RunFolder(self._path(run.number), run.labels(), run.text(f"../../{GRAINS}"), self.measured)
+        scene = run.text(f"../../{GRAINS}")
+        return RunFolder(self._path(run.number), run.labels(), scene, self.measured, self.until)
+
+    def _common(self, base: Base) -> bytes:
+        """Return the file of what the runs of a scene have in common."""
+        head = "" if self.until is None else f"# Its runs end earlier, at {self.until}\n"
+        return f"{head}{base.text}".encode()
 
     def prepare(self, sweep: Sweep) -> None:
         """Write what the runs have in common, so that the folder holds all that they are.
@@ -89,7 +110,7 @@ class SweepFolder:
             It is there, and other than this sweep's.
         """
         for base in sweep.bases:
-            files = {self.path / _SCENES / f"{base.name}.toml": base.text.encode()}
+            files = {self.path / _SCENES / f"{base.name}.toml": self._common(base)}
             copies = base.grain_files.values()
             files |= {self.path / GRAINS / copy_name(source): source.read_bytes() for source in copies}
             for path, content in files.items():
@@ -101,9 +122,10 @@ class SweepFolder:
         """Raise OutputError or SceneError if results here are of another sweep."""
         for base in sweep.bases:
             scene = self.path / _SCENES / f"{base.name}.toml"
-            if scene.exists() and scene.read_bytes() != base.text.encode():
+            if scene.exists() and read_regular(scene) != self._common(base):
                 raise OutputError(
-                    f"'{scene}' is another scene than this sweep starts from: choose another -o"
+                    f"'{scene}' is another scene than this sweep starts from, or has another --until:"
+                    " choose another -o"
                 )
         self.parts.refresh(range(len(sweep.runs)))
         for run in sweep.runs:
@@ -148,7 +170,13 @@ class SweepFolder:
                 self._write(self.timing, ["run", SECONDS], seconds)
             if self.finished(sweep.runs) == finished:
                 good = [(run, line) for run, line in zip(order, lines, strict=True) if run not in failed]
-                return Tables(finished, failed, {run for run, line in good if self._is_unconverged(line)})
+                unconverged = {
+                    run for run, line in good if self._cell(line, "unconverged") not in (b"0", b"")
+                }
+                unmet = None
+                if self.until is not None:
+                    unmet = {run for run, line in good if self._cell(line, MET) == b"0"}
+                return Tables(finished, failed, unconverged, unmet)
 
     def _lines(self, sweep: Sweep, finished: set[int]) -> tuple[list[bytes], dict[int, str]]:
         """Return the lines of finished runs in order, and why some failed."""
@@ -167,10 +195,10 @@ class SweepFolder:
         if not table.is_file() or table.read_bytes() != content:
             write_whole(table, content, writer())
 
-    def _is_unconverged(self, line: bytes) -> bool:
-        """Whether the line of a run that has not failed tells of a step that stopped short."""
-        after = len(self.columns) - self.columns.index("unconverged")  # columns, the seconds among them
-        return line.rsplit(b",", after + 1)[1] not in (b"0", b"")
+    def _cell(self, line: bytes, column: str) -> bytes:
+        """Return a number of the line of a run that has not failed."""
+        after = len(self.columns) - self.columns.index(column)  # columns, the seconds among them
+        return line.rsplit(b",", after + 1)[1]
 
     def _path(self, number: int) -> Path:
         return self.path / _RUNS / f"{number:05}"

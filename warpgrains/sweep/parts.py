@@ -69,7 +69,7 @@ class Parts:
     def _is_whole(self, name: str) -> bool:
         """Whether a part is what its name says; one that is not is set aside."""
         path = self.path / name
-        whole = name.rpartition("-")[2] == f"{_hash(path.read_bytes())}.csv"
+        whole = path.is_file() and name.rpartition("-")[2] == f"{_hash(path.read_bytes())}.csv"
         if not whole:
             path.rename(path.with_name(f"{name}.damaged"))
             print(f"'{path}' is damaged: its runs are done again", file=sys.stderr)

@@ -1,8 +1,9 @@
 """The result of a run, a row of a table.
 
 First come the number of the run, the scene, and what it takes from the axes of the sweep, a column an axis.
-Then those of `UNITS`, and before the last of them what else is measured: the same whenever, wherever and
-after however many interruptions the run is done. The last is `seconds`, its wall time, which the table of all
+Then those of `UNITS`, and before the last of them, `error`, what else is asked for: `met`, 1 if the run has
+ended at its criterion and else 0, and what is measured. They are the same whenever, wherever and after
+however many interruptions the run is done. The last is `seconds`, its wall time, which the table of all
 results leaves out.
 """
 
@@ -30,23 +31,29 @@ UNITS = {
     "error": "",  # why the run failed, if it did
 }
 """Units of the columns that every sweep has, in their order."""
-COUNTS = ("grains", "steps", "iterations_max", "unconverged")
-"""Those that are whole numbers."""
+MET = "met"
+COUNTS = ("grains", "steps", "iterations_max", "unconverged", MET)
+"""Columns that are whole numbers."""
 SECONDS = "seconds"
-COUNTED = ("steps", "iterations", "iterations_max", "unconverged", "overlap", SECONDS)
+COUNTED = ("steps", "iterations", "iterations_max", "unconverged", "overlap", MET, SECONDS)
 """What results need of `RunStatistics`."""
 
 
-def columns_of(measured: Iterable[str]) -> list[str]:
-    """Return the columns of results after the labels, where some quantities are measured as well."""
+def columns_of(more: Iterable[str]) -> list[str]:
+    """Return the columns of results after the labels; `more` are `MET` and names of measured quantities."""
     *common, error = UNITS
-    return [*common, *(name for name in measured if name not in UNITS), error]
+    return [*common, *(name for name in more if name not in UNITS), error]
 
 
-def result(labels: Row, end: Snapshot, done: RunStatistics, measured: Iterable[str] = ()) -> Row:
+def more_columns(measured: Iterable[str], until: str | None) -> tuple[str, ...]:
+    """Return the columns that not every sweep has, see `columns_of`."""
+    return (*measured,) if until is None else (MET, *measured)
+
+
+def result(labels: Row, end: Snapshot, done: RunStatistics, more: Iterable[str] = ()) -> Row:
     """Return the result of a run that has reached its end; its labels are the first columns."""
     counted = {name: np.array([value]) for name, value in vars(done).items() if name in COUNTED}
-    columns = columns_of(measured)
+    columns = columns_of(more)
     (cells,) = results(Ends(end.grains, np.array([end.scene.dt]), counted), [end], columns)
     return labels | dict(zip([*columns, SECONDS], cells, strict=True))
 
@@ -75,7 +82,9 @@ def results(ends: Ends, each: Iterable[Snapshot], columns: Iterable[str]) -> Ite
         "worst_overlap": done["overlap"],
         **{name: of_runs(grains) for name, of_runs in OF_A_SWEEP.items()},
     }
-    measured = [name for name in columns if name not in UNITS]
+    if MET in columns:
+        numbers[MET] = done[MET].astype(np.int64)
+    measured = [name for name in columns if name not in (*UNITS, MET)]
     if measured:
         moments = list(each)
         numbers |= {name: np.array([QUANTITIES[name].of(moment) for moment in moments]) for name in measured}
@@ -83,14 +92,14 @@ def results(ends: Ends, each: Iterable[Snapshot], columns: Iterable[str]) -> Ite
     return zip(*cells, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
 
 
-def failure(labels: Row, reason: str, seconds: float = 0.0, measured: Iterable[str] = ()) -> Row:
+def failure(labels: Row, reason: str, seconds: float = 0.0, more: Iterable[str] = ()) -> Row:
     """Return the result of a run that failed."""
-    return labels | dict.fromkeys(columns_of(measured), "") | {"error": reason, SECONDS: f"{seconds:.3f}"}
+    return labels | dict.fromkeys(columns_of(more), "") | {"error": reason, SECONDS: f"{seconds:.3f}"}
 
 
-def require_result(rows: list[Row], labels: Row, measured: Iterable[str] = ()) -> Row:
+def require_result(rows: list[Row], labels: Row, more: Iterable[str] = ()) -> Row:
     """Return the one row of a run's table; raise SceneError unless it is a result with these labels."""
-    columns = [*labels, *columns_of(measured), SECONDS]
+    columns = [*labels, *columns_of(more), SECONDS]
     if len(rows) != 1 or list(rows[0]) != columns or None in rows[0].values():
         raise SceneError("it is not one row of these columns")
     row = rows[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -14,6 +15,7 @@ from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.simulation.run import open_outputs
+from warpgrains.simulation.until import criterion, steps_to_test
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.run_folder import AGAIN, RunFolder, Start
@@ -55,6 +57,7 @@ class SweepRun:
         self.statistics, self.state = start.statistics, start.state
         self.options = start.options or RunOptions(steps=start.scene.steps)
         self.error: str | None = None
+        self._until = criterion(self.options.until, self.scene)
         self._lock, self._outputs = lock, ExitStack()
         self._recorder: Recorder | Film | None = None
         self._series: Series | None = None
@@ -79,14 +82,21 @@ class SweepRun:
         return self.options.steps - self.statistics.steps
 
     @property
+    def goes_on(self) -> bool:
+        """Whether there are steps to be done still."""
+        return self.left > 0 and self.error is None
+
+    @property
     def is_recorded(self) -> bool:
         """Whether there are frames to record still."""
         return self._recorder is not None and self.error is None
 
     @property
     def until_look(self) -> int:
-        """Steps until the next frame or row of the series is due, or the run ends."""
+        """Steps until the next frame or row of the series is due, or the run ends, or its end is tested."""
         ends = [self.options.steps]
+        if self._until is not None:
+            ends.append(self.statistics.steps + steps_to_test(self.statistics.steps))
         if self._recorder is not None and self.error is None:
             ends.append(self._recorder.times.step(self.statistics.frames))
         if self._series is not None and self.error is None:
@@ -121,11 +131,16 @@ class SweepRun:
             return str(error)
         return None
 
-    def count(self, summary: SceneSummary) -> None:
-        """Count what the run did, unless it had failed before."""
-        if self.error is None:
-            self.statistics.add(RunStatistics.of_summary(summary))
-            self.error = summary.error
+    def count(self, summary: SceneSummary, batch: Batch, k: int) -> None:
+        """Count what the run did, unless it was over; it ends now if its criterion is met."""
+        if not self.goes_on:
+            return
+        self.statistics.add(RunStatistics.of_summary(summary))
+        self.error = summary.error
+        if self._until is not None and self.error is None:
+            moment = snapshot(self.scene, batch.state(k))
+            if self._until.is_met(moment, self.statistics):
+                self.options = replace(self.options, steps=self.statistics.steps)
 
     def look(self, batch: Batch, k: int) -> None:
         """Record a frame and measure where it is time to; the run is scene k of a batch."""

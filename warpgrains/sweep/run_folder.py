@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import Row, read_table, table_text, write_whole
+from warpgrains.files import Row, read_regular, read_table, table_text, write_whole
 from warpgrains.locks import Lock
+from warpgrains.scene.document import parse_toml
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
@@ -26,7 +27,15 @@ from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_
 from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.parts import OTHERWISE
-from warpgrains.sweep.results import SECONDS, columns_of, failure, require_result, result
+from warpgrains.sweep.results import (
+    MET,
+    SECONDS,
+    columns_of,
+    failure,
+    more_columns,
+    require_result,
+    result,
+)
 from warpgrains.sweep.sweep import Run
 
 RESULT = "result.csv"
@@ -56,6 +65,13 @@ class RunFolder:
     """Its scene file."""
     measured: tuple[str, ...] = ()
     """Names of quantities that are measured."""
+    until: str | None = None
+    """What ends the run before its last step, see `criterion`."""
+
+    @property
+    def more(self) -> tuple[str, ...]:
+        """The columns of its result that not every sweep has."""
+        return more_columns(self.measured, self.until)
 
     @property
     def scene_file(self) -> Path:
@@ -97,15 +113,34 @@ class RunFolder:
         if not self.is_begun:
             return
         try:
-            found = self.scene_file.read_bytes().decode()
+            found = read_regular(self.scene_file).decode()
         except UnicodeDecodeError:
             raise SceneError(f"'{self.scene_file}' is no text: {AGAIN}") from None
-        if found != self.text:
+        except SceneError as error:
+            raise SceneError(f"{error}: {AGAIN}") from None
+        if self._is_of_another(found):
             raise OutputError(
                 f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
             )
+        if found != self.text:
+            raise SceneError(f"'{self.scene_file}' is damaged: {AGAIN}")
         if self.is_finished and self._measures_otherwise():
             raise OutputError(f"'{self.result}' {OTHERWISE}")
+
+    def _is_of_another(self, found: str) -> bool:
+        """Whether a scene file is whole, and that of another run: else it is this run's, or damaged.
+
+        The first line names the run and its values, which the lines after it have too: in the file of another
+        run, both differ.
+        """
+        (head, _, body), (own_head, _, own_body) = found.partition("\n"), self.text.partition("\n")
+        if head == own_head or body == own_body or not head.startswith("# run "):
+            return False
+        try:
+            parse_toml(found, self.scene_file)
+        except SceneError:
+            return False
+        return True
 
     def lock(self) -> Lock:
         """Return the lock on the run, that on its checkpoint: no sweep and no ``run --resume`` shares it."""
@@ -129,7 +164,7 @@ class RunFolder:
         if self.checkpoint.exists():
             return self._kept()
         scene = Scene(**{**scene_fields(self.text, self.scene_file), "name": self.labels["scene"]})
-        options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint))
+        options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint), until=self.until)
         if execution.fps is not None:
             from warpgrains.usd.recorder import log_of
 
@@ -144,7 +179,12 @@ class RunFolder:
         """Return the checkpoint of this run; what it says of places counts for nothing."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
-        if options is None or kept.scene.text != self.text or options.steps != kept.scene.steps:
+        steps = kept.statistics.steps if kept.statistics.met else kept.scene.steps
+        if options is None or (kept.scene.text, options.until, options.steps) != (
+            self.text,
+            self.until,
+            steps,
+        ):
             raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
         record = None if options.record is None else str(self.recording)
         series = None if options.series is None else str(self.series)
@@ -158,25 +198,25 @@ class RunFolder:
 
     def finish(self, end: Snapshot, done: RunStatistics) -> None:
         """Save the result of the run, which is at its end: from then on it is finished."""
-        self._finish(result(self.labels, end, done, self.measured))
+        self._finish(result(self.labels, end, done, self.more))
 
     def fail(self, reason: str, seconds: float = 0.0) -> None:
         """Save that the run has failed: from then on it is finished."""
-        self._finish(failure(self.labels, reason, seconds, self.measured))
+        self._finish(failure(self.labels, reason, seconds, self.more))
 
     def row(self) -> Row:
         """Return the result; if it cannot be read, that the run has failed for this reason."""
         try:
-            return require_result(read_table(self.result), self.labels, self.measured)
+            return require_result(read_table(self.result), self.labels, self.more)
         except SceneError:
-            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}", measured=self.measured)
+            return failure(self.labels, f"{RESULT} is damaged: {AGAIN}", more=self.more)
 
     def _measures_otherwise(self) -> bool:
         """Whether the result has good columns, but not those of this sweep."""
-        with suppress(OSError), self.result.open("rb") as lines:
-            names = lines.readline().decode(errors="replace").rstrip("\n").split(",")
-            columns = columns_of(name for name in names if name in QUANTITIES)
-            return names == [*self.labels, *columns, SECONDS] and columns != columns_of(self.measured)
+        with suppress(OSError, SceneError):
+            names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
+            columns = columns_of(name for name in names if name in (MET, *QUANTITIES))
+            return names == [*self.labels, *columns, SECONDS] and columns != columns_of(self.more)
         return False
 
     def _finish(self, row: Row) -> None:

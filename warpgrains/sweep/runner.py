@@ -152,23 +152,27 @@ def _advance(group: list[SweepRun], execution: ExecutionOptions, on_progress: On
 
 def _run(group: list[SweepRun], batch: Batch, on_progress: OnProgress) -> None:
     """Run a batch in slices, record and measure, and save where its runs are."""
-    left, pace, kept_at = group[0].left, FIRST_SLICE, perf_counter()
+    pace, kept_at = FIRST_SLICE, perf_counter()
+    whole = [run.options.steps for run in group]
+    awaited = sum(run.left / run.options.steps for run in group)
     _look(group, batch)
     if any(run.is_recorded for run in group):
         _keep(group, batch)
-    while left > 0:
+    while going := [run for run in group if run.goes_on]:
         start = perf_counter()
-        steps = min(pace, left, *(run.until_look for run in group))
-        for run, summary in zip(group, batch.run(steps), strict=True):
-            run.count(summary)
-            on_progress(steps / run.options.steps)
-        left -= steps
+        steps = min([pace, *(run.until_look for run in going)])
+        due = [steps if run.goes_on else 0 for run in group]
+        for k, summary in enumerate(batch.run(due)):
+            group[k].count(summary, batch, k)
+            on_progress(due[k] / whole[k])
+            awaited -= due[k] / whole[k]
         _look(group, batch)
         now = perf_counter()
         pace = max(1, min(GROWTH * pace, int(SLICE / (now - start) * steps)))
-        if left == 0 or now - kept_at > BETWEEN_CHECKPOINTS:
+        if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.goes_on for run in group):
             _keep(group, batch)
             kept_at = now
+    on_progress(awaited)  # of runs that failed, or met their criterion
 
 
 def _look(group: list[SweepRun], batch: Batch) -> None:

@@ -15,18 +15,19 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import ResidentSet
+from warpgrains.batch.resident import Done, ResidentSet
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.files import csv_line
 from warpgrains.locks import Claims
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
+from warpgrains.simulation.until import Criterion, criterion
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
 from warpgrains.sweep.folder import GRAINS, SweepFolder, writer
 from warpgrains.sweep.parts import Lines
-from warpgrains.sweep.results import columns_of, results
+from warpgrains.sweep.results import columns_of, result, results
 from warpgrains.sweep.run_folder import Start
 from warpgrains.sweep.sweep import Base, Run
 
@@ -44,6 +45,8 @@ class Member(NamedTuple):
     head: bytes
     """Its labels, which its line begins with."""
     scene: Scene
+    until: Criterion | None
+    """What ends it before its last step."""
 
 
 class Group(NamedTuple):
@@ -76,6 +79,7 @@ class ShortRuns:
         self._folder, self._on_progress = folder, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self._alike: dict[tuple[Base, str], Scene] = {}
+        self._ends: dict[int, Done] = {}
         folder.parts.path.mkdir(parents=True, exist_ok=True)
         self._claims = Claims(folder.parts.path / ".claims")
 
@@ -120,14 +124,15 @@ class ShortRuns:
 
     def _member(self, run: Run) -> Member | None:
         """Return a run of a group; None if it is no scene, large, or has no label on one line: a long run."""
-        scene, head = None, csv_line(run.labels().values())[:-1]
+        member, head = None, csv_line(run.labels().values())[:-1]
         if b"\n" not in head and b"\r" not in head:
             with suppress(SceneError):
                 scene = self._scene(run)
-        if scene is None or paying_threads(scene) > 1:
+                member = Member(run, head, scene, criterion(self._folder.until, scene))
+        if member is None or paying_threads(member.scene) > 1:
             self.long.append(Start(run))
             return None
-        return Member(run, head, scene)
+        return member
 
     def _scene(self, run: Run) -> Scene:
         """Return the scene of a run, made of one that has the same grains and walls where there is one."""
@@ -161,32 +166,58 @@ class ShortRuns:
             if perf_counter() > end:
                 resident.halt()
 
-        resident.work(steps, glance)
+        criteria = [member.until for member in group.members if member.until is not None]
+        if criteria:
+            self._ends = resident.work_until(criteria, steps, glance)
+        else:
+            resident.work(steps, glance)
 
     def _write(self, group: Group) -> None:
         """Write what came of a group; runs that are not at their end go on as long ones."""
         if (resident := group.resident) is None:
             return
+        lines = (
+            self._lines(group, resident) if self._folder.until is None else self._lines_until(group, resident)
+        )
+        self._folder.parts.write(lines, writer())
+        self._claims.give_back(lines)
+
+    def _lines(self, group: Group, resident: ResidentSet) -> Lines:
+        """Return the lines of the runs of a group that are at their ends; the others go on."""
         lines: Lines = {}
         for engine, numbers, places in resident.alike():
             ended = engine.left[places] == 0
             for k in numbers[~ended].tolist():
-                self._go_on(group.members[k], resident, k)
+                self._go_on(group.members[k], resident, resident.done(k))
             if ended.any():
                 which = numbers[ended].tolist()
                 each = (snapshot(group.members[k].scene, resident.state(k)) for k in which)
-                rows = results(engine.ends(places[ended]), each, columns_of(self._folder.measured))
+                rows = results(engine.ends(places[ended]), each, columns_of(self._folder.more))
                 for k, cells in zip(which, rows, strict=True):
-                    run, head, _ = group.members[k]
-                    lines[run.number] = b"%b,%b\n" % (head, ",".join(cells).encode())
-        self._folder.parts.write(lines, writer())
-        self._claims.give_back(lines)
+                    member = group.members[k]
+                    lines[member.run.number] = b"%b,%b\n" % (member.head, ",".join(cells).encode())
+        return lines
 
-    def _go_on(self, member: Member, resident: ResidentSet, k: int) -> None:
+    def _lines_until(self, group: Group, resident: ResidentSet) -> Lines:
+        """Return the same where runs end at a criterion, after different numbers of steps."""
+        lines: Lines = {}
+        for k, end in self._ends.items():
+            run, _, scene, _ = group.members[k]
+            steps = end.statistics.steps
+            if end.statistics.met or steps == scene.steps:
+                row = result(
+                    run.labels(), snapshot(scene, resident.state(k)), end.statistics, self._folder.more
+                )
+                lines[run.number] = csv_line(row.values())
+                self._on_progress(1.0 - steps / scene.steps)
+            else:
+                self._go_on(group.members[k], resident, end)
+        return lines
+
+    def _go_on(self, member: Member, resident: ResidentSet, done: Done) -> None:
         """Leave a run to those that have folders, from where it is."""
-        done = resident.done(k)
         self._on_progress(-done.statistics.steps / member.scene.steps)
-        self.long.append(Start(member.run, resident.state(k), done.statistics, done.error))
+        self.long.append(Start(member.run, resident.state(done.k), done.statistics, done.error))
 
 
 def _width(group: Group, width: int, seconds: float) -> int:

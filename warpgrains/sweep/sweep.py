@@ -166,6 +166,8 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
 
 def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[Base]:
     for path in _base_paths(document, folder):
+        if path.exists() and not path.is_file():
+            raise SceneError(f"scene '{path}' of the sweep is not a regular file")
         sections = _with_values(read_document(path), fixed)
         toml_value(path.stem)  # which the tables hold: it must be text
         grains = _table("grains", sections.get("grains", {}))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from pxr import Sdf, Tf
 
+from warpgrains.errors import SceneError
 from warpgrains.files import require_place
 from warpgrains.locks import Lock, lock_own
 
@@ -27,6 +28,10 @@ def lock_output(path: Path) -> Lock:
         that is no recording.
     """
     require_place("output", path, *SUFFIXES)
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise SceneError(f"output '{path}' is not UTF-8: USD can write no file of such a name") from None
     return lock_own(path, _is_recording, "recording of warpgrains")
 
 

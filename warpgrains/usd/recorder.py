@@ -16,6 +16,7 @@ from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import SceneError
 from warpgrains.frame_log import FrameLog
+from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.output import SUFFIXES, lock_output, log_of
@@ -206,8 +207,7 @@ class Recorder:
 
 def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool) -> GrainPoints:
     """Return the drawing of the grains."""
-    if draw_as not in DRAWN_AS:
-        raise SceneError(f"draw as '{draw_as}' is unknown; choose {', '.join(DRAWN_AS)}")
+    checks.one_of("draw_as", draw_as, DRAWN_AS)
     if draw_as == "points":
         return GrainPoints(scene, colors, has_contacts)
     return GrainInstances(scene, colors, has_contacts, disc() if draw_as == "discs" else sphere())
@@ -226,9 +226,9 @@ def recover(log: str | Path) -> tuple[Path, int]:
     SceneError
         This is no log, or it holds no frames; as an `OutputError`, if its run goes on.
     """
-    log = Path(log)
-    target = log.with_suffix("")
-    if log != log_of(target) or target.suffix not in SUFFIXES:
+    log = Path(checks.path("log", log))
+    target = log.parent / log.stem
+    if log.suffix != ".frames" or target.suffix not in SUFFIXES or not log.is_file():
         raise SceneError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
         return target, write_recording(log, target)

@@ -16,11 +16,11 @@ from viser import uplot
 
 from warpgrains.errors import SceneError
 from warpgrains.view.legend import legend, table
-from warpgrains.view.players import Live, Player, Recorded
+from warpgrains.view.players import AXES, Live, Player, Recorded
+from warpgrains.view.server import HOST, serve_page
 from warpgrains.view.stage import Stage
 
-HOST = "127.0.0.1"
-KEYS: dict[Literal["R", "S", "N", "0"], str] = {"R": "resume", "S": "stop", "N": "one step", "0": "restart"}
+KEYS: dict[Literal["R", "S", "N", "0"], str] = {"R": "run", "S": "stop", "N": "one step", "0": "restart"}
 
 _FRAMES = 30.0  # a second, at most
 _TEXTS = 10.0  # a second, at most
@@ -45,8 +45,7 @@ class Page:
         self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self.is_playing = False
         self._speed, self._color_by, self._forces = 1.0, "speed", player.setting.chain_scale is not None
-        with redirect_stdout(StringIO()):  # its banner
-            self._server = viser.ViserServer(HOST, port, label=f"warpgrains: {player.name}", verbose=False)
+        self._server = serve_page(port, f"warpgrains: {player.name}")
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._stage = Stage(self._server, player.setting)
@@ -123,7 +122,8 @@ class Page:
         self._show(texts=True)
 
     def _dress(self) -> None:
-        self._player.dress(self._color_by, self._forces)
+        with suppress(SceneError):  # a coloring that there is not
+            self._player.dress(self._color_by, self._forces)
         self._show(texts=True)
 
     def _change(self, field: str, value: Any) -> None:
@@ -139,21 +139,30 @@ class Page:
             return
         self._told_at = time.perf_counter()
         state = "running" if self.is_playing else "stopped"
-        self._readout.content = table({"state": state, **self._player.readout()})
-        self._legend.content = legend(self._player.setting)
+        rows = self._player.readout()
+        error = rows.pop("error", None)
+        self._readout.content = table({"state": state, **rows})
+        self._legend.content = legend(self._player.setting, error)
+        self._run.label = f"{'resume' if self._player.steps else KEYS['R']} (R)"
         for title, (places, values) in self._player.curves().items():
+            self._curves[title].visible = len(places) > 1
             if len(places) > 1:
                 self._curves[title].data = (places, values)
 
     def _add_controls(self) -> None:
         gui = self._server.gui
         actions = (self._resume, self._stop, self._step, self._restart)
+        buttons = []
         for (key, name), action in zip(KEYS.items(), actions, strict=True):
-            gui.add_button(f"{name} ({key})").on_click(self._ask(action))
+            buttons.append(gui.add_button(f"{name} ({key})"))
+            buttons[-1].on_click(self._ask(action))
             gui.add_command(name, hotkey=key).on_trigger(self._ask(action))
-        self._readout, self._legend = gui.add_html(""), gui.add_html("")
-        speed = gui.add_slider("speed of play", 0.1, _MOST_SPEED, 0.1, 1.0)
-        speed.on_update(lambda event: setattr(self, "_speed", float(event.target.value)))
+        self._run = buttons[0]
+        self._readout = gui.add_html("")
+        speed = gui.add_slider(
+            "playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time: a second takes a second"
+        )
+        speed.on_update(lambda event: setattr(self, "_speed", _value(event.target)))
         if self._player.colorings:
             colors = gui.add_dropdown("color by", self._player.colorings, initial_value=self._color_by)
             colors.on_update(lambda event: self._wear(color_by=str(event.target.value)))
@@ -164,7 +173,8 @@ class Page:
             self._add_physics(self._player)
         if isinstance(self._player, Recorded):
             frame = gui.add_slider("frame", 0, max(self._player.last, 1), 1, 0)
-            frame.on_update(lambda event: self._asked.put(lambda: self._go_to(int(event.target.value))))
+            frame.on_update(lambda event: self._asked.put(lambda: self._go_to(round(_value(event.target)))))
+        self._legend = gui.add_html("")  # below the sliders, which stay where they are when it grows
         self._curves = {title: self._add_curve(title) for title in self._player.curves()}
 
     def _wear(self, **worn: Any) -> None:
@@ -185,21 +195,36 @@ class Page:
             return self._ask(lambda: self._change(field, value()))
 
         drag = gui.add_slider("drag [kg/s]", 0.0, most_drag, most_drag / 200.0, min(scene.drag, most_drag))
-        drag.on_update(on("drag", lambda: drag.value))
+        drag.on_update(on("drag", lambda: _value(drag)))
         pull = gui.add_slider("gravity [m/s2]", 0.0, max(20.0, size), 0.01, size)
-        towards = gui.add_slider("its angle [degrees]", -180.0, 180.0, 1.0, angle)
+        towards = gui.add_slider(
+            "gravity direction [degrees]", -180.0, 180.0, 1.0, angle, hint="0 is to the right, -90 is down"
+        )
         for slider in (pull, towards):
-            slider.on_update(on("gravity", lambda: _vector(pull.value, towards.value)))
+            slider.on_update(on("gravity", lambda: _vector(_value(pull), _value(towards))))
         exponent = float(np.log10(scene.tolerance)) if scene.tolerance > 0.0 else -12.0
         tolerance = gui.add_slider("log10 of tolerance [m/s]", min(-12.0, exponent), 0.0, 0.1, exponent)
-        tolerance.on_update(on("tolerance", lambda: 10.0**tolerance.value))
+        tolerance.on_update(on("tolerance", lambda: 10.0 ** _value(tolerance)))
 
     def _add_curve(self, title: str) -> viser.GuiUplotHandle:
-        nothing = np.array([0.0, 1.0])
-        series = (uplot.Series(label="at"), uplot.Series(label=title, stroke="black", width=1))
-        scales = {"x": uplot.Scale(time=False)}
-        data = (nothing, 0.0 * nothing)
-        return self._server.gui.add_uplot(data, series, scales=scales, title=title, aspect=2.0)
+        """Add a chart, which is shown as soon as there is a curve."""
+        x, y = AXES[title]
+        series = (uplot.Series(label=x), uplot.Series(label=y, stroke="black", width=1))
+        return self._server.gui.add_uplot(
+            (np.zeros(0), np.zeros(0)),
+            series,
+            scales={"x": uplot.Scale(time=False)},
+            axes=(uplot.Axis(label=x), uplot.Axis(label=y)),
+            title=title,
+            aspect=1.6,
+            visible=False,
+        )
+
+
+def _value(slider: viser.GuiInputHandle[Any]) -> float:
+    """Return the value of a slider, within its range whatever the browser sends."""
+    low, high = slider.min, slider.max  # type: ignore[attr-defined]
+    return float(np.clip(np.nan_to_num(float(slider.value), nan=low), low, high))
 
 
 def _vector(size: float, degrees: float) -> tuple[float, float]:

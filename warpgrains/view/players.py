@@ -19,6 +19,14 @@ if TYPE_CHECKING:
     from warpgrains.solver.statistics import StepReport
     from warpgrains.usd.reader import RecordingReader
 
+NONE_YET = "\N{EN DASH}"
+"""What stands for a number that there is not yet, so that the table has its rows from the start."""
+AXES = {
+    "log10 zeta of the last step": ("iteration", "log10 zeta [m/s]"),
+    "energy [J]": ("time [s]", "energy [J]"),
+}
+"""Titles of the axes of each curve."""
+
 _REMEMBERED = 500  # steps, in the curve of energy
 _LEAST = 1e-16  # zeta that is plotted [m/s]
 
@@ -128,6 +136,7 @@ class Live:
     def readout(self) -> dict[str, str]:
         """Return numbers of the last step."""
         told = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
+        told |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), NONE_YET)
         report = self._report
         if report is not None:
             told |= {

@@ -1,0 +1,169 @@
+"""Decisions between two accelerated sweeps, at their bounds: momentum (13), the monotone safeguard (14)."""
+
+import numpy as np
+import pytest
+import warp as wp
+from stages import OneRecord, grains_apart
+
+from warpgrains.kernels import restart
+from warpgrains.kernels.record import Scene, grain_count
+from warpgrains.kernels.stages import Each, Serial, Shared
+
+N, TOLERANCE, TINY = 150, 2.0**-4, 2.0**-40
+
+
+@wp.func
+def accept_or_reject(s: Scene):
+    restart.accept_or_reject(s, s.step.zeta)
+
+
+def record_with(**state: float) -> OneRecord:
+    """Return a record after a sweep whose parts of (14) add up to nothing."""
+    scene = grains_apart(N).replace(method="accelerated", tolerance=TOLERANCE, max_iterations=1000)
+    record = OneRecord(scene, pairs=300)
+    for name in ("pair_part", "wall_part", "grain_part"):
+        record[f"momentum.{name}"][:] = 0.0
+    record.record["contacts"]["count"] = 300, 1, N
+    known = {"t": 4.0, "beta": 0.5, "relaxation": 0.25, "first_zeta": 1.0}
+    for name, value in (known | state).items():
+        record.record["momentum"]["state"][name] = value
+    record["partial.zeta"][:] = 0.0
+    record.record["step"]["iterations"], record.record["step"]["zeta"] = 5, 1.0
+    record.record["control"]["rejected"] = 0
+    return record
+
+
+def state(record: OneRecord, name: str) -> float:
+    return float(record.record["momentum"]["state"][name])
+
+
+RISES = [
+    # beta, pairs, walls, energy, size, whether phi has risen
+    (0.5, -0.75, -0.25, 4.0, 0.0, 0),
+    (0.5, -0.75, -0.25 + TINY, 4.0, 0.0, 1),
+    (0.5, -0.75 + TINY, -0.25, 4.0, 0.0, 1),
+    (0.5, 0.0, 0.0, 4.0, 1.0, 1),
+    (0.5, 0.0, 0.0, 4.0, 1.001e15, 0),
+    (0.5, 0.0, 0.0, 4.0, 0.999e15, 1),
+    (0.0, 1.0, 1.0, 4.0, 0.0, 0),
+]
+
+
+@pytest.mark.parametrize(("beta", "pairs", "walls", "energy", "size", "rejected"), RISES)
+@pytest.mark.parametrize("t", [4.0, 1.5])
+def test_sweep_that_raises_phi_is_rejected(
+    beta: float, pairs: float, walls: float, energy: float, size: float, rejected: int, t: float
+) -> None:
+    """phi(y) - phi(a) <= 0.99 gains + 2e-15 beta sum m v^2 (eq. 14); parts lie anywhere."""
+    for part in (0, 1):
+        record = record_with(t=t, beta=beta)
+        record["momentum.pair_part"][part, 0], record["momentum.wall_part"][part, 0] = pairs, walls
+        record["momentum.grain_part"][part] = energy, size
+        record.run(Serial(accept_or_reject))
+        assert record.record["control"]["rejected"] == rejected
+        if rejected:
+            assert state(record, "relaxation") == 0.8 * 0.25
+            assert (state(record, "t"), state(record, "beta")) == (max(1.0, 0.5 * t), 0.0)
+        else:
+            assert state(record, "relaxation") == 0.25
+            assert state(record, "t") > t
+
+
+@pytest.mark.parametrize(("pairs", "walls", "stops"), [(0.5, -0.5, 0), (0.5, -0.5 + TINY, 1), (TINY, 0.0, 1)])
+def test_momentum_stops_uphill(pairs: float, walls: float, stops: int) -> None:
+    record = record_with()
+    record["momentum.pair_part"][1, 1], record["momentum.wall_part"][1, 1] = pairs, walls
+    record.run(Serial(accept_or_reject))
+    assert record.record["control"]["rejected"] == 0
+    assert state(record, "relaxation") == 0.25
+    assert (state(record, "beta") == 0.0) == bool(stops)
+    assert (state(record, "t") == 2.0) == bool(stops)
+
+
+HELD = [
+    # sweeps before, zeta, first zeta, t, t after it
+    (5, 6.0 * TOLERANCE, 1.0, 99.0, None),
+    (5, 6.0 * TOLERANCE - TINY, 1.0, 99.0, 24.0),
+    (5, 0.0, 400.0, 99.0, 120.0),
+    (5, 0.0, 400.0, 300.0, 120.0),
+    (499, 0.0, 400.0, 200.0, 120.0),
+    (749, 0.0, 400.0, 200.0, 150.0),
+    (5, 0.0, 1.0, 2.0, None),
+]
+
+
+@pytest.mark.parametrize(("sweeps", "zeta", "first", "t", "held"), HELD)
+def test_how_far_momentum_goes_on(
+    sweeps: int, zeta: float, first: float, t: float, held: float | None
+) -> None:
+    """t' and beta (eq. 13); near the end t is the largest of 24, 1.5 sqrt(zeta_1 / tolerance) and k / 5."""
+    record = record_with(t=t, first_zeta=first)
+    record.record["step"]["iterations"], record.record["step"]["zeta"] = sweeps, zeta
+    record.run(Serial(accept_or_reject))
+    following = 0.5 * (1.0 + np.sqrt(1.0 + 4.0 * t * t))
+    assert state(record, "beta") == (t - 1.0) / following
+    assert state(record, "t") == (following if held is None else min(following, held))
+    assert state(record, "first_zeta") == first
+
+
+def test_zeta_of_the_first_sweep_is_kept() -> None:
+    record = record_with(first_zeta=7.0)
+    record.record["step"]["iterations"], record.record["step"]["zeta"] = 0, 3.0
+    record.run(Serial(accept_or_reject))
+    assert state(record, "first_zeta") == 3.0
+
+
+@pytest.mark.parametrize("rejected", [0, 1])
+@pytest.mark.parametrize("zeta", [2.0 * TOLERANCE, 3.0 * TOLERANCE])
+@pytest.mark.parametrize("last", [1000, 0])
+def test_when_all_contacts_are_scanned(zeta: float, rejected: int, last: int) -> None:
+    """After iterations 1, 2, 4, 8, every tenth, and the last; eta is measured after those that are kept."""
+    record = record_with()
+    control = record.record["control"]
+    for k in range(1, 205):
+        record.record["momentum"]["state"]["beta"] = 0.5
+        record.record["step"]["iterations"] = k - 1
+        record.record["stopping"]["max_iterations"] = max(last, k * (last == 0))
+        record["partial.zeta"][0], record["momentum.pair_part"][0, 0] = zeta, rejected
+        control["rejected"] = 1 - rejected
+        record.run(Serial(restart.decide_ahead))
+        assert control["rejected"] == rejected
+        ends = last == 0
+        checks = not rejected and (k == 1 or k % 10 == 0) and zeta <= 2.0 * TOLERANCE
+        rebuilds = checks or (not rejected and k % 100 == 0)
+        assert control["rebuilding"] == rebuilds
+        assert control["measuring"] == (rebuilds or ends)
+        assert control["looking"] == (k in (1, 2, 4, 8) or k % 10 == 0 or ends or rebuilds)
+        assert (control["unfinished"], control["iterating"]) == (1, 1)
+
+
+def test_velocities_go_on_as_they_were_rebuilt() -> None:
+    """The last ones are moved by as much, so that momentum stays what it was."""
+    record = record_with()
+    rng = np.random.default_rng(2)
+    rebuilt, last, v = (rng.integers(-99, 99, (N, 2)) / 8.0 for _ in range(3))
+    for name, value in (
+        ("grains.rebuilt_velocity", rebuilt),
+        ("momentum.last_velocity", last),
+        ("grains.next_velocity", v),
+    ):
+        record[name][:] = value
+    record.run(Each(grain_count, restart.take_rebuilt_velocity))
+    assert np.array_equal(record["grains.next_velocity"], rebuilt)
+    assert np.array_equal(record["momentum.last_velocity"], rebuilt + last - v)
+
+
+def test_way_to_y() -> None:
+    """y = v + beta (v - v_last), and the sums of m (v - v_last) . (v + y) and m v . v, by 128 grains."""
+    record = record_with(beta=0.5)
+    rng = np.random.default_rng(2)
+    v, last = (rng.integers(-99, 99, (N, 2)) / 8.0 for _ in range(2))
+    record["grains.next_velocity"][:], record["momentum.last_velocity"][:] = v, last
+    record["momentum.grain_part"][:] = np.nan
+    record.run(Shared(restart.extrapolate))
+    y = v + 0.5 * (v - last)
+    assert np.array_equal(record["grains.next_velocity"], y)
+    assert np.array_equal(record["momentum.last_velocity"], v)
+    energy, size = ((v - last) * (v + y)).sum(axis=1), (v * v).sum(axis=1)
+    for part, grains in enumerate((slice(128), slice(128, N))):
+        assert record["momentum.grain_part"][part].tolist() == [energy[grains].sum(), size[grains].sum()]

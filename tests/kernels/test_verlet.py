@@ -1,0 +1,168 @@
+"""The check of a list (11), and monitoring, stage by stage: at each bound, and just beyond it.
+
+All numbers are short sums of powers of two and sides of right triangles: no stage rounds them, and a bound is
+met exactly. Every term is far larger than the step beyond the bound, so that none of them can be left out.
+"""
+
+import numpy as np
+import pytest
+import warp as wp
+from checked_list import (
+    BASE_SKIN,
+    DEVIATION,
+    DISPLACEMENT,
+    DT,
+    ELAPSED,
+    RESERVE,
+    ROUNDING,
+    UNMONITORED,
+    W,
+    flag,
+    record_with,
+    set_flags,
+)
+
+from warpgrains.kernels import verlet
+from warpgrains.kernels.record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
+from warpgrains.kernels.stages import Each, Serial, Stage
+
+
+@wp.func
+def check_all(s: Scene):
+    verlet.check_all(s, s.tuning.rounding)
+
+
+@wp.func
+def find_outcome(s: Scene):
+    s.step.outcome = verlet.outcome_of_check(s)
+
+
+EACH: dict[str, Stage] = {
+    "verify": Each(grain_count, verlet.verify),
+    "begin_check": Each(grain_count, verlet.begin_check),
+}
+BEFORE = ROUNDING + RESERVE * BASE_SKIN
+CHECKS = {
+    "the peak of the iteration": ("verify", 0, 6.0, 100.0, 6.0, ROUNDING),
+    "the same, for an attempt that went on": ("verify", 1, 6.0, 100.0, 6.0, ROUNDING),
+    "the velocity now": ("begin_check", 0, 100.0, 0.0, DEVIATION, BEFORE),
+    "the last step's peak": ("begin_check", 0, 0.0, 16.0, 16.0 - UNMONITORED, BEFORE),
+    "a peak before the list": ("begin_check", 1, 7.0, 100.0, 7.0, BEFORE),
+    "a peak that is surpassed": ("begin_check", 1, 2.0, 100.0, DEVIATION, BEFORE),
+}
+
+
+@pytest.mark.parametrize("grain", [0, 1])
+@pytest.mark.parametrize("case", CHECKS)
+def test_skin(case: str, grain: int) -> None:
+    """s_i + dt p_i <= skin_i, with room for rounding, and for a reserve before the iteration."""
+    stage, resuming, seen, last, peak, spare = CHECKS[case]
+    enough = DISPLACEMENT + DT * (peak + UNMONITORED) + spare
+    for skin, expired in ((enough, 0), (np.nextafter(enough, 0.0), 1), (np.nan, 1)):
+        record = record_with()
+        record.record["control"]["resuming"] = resuming
+        record["verlet.peak_deviation"][grain], record["verlet.recent_deviation"][grain] = seen**2, last
+        record["verlet.skin"][grain] = skin
+        record.run(EACH[stage])
+        assert flag(record, "list_expired") == expired
+        assert flag(record, "bad_grain") == -1
+
+
+@pytest.mark.parametrize(("skin", "limit"), [(2.625, 8.0), (0.625, 0.0), (0.5, 0.0)])
+def test_what_a_skin_still_allows(skin: float, limit: float) -> None:
+    record = record_with()
+    record["verlet.skin"][:] = skin
+    record.run(EACH["begin_check"])
+    assert record["verlet.peak_limit"].tolist() == [limit, limit]
+
+
+@pytest.mark.parametrize("name", ["position", "next_velocity"])
+@pytest.mark.parametrize("grain", [0, 1])
+def test_grain_that_is_no_longer_finite_is_named(name: str, grain: int) -> None:
+    record = record_with()
+    record[f"grains.{name}"][grain, 1] = np.inf
+    record.run(EACH["verify"], Serial(check_all), Serial(find_outcome))
+    assert flag(record, "bad_grain") == grain
+    set_flags(record, list_expired=1)  # what is not finite is refused, not solved again with another list
+    record.run(Serial(find_outcome))
+    assert record.record["step"]["outcome"] == NOT_FINITE
+
+
+def test_frame_skin() -> None:
+    """|U| + dt |u| <= frame skin."""
+    enough = 5.0 + DT * 8.0 + ROUNDING
+    for skin, outcome in ((enough, SOLVED), (np.nextafter(enough, 0.0), EXPIRED), (np.nan, EXPIRED)):
+        record = record_with(frame_shift=(3.0, -4.0), frame_velocity=(0.0, 8.0), frame_skin=skin)
+        record.run(Serial(check_all), Serial(find_outcome))
+        assert record.record["step"]["outcome"] == outcome
+
+
+@pytest.mark.parametrize("steps", [0, 1, 7])
+def test_lifetime(steps: int) -> None:
+    """A list of k steps serves k steps, whatever rounding makes of their sum, and no step more."""
+    for lifetime, expired in (
+        (steps + 1, 0),
+        (steps + 0.5, 0),
+        (np.nextafter(steps + 0.5, 0), 1),
+        (steps, 1),
+    ):
+        record = record_with(elapsed=steps * DT, lifetime=lifetime * DT)
+        record.run(Serial(check_all))
+        assert flag(record, "list_expired") == expired
+
+
+def test_check_is_cleared() -> None:
+    record = record_with()
+    set_flags(record, list_expired=1, bad_grain=1)
+    record.run(Serial(verlet.clear_check))
+    assert (flag(record, "list_expired"), flag(record, "bad_grain")) == (0, -1)
+    assert record.verlet_numbers["unmonitored_change"] == 0.0
+
+
+def test_frame_is_the_mean_and_moves_on() -> None:
+    record = record_with(frame_velocity=(np.nan, np.nan))
+    record["grains.next_velocity"][:] = W + np.array([[2.0, 8.0], [4.0, -4.0]])
+    for resuming, u in ((0, [3.0, 2.0]), (1, [0.0, 0.0])):
+        record.record["control"]["resuming"] = resuming
+        record.run(Serial(verlet.find_frame))
+        assert record.verlet_numbers["frame_velocity"].tolist() == u
+    record.verlet_numbers["frame_velocity"] = 3.0, 2.0
+    record.run(Serial(verlet.shift_frame))
+    assert record.verlet_numbers["frame_shift"].tolist() == [0.5 + DT * 3.0, 0.25 + DT * 2.0]
+    assert record.verlet_numbers["elapsed"] == ELAPSED + DT
+
+
+@pytest.mark.parametrize(("seen", "peak"), [(0.0, 6.5), (6.0, 6.5), (7.0, 7.0)])
+def test_sample(seen: float, peak: float) -> None:
+    """A grain may have been further from its velocity now by what was not monitored."""
+    record = record_with(sampled_change=1.5)
+    record["verlet.peak_deviation"][:] = seen**2
+    record.run(Each(grain_count, verlet.sample))
+    assert record["verlet.peak_deviation"].tolist() == [peak**2, peak**2]
+
+
+MOST, ROW_SUM = 2.0, 3.0
+
+
+@pytest.mark.parametrize(
+    ("zeta", "change", "sampling"),
+    [(0.25, 1.75, 0), (1.0 / 3.0, 2.0, 0), (0.5, 2.5, 1), (MOST / ROW_SUM, 3.0, 1), (9.0, 3.0, 1)],
+)
+def test_changes_that_are_not_monitored_add_up(zeta: float, change: float, sampling: int) -> None:
+    """A sweep adds max_row_sum zeta, or max_row_sum d = MOST if that is less; beyond MOST all is sampled."""
+    record = record_with(max_row_sum=ROW_SUM, sampled_change=np.nan)
+    record.record["tuning"]["monitor_threshold"] = MOST / BASE_SKIN
+    record.record["step"]["zeta"] = zeta
+    record.record["control"]["sampling"] = 1 - sampling
+    record.run(Serial(verlet.add_unmonitored))
+    assert record.record["control"]["sampling"] == sampling
+    assert record.verlet_numbers["unmonitored_change"] == (0.0 if sampling else change)
+    if sampling:
+        assert record.verlet_numbers["sampled_change"] == change
+
+
+def test_step_leaves_its_peaks_for_the_next_list() -> None:
+    record = record_with()
+    record["verlet.peak_deviation"][:] = 4.0, 9.0
+    record.run(Each(grain_count, verlet.remember))
+    assert record["verlet.recent_deviation"].tolist() == [2.0 + UNMONITORED, 3.0 + UNMONITORED]

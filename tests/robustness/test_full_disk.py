@@ -1,0 +1,130 @@
+"""A full disk, or standard output that cannot be written: one line that names it, and no half of a file."""
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from warpgrains.pictures.encoding import encoding_of_frames
+
+COMMAND = [sys.executable, "-m", "warpgrains"]
+SWEEP = """
+scene = "annulus"
+[set]
+time.duration = 0.1
+[axes]
+physics.drag = {range = [0.1, 0.5], count = 150}
+"""
+
+
+def limited(most):
+    """Return what lets no file of a process grow beyond so many bytes, as on a full disk."""
+
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+
+    return limit
+
+
+def complaint(folder, *words, most):
+    """Run a command that no disk has room for, and return its only line."""
+    done = subprocess.run(
+        [*COMMAND, *words], cwd=folder, capture_output=True, text=True, preexec_fn=limited(most), timeout=300
+    )
+    assert done.returncode == 1, done.stderr
+    assert done.stdout == ""
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("compiling kernels")]
+    assert len(lines) == 1, done.stderr
+    return lines[0].removeprefix("warpgrains: error: ")
+
+
+@pytest.mark.parametrize("name", ["run.mp4", "run.gif", "run.webp", "run.png", "run.npz", "run.csv"])
+def test_names_the_file_of_a_run(tmp_path, name):
+    path = tmp_path / name
+    options = {".npz": ["--checkpoint"], ".csv": ["--measure", "stress", "--every", "1", "--series"]}.get(
+        path.suffix, ["-o"]
+    )
+    said = complaint(tmp_path, "run", "annulus", "--steps", "40", *options, name, most=500)
+    assert said.startswith(f"'{name}' cannot be written: ")
+    assert "Broken pipe" not in said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("options", [[], ["--folders"]], ids=["parts", "folders"])
+def test_names_the_file_of_a_sweep(tmp_path, options):
+    (tmp_path / "sweep.toml").write_text(SWEEP)
+    said = complaint(tmp_path, "batch", "sweep.toml", "-o", "out", *options, most=900)
+    assert said.startswith(f"'{tmp_path / 'out'}/")
+    assert said.endswith("' cannot be written: File too large")
+    assert not list((tmp_path / "out").rglob(".draft*"))
+
+
+@pytest.mark.parametrize("buffered", ["", "1"], ids=["buffered", "unbuffered"])
+@pytest.mark.parametrize(
+    "words", [["run", "annulus", "--steps", "2"], ["scenes"], ["run", "annulus", "--json"]]
+)
+def test_names_standard_output(words, buffered):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, *words],
+            env={**os.environ, "PYTHONUNBUFFERED": buffered},
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert done.returncode == 1
+    assert done.stderr == "warpgrains: error: standard output cannot be written: No space left on device\n"
+
+
+def test_standard_output_of_a_sweep(tmp_path):
+    (tmp_path / "sweep.toml").write_text(SWEEP)
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, "batch", "sweep.toml", "-o", "out"],
+            cwd=tmp_path,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert done.returncode == 1
+    assert done.stderr == "warpgrains: error: standard output cannot be written: No space left on device\n"
+    assert len((tmp_path / "out" / "results.csv").read_text().splitlines()) == 151
+
+
+class TestEncoding:
+    FRAME = np.zeros((20, 31, 3), np.uint8)
+
+    def test_an_encoder_that_ends_early_is_no_broken_pipe(self, tmp_path):
+        encoding = encoding_of_frames(tmp_path / "no" / "film.mp4", (2000, 3000, 3), 25.0)
+        large = np.zeros((2000, 3000, 3), np.uint8)
+        with pytest.raises(OSError, match="No such file or directory"):
+            all(encoding.write(large) is None for _ in range(100))
+
+    def test_stopping_leaves_no_process(self, tmp_path):
+        encoding = encoding_of_frames(tmp_path / "film.mp4", self.FRAME.shape, 25.0)
+        encoding.write(self.FRAME)
+        encoding.stop()
+        assert encoding._process.returncode is not None
+
+
+def test_small_disk(tmp_path):
+    """The whole disk is full, not only a file: also the folders of temporary files are."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", disk], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("only root can mount a small disk")
+    try:
+        for name in ("run.mp4", "run.gif", "run.usdc"):
+            words = ["run", "annulus", "--steps", "40", "-o", f"disk/{name}"]
+            said = complaint(tmp_path, *words, most=2**30)
+            assert said.startswith(f"'disk/{name}")
+            assert said.endswith("No space left on device")
+            assert not list(disk.iterdir())
+    finally:
+        subprocess.run(["umount", disk], check=True)

@@ -1,0 +1,62 @@
+"""The threads of a team: what they share, and how many of them a launch has."""
+
+from typing import Any
+
+import warp as wp
+
+from warpgrains.kernels.threads import Pace, TeamRecord
+from warpgrains.kernels.waiting import LINE, WORDS
+from warpgrains.solver import tuning
+
+
+class Crew:
+    """A team of CPU threads, of which a launch has as many as were worth their waiting before (pace.py).
+
+    Parameters
+    ----------
+    size : int
+        Of the full team.
+    first, most : int
+        Threads of the first launch, and of any.
+
+    Attributes
+    ----------
+    members : list of TeamRecord
+        The team, as each thread sees it.
+    """
+
+    def __init__(self, size: int, first: int = 1, most: int = 1):
+        self._words = wp.zeros(WORDS, dtype=wp.int64, device="cpu")
+        self._pace = wp.zeros(1, dtype=Pace, device="cpu")
+        pace = self._pace.numpy()
+        pace["size"], pace["most"] = first, most
+        pace["share"] = tuning.WAITING
+        pace["shortest"] = pace["rest"] = pace["pause"] = tuning.PAUSE
+        shared: dict[str, Any] = {
+            "ended": wp.zeros(LINE * size, dtype=wp.int64, device="cpu"),
+            "scene": wp.zeros(1, dtype=wp.int32, device="cpu"),
+            "going_on": wp.zeros(1, dtype=wp.int32, device="cpu"),
+        }
+        if size > 1:
+            shared |= {"words": self._words, "pace": self._pace}
+        self.members: list[TeamRecord] = []
+        for rank in range(size):
+            record = TeamRecord()
+            record.rank, record.size = rank, size
+            for name, array in shared.items():
+                setattr(record, name, array)
+            self.members.append(record)
+
+    @property
+    def size(self) -> int:
+        """How many threads take part now."""
+        return int(self._pace.numpy()["size"][0])
+
+    def threads_of_next_launch(self) -> int:
+        """Begin a launch; return how many threads it is to have, the first of the members."""
+        self._words.numpy()[:] = 0
+        pace = self._pace.numpy()[0]
+        if pace["size"] < pace["most"] and pace["rest"] <= 0.0:
+            pace["size"] = min(2 * pace["size"], pace["most"])
+            pace["rest"] = pace["pause"]
+        return int(pace["size"])

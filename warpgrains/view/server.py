@@ -1,0 +1,95 @@
+"""A viser server that serves its own page alone: no other web page of the browser can connect to it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from http import HTTPStatus
+from io import StringIO
+from threading import Lock
+from typing import Any
+from urllib.parse import urlsplit
+
+import viser
+import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+HOST = "127.0.0.1"
+OWN_NAMES = (HOST, "localhost", "::1")
+"""Names of this machine that the page may be opened under; a port may be forwarded."""
+REFUSAL = "only the page that this server serves may connect to it\n"
+MALFORMED = 1007  # RFC 6455, 7.4.1: data that is not consistent with the type of the message
+
+Handler = Callable[[ServerConnection], Awaitable[None]]
+OnRequest = Callable[[ServerConnection, Request], Response | None]
+
+_one_at_a_time = Lock()
+_silent = logging.Logger("warpgrains.view")  # no handler: viser's has one that prints tracebacks
+_silent.addHandler(logging.NullHandler())
+
+
+def serve_page(port: int, label: str) -> viser.ViserServer:
+    """Return a server at a port of this machine, or at the next port that is free.
+
+    A browser lets any web page connect to any WebSocket, and says in the header ``Origin`` where that page is
+    from. Connections of other origins are refused. A message that is malformed ends its connection.
+    """
+    with _guarding(), redirect_stdout(StringIO()):  # its banner
+        return viser.ViserServer(HOST, port, label=label, verbose=False)
+
+
+def is_own_origin(request: Request) -> bool:
+    """Return whether a request comes from the page itself: from the host that it was opened under."""
+    hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+    if len(hosts) != 1 or len(origins) != 1:
+        return False
+    return origins[0] == f"http://{hosts[0]}" and urlsplit(origins[0]).hostname in OWN_NAMES
+
+
+@contextmanager
+def _guarding() -> Iterator[None]:
+    """Have servers that are started meanwhile guarded: viser passes on no options of websockets."""
+    serve = websockets.asyncio.server.serve
+
+    def guarded(handler: Handler, *where: Any, process_request: OnRequest, **options: Any) -> Any:
+        return serve(
+            _without_tracebacks(handler),
+            *where,
+            process_request=_of_own_origin(process_request),
+            logger=_silent,
+            **options,
+        )
+
+    with _one_at_a_time:
+        websockets.asyncio.server.serve = guarded  # type: ignore[assignment,misc]
+        try:
+            yield
+        finally:
+            websockets.asyncio.server.serve = serve  # type: ignore[misc]
+
+
+def _of_own_origin(answer: OnRequest) -> OnRequest:
+    """Return what answers a request: other origins get a refusal instead of a WebSocket."""
+
+    def answer_own(connection: ServerConnection, request: Request) -> Response | None:
+        if "Upgrade" in request.headers and not is_own_origin(request):
+            return connection.respond(HTTPStatus.FORBIDDEN, REFUSAL)
+        return answer(connection, request)
+
+    return answer_own
+
+
+def _without_tracebacks(handler: Handler) -> Handler:
+    """Return what serves a connection, and closes it after a message that cannot be read."""
+
+    async def serve_quietly(connection: ServerConnection) -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda loop, context: None)
+        try:
+            await handler(connection)
+        except Exception:  # whatever a foreign message makes viser raise
+            await connection.close(MALFORMED, "not a message of the page")
+
+    return serve_quietly
