@@ -13,7 +13,7 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.usd.colors import COLORMAPS
+from warpgrains.drawing.colors import COLORMAPS
 
 DRAGS = (0.05, 0.1, 0.2, 0.4)
 """kg/s."""

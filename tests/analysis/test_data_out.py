@@ -70,11 +70,6 @@ def test_what_is_not_recorded_is_not_made_up(tmp_path):
     assert analysis.kinetic_energy(found.frame(0, contacts=False)) == 0.0
     with pytest.raises(SceneError, match="there is no frame 99"):
         found.frame(99)
-    light = tmp_path / "light.usdc"
-    assert exit_code("run", "annulus", "--steps", 10, "-o", light, "--light") == 0
-    with pytest.raises(SceneError, match="holds no velocities"):
-        wg.Recording(light).velocity  # noqa: B018
-    assert wg.Recording(light).scene.n == 15
 
 
 def test_recording_as_dataset(recorded):

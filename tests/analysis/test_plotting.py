@@ -12,9 +12,8 @@ from walls_seen import View
 from warpgrains import SceneError
 from warpgrains.analysis.plots import measure, plot
 from warpgrains.cli.main import main
-from warpgrains.usd.chains import CHAIN_COLOR
+from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.usd.reader import RecordingReader
-from warpgrains.usd.recorder import Recorder
 
 WHITE = np.ones(3)
 WALL = np.full(3, 0.35)
@@ -124,13 +123,6 @@ class TestStrip:
     def test_frames_that_are_not_there(self, recording, tmp_path, frame):
         with pytest.raises(SceneError, match=f"no frame {frame}: the recording has 3, from 0 to 2"):
             plot(recording, tmp_path / "run.png", [0, frame])
-
-    def test_chunks_of_a_run_that_goes_on(self, tmp_path, frames):
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 60)
-        for frame in frames:
-            recorder.record(*frame)
-            recorder.flush()
-        assert plot(recorder.chunks / "root.usda", tmp_path / "run.png") == [0, 1, 2]
 
 
 class TestCurves:

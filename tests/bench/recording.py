@@ -19,7 +19,13 @@ import numpy as np
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recorder import Recorder
 
-CASES = ((10_000, 1_000, ".usdc"), (20, 40_000, ".usdc"), (10_000, 100, ".usda"), (10_000, 1_000, ".usdz"))
+CASES = (
+    (1_000, 400, ".usdc"),
+    (10_000, 1_000, ".usdc"),
+    (20, 40_000, ".usdc"),
+    (10_000, 100, ".usda"),
+    (10_000, 1_000, ".usdz"),
+)
 RUNS = 3
 
 

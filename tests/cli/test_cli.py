@@ -136,7 +136,7 @@ def test_summary_is_aligned_lines(scene, tmp_path, capfd):
     assert summary["steps"] == "10"
     assert summary["not converged"] == "0 steps"
     assert summary["overlaps at start"] == "1 between grains, 0 with a wall"
-    assert summary["output"] == f"{output}, 6 frames, 50 a second"
+    assert summary["output"] == f"{output}, 3 frames, 24 a second"
     assert list(summary) == [
         *(
             "scene",
@@ -163,7 +163,11 @@ def test_length_of_a_run(scene, capfd, arguments, steps):
 
 @pytest.mark.parametrize(
     ("fps", "said"),
-    [(60, "--fps 60 cannot be met: a frame every 2 steps of 0.01 s is 50 a second"), (50, ""), (None, "")],
+    [
+        (200, "--fps 200 cannot be met: with one frame every step of 0.01 s there are 100"),
+        (60, ""),
+        (None, ""),
+    ],
 )
 def test_a_rate_that_cannot_be_met_is_said(scene, tmp_path, capfd, fps, said):
     asked = [] if fps is None else ["--fps", fps]
@@ -175,13 +179,40 @@ def test_what_the_frames_show(scene, tmp_path):
     from pxr import Usd
 
     output = tmp_path / "out.usda"
-    assert exit_code("run", scene, "-o", output, "--forces", "--as-spheres", "--color-by", "speed") == 0
+    assert exit_code("run", scene, "-o", output, "--forces", "--as", "spheres", "--color-by", "speed") == 0
     stage = Usd.Stage.Open(str(output))
     grains = stage.GetPrimAtPath("/World/Grains")
     assert grains.GetTypeName() == "PointInstancer"
     assert stage.GetPrimAtPath("/World/Forces").GetTypeName() == "Mesh"
-    assert grains.GetAttribute("protoIndices").GetNumTimeSamples() == 6
+    assert grains.GetAttribute("protoIndices").GetNumTimeSamples() == 3
     assert exit_code("run", scene, "-o", tmp_path / "other.usda", "--color-by", "taste") == 2
+
+
+@pytest.mark.parametrize(
+    ("asked", "form"),
+    [
+        ([], "Points"),
+        (["--as", "points"], "Points"),
+        (["--as-points"], "Points"),
+        (["--as", "discs"], "PointInstancer"),
+        (["--as", "spheres"], "PointInstancer"),
+        (["--as-spheres"], "PointInstancer"),
+    ],
+)
+def test_form_of_the_grains(scene, tmp_path, asked, form):
+    from pxr import Usd
+
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", *asked) == 0
+    stage = Usd.Stage.Open(str(tmp_path / "out.usdc"))
+    assert stage.GetPrimAtPath("/World/Grains").GetTypeName() == form
+    assert len(list(stage.Traverse())) <= 12
+
+
+def test_form_that_is_unknown_or_given_twice(scene, tmp_path, capfd):
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", "--as", "cubes") == 2
+    require_one_line(*capfd.readouterr())
+    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", "--as", "discs", "--as-points") == 2
+    assert list(tmp_path.iterdir()) == [scene]
 
 
 def test_json_is_all_there_is_on_stdout(tmp_path):
@@ -227,7 +258,7 @@ def test_what_a_library_prints_from_c_goes_to_stderr():
     assert set(done.stderr.split()) == {"python", "c"}
 
 
-def test_interrupted_run_leaves_nothing(scene, tmp_path, capfd, monkeypatch):
+def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, monkeypatch):
     advance = Simulation.advance
 
     def interrupt_fifth_step(self, steps, on_progress):
@@ -237,8 +268,10 @@ def test_interrupted_run_leaves_nothing(scene, tmp_path, capfd, monkeypatch):
 
     monkeypatch.setattr(Simulation, "advance", interrupt_fifth_step)
     assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
-    require_last_line(*capfd.readouterr(), "warpgrains: error: interrupted")
-    assert list(tmp_path.iterdir()) == [scene]
+    frames = tmp_path / "out.usdc.frames"
+    advice = f"warpgrains: error: interrupted; for the frames so far: warpgrains recover {frames}"
+    require_last_line(*capfd.readouterr(), advice)
+    assert set(tmp_path.iterdir()) == {scene, frames}
 
 
 def test_signal_leaves_the_old_recording(tmp_path):
@@ -254,7 +287,7 @@ def test_signal_leaves_the_old_recording(tmp_path):
     assert complaint.splitlines()[-1].startswith("warpgrains: error: interrupted")
     assert process.returncode == 130
     assert output.read_bytes() == old
-    frames = tmp_path / "old.usdc.chunks"  # what `warpgrains recover` finds, if a chunk was full
+    frames = tmp_path / "old.usdc.frames"  # what `warpgrains recover` finds, if there were two frames
     assert set(tmp_path.iterdir()) <= {output, frames}
 
 

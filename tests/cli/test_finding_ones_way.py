@@ -124,7 +124,7 @@ def test_an_interrupt_says_how_to_go_on(tmp_path, capfd, monkeypatch):
     assert exit_code("run", "annulus", *options) == 130
     assert capfd.readouterr().err.splitlines()[-1] == (
         f"warpgrains: error: interrupted; to go on: warpgrains run --resume '{kept}';"
-        f" for the frames so far: warpgrains recover {output}.chunks"
+        f" for the frames so far: warpgrains recover {output}.frames"
     )
     monkeypatch.undo()
     assert exit_code("run", "--resume", kept) == 0

@@ -16,11 +16,11 @@ from same_bits import contents
 
 from warpgrains import Scene, Simulation
 from warpgrains.cli.main import main
+from warpgrains.frame_log import FrameLog
 from warpgrains.simulation.checkpoint import read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.chunks import ChunkFolder
-from warpgrains.usd.recorder import chunks_of
+from warpgrains.usd.recorder import log_of
 
 ORDERS = ("sequential", "color")
 
@@ -82,11 +82,11 @@ class TestResume:
     @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
     def test_longer_run_than_was_planned(self, order, tmp_path, suffix):
         whole, parts = tmp_path / f"whole{suffix}", tmp_path / f"parts{suffix}"
-        common = ["annulus", "--order", order, "--steps"]
+        common = ["annulus", "--order", order, "--fps", 50, "--steps"]
         assert run(*common, 60, "-o", whole) == 0
         assert run(*common, 25, "-o", parts, "--checkpoint", tmp_path / "run.npz") == 0
         assert run("--resume", tmp_path / "run.npz", "--duration", 0.6) == 0
-        assert not chunks_of(parts).exists()
+        assert not log_of(parts).exists()
         assert same_frames(parts, whole) == 31
 
 
@@ -94,7 +94,7 @@ def same_frames(one, other):
     """Return how many frames two recordings have, which an independent reader finds equal."""
     assert inspect_recording(one) == inspect_recording(other) == []
     grains = [lightusd.load(str(path)).prim_at(GRAINS) for path in (one, other)]
-    for name in ("positions", "velocities", "protoIndices"):
+    for name in ("points", "velocities", "primvars:displayColor:indices"):
         ours, theirs = (prim.attribute(name) for prim in grains)
         assert ours.timesamples.times == theirs.timesamples.times == tuple(range(len(ours.timesamples)))
         for code in ours.timesamples.times:
@@ -117,7 +117,7 @@ class TestResumeOnce:
         options = ["-o", output, "--checkpoint", tmp_path / "run.npz", "--every", 5, "--fps", 100]
         assert run("annulus", *options) == 130
         capfd.readouterr()
-        assert main(["recover", str(chunks_of(output))]) == 0
+        assert main(["recover", str(log_of(output))]) == 0
         assert capfd.readouterr().out == f"{output}: 16 frames\n"
         assert inspect_recording(output) == []
         assert main(["recover", str(output)]) == 2
@@ -151,21 +151,21 @@ class TestResumeOnce:
     def test_checkpoint_counts_no_frame_that_is_not_on_the_disk(self, tmp_path, monkeypatch):
         """Where frames cannot be written, the checkpoint before them stays; the run goes on from there."""
         output, kept = tmp_path / "run.usdc", tmp_path / "run.npz"
-        append = ChunkFolder.append
+        append = FrameLog.append
 
-        def fill_the_disk(folder, first, frames):
-            if first > 10:
+        def fill_the_disk(log, arrays):
+            if log.frames > 10:
                 raise OSError("disk full")
-            append(folder, first, frames)
+            append(log, arrays)
 
         with monkeypatch.context() as patch:
-            patch.setattr(ChunkFolder, "append", fill_the_disk)
-            options = ["-o", output, "--checkpoint", kept, "--every", 10]
+            patch.setattr(FrameLog, "append", fill_the_disk)
+            options = ["-o", output, "--fps", 50, "--checkpoint", kept, "--every", 10]
             assert run("annulus", "--steps", 60, *options) == 1
         statistics = read_checkpoint(kept).statistics
         assert (statistics.steps, statistics.frames) == (20, 11)
         assert run("--resume", kept) == 0
-        assert run("annulus", "--steps", 60, "-o", tmp_path / "whole.usdc") == 0
+        assert run("annulus", "--steps", 60, "--fps", 50, "-o", tmp_path / "whole.usdc") == 0
         assert same_frames(output, tmp_path / "whole.usdc") == 31
 
 
@@ -191,7 +191,8 @@ class TestCommand:
             (["--fps", "0"], "--fps cannot"),
             (["--color-by", "speed"], "--color-by cannot"),
             (["--forces"], "--forces cannot"),
-            (["--as-spheres"], "--as-spheres cannot"),
+            (["--as", "discs"], "--as cannot"),
+            (["--as-spheres"], "--as cannot"),
             (["--order", "color"], "--order cannot"),
             (["--set", "physics.drag=0"], "--set cannot"),
             (["--steps", "19"], "end at step 19: its checkpoint is at step 20"),
@@ -207,7 +208,7 @@ class TestCommand:
     def test_recording_that_is_gone(self, kept, capfd):
         kept.with_name("run.usdc").unlink()
         assert run("--resume", kept) == 2
-        self.require_one_line(capfd, "run.usdc.chunks")
+        self.require_one_line(capfd, "run.usdc.frames")
 
     def test_recording_of_something_else(self, kept, tmp_path, capfd):
         assert run("column", "--steps", 19, "-o", tmp_path / "run.usdc") == 0

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pages import PAGES, ROOT
 
+from warpgrains.drawing.colormaps import colormap
+from warpgrains.drawing.colors import COLORMAPS
 from warpgrains.pictures.canvas import FrameArtists
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.scenes import gallery
-from warpgrains.usd.colormaps import colormap
-from warpgrains.usd.colors import COLORMAPS
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,10 @@ from recordings import make_scene, record
 from walls_seen import View
 
 from warpgrains import Scene, SceneError, Simulation
+from warpgrains.drawing.chains import CHAIN_COLOR
+from warpgrains.drawing.colors import Frame, GrainColors
 from warpgrains.pictures.film import Film
 from warpgrains.pictures.shots import Painter
-from warpgrains.usd.chains import CHAIN_COLOR
-from warpgrains.usd.colors import Frame, GrainColors
 
 STEPS = 40
 STRIDE = 4

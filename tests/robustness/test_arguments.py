@@ -63,7 +63,7 @@ CALLS = {
     "checkpoint": (lambda s, b: s.run(1, checkpoint=3), "checkpoint is 3"),
     "save": (lambda s, b: s.save(None), "path is None"),
     "load": (lambda s, b: Simulation.load(3), "path is 3"),
-    "recover": (lambda s, b: recover(None), "folder is None"),
+    "recover": (lambda s, b: recover(None), "log is None"),
     "formats": (
         lambda s, b: s.run(1, record="x.obj"),
         r"output 'x.obj' must end in .usdc, .usda, .usdz, .mp4, .gif, .webp, .png, .pdf, .svg",
@@ -186,10 +186,10 @@ def test_errors_are_exported():
 
 
 class TestNames:
-    @pytest.mark.parametrize("folder", [".", "..", "/", "", "run.usdc", ".chunks", "\udcff.usdc.chunks"])
-    def test_folders_to_recover(self, folder, capfd):
-        assert exit_code("recover", folder) == 2
-        require_refusal(capfd, "is not a folder of chunks, such as run.usdc.chunks")
+    @pytest.mark.parametrize("log", [".", "..", "/", "", "run.usdc", ".frames", "\udcff.usdc.frames"])
+    def test_logs_to_recover(self, log, capfd):
+        assert exit_code("recover", log) == 2
+        require_refusal(capfd, "is not the log of a recording, such as run.usdc.frames")
 
     @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
     def test_recordings_that_usd_cannot_name(self, tmp_path, monkeypatch, suffix, capfd):

@@ -16,7 +16,7 @@ from warpgrains import Scene, SceneError, Simulation, locks
 from warpgrains.errors import OutputError
 from warpgrains.locks import Claims, Lock
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.usd.recorder import Recorder, chunks_of, recover
+from warpgrains.usd.recorder import Recorder, log_of, recover
 
 
 class TestLock:
@@ -164,7 +164,7 @@ class TestPython:
                 Recorder(tmp_path / "run.usdc", make_scene(), 60)
             recorder.flush()
             with pytest.raises(OutputError, match="is being written by process"):
-                recover(recorder.chunks)
+                recover(recorder.log)
         record(tmp_path / "run.usdc", make_frames(2))
         assert list(tmp_path.iterdir()) == [tmp_path / "run.usdc"]
 
@@ -179,7 +179,7 @@ class TestPython:
         assert list(tmp_path.iterdir()) == []
 
     def test_failed_beginning_leaves_no_lock(self, tmp_path):
-        chunks_of(tmp_path / "run.usdc").mkdir()
+        log_of(tmp_path / "run.usdc").touch()
         for _ in range(2):
             with pytest.raises(SceneError, match="holds frames of another run"):
                 Recorder(tmp_path / "run.usdc", make_scene(), 60)

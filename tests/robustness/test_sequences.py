@@ -23,9 +23,8 @@ from trimmed import trimmed
 
 from warpgrains import Scene, Simulation, files
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.usd import chunks
 from warpgrains.usd.reader import RecordingReader
-from warpgrains.usd.recorder import chunks_of, recover
+from warpgrains.usd.recorder import log_of, recover
 
 STEPS, FPS = 24, 100  # a frame after every step
 RUN = ["run", "annulus", "--set", "grains.shift=1e-7", "--fps", str(FPS), "--steps", str(STEPS)]
@@ -99,8 +98,7 @@ class Sequences(RuleBasedStateMachine):
             if left[0] == 0:
                 raise Killed
 
-        for module in (files, chunks):
-            self.patch.setattr(module, "publish", die)
+        self.patch.setattr(files, "publish", die)
         self.until_death("run", "--resume", self.kept, "--every", every)
 
     @rule(step=st.integers(0, STEPS))
@@ -119,8 +117,8 @@ class Sequences(RuleBasedStateMachine):
 
     @rule()
     def recovered(self):
-        if chunks_of(self.output).exists():
-            require_frames(*recover(chunks_of(self.output)))
+        if log_of(self.output).exists():
+            require_frames(*recover(log_of(self.output)))
 
     @rule()
     def loaded_and_saved(self):

@@ -26,7 +26,7 @@ def frame(number, grains):
 
 
 def main(output, grains, frames, counter):
-    recorder = Recorder(output, scene_of(grains), 60, draw_as="points")
+    recorder = Recorder(output, scene_of(grains), 50, draw_as="points")
     with Path(counter).open("wb", buffering=0) as count, recorder:
         for number in range(frames):
             recorder.record(*frame(number, grains))

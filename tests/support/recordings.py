@@ -51,7 +51,7 @@ def make_contacts(seed=0):
 
 def points_recorder(path, scene, **options):
     """A recorder of points, unless it is told otherwise."""
-    return Recorder(path, scene, 60, **{"draw_as": "points"} | options)
+    return Recorder(path, scene, 50, **{"draw_as": "points"} | options)
 
 
 def record(path, frames, scene=None, **options):

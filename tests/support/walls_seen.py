@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import label
 
-from warpgrains.usd.rings import WALL_COLOR
+from warpgrains.drawing.rings import WALL_COLOR
 
 
 class View:

@@ -131,7 +131,7 @@ class TestResults:
         assert results(tmp_path / "out") == results(done)
         recording = tmp_path / "out" / "runs" / "00005" / "recording.usdc"
         assert inspect_recording(recording) == []
-        points = lightusd.load(str(recording)).prim_at(GRAINS).attribute("positions")
+        points = lightusd.load(str(recording)).prim_at(GRAINS).attribute("points")
         assert points.timesamples.times == tuple(range(21))
         simulation = Simulation(Scene.load(recording.with_name("scene.toml")))
         simulation.run(steps=40)

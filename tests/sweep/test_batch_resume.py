@@ -41,7 +41,7 @@ class TestResume:
         for number in ("00001", "00004"):
             ends = [read_checkpoint(folder / "runs" / number / "checkpoint.npz") for folder in (kept, out)]
             assert contents(ends[0].state) == contents(ends[1].state)
-            assert not (out / "runs" / number / "recording.usdc.chunks").exists()
+            assert not (out / "runs" / number / "recording.usdc.frames").exists()
             assert (out / "runs" / number / "recording.usdc").exists() == (options == ["--usd"])
             assert (out / "runs" / number / "series.csv").exists() == ("--every" in options)
 

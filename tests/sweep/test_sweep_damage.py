@@ -7,8 +7,9 @@ import pytest
 from command import exit_code, require_refusal
 from sweeps import SMALL, batch, results, table, write
 
+from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.sweep.results import SECONDS
-from warpgrains.usd.flatten import reopen
+from warpgrains.usd.writer import reopen_log
 
 GOOD = SMALL.replace("100.0, ", "")
 
@@ -87,15 +88,19 @@ def interrupted(damage):
 
     def undo_and_damage(run):
         (run / "result.csv").unlink()
-        reopen(run / "recording.usdc", run / "recording.usdc.chunks")
+        reopen_log(run / "recording.usdc", run / "recording.usdc.frames")
         (run / "recording.usdc").unlink()
         damage(run)
 
     return undo_and_damage
 
 
-def first_of(run, pattern):
-    return sorted(run.glob(pattern))[0]
+def damage_frame(log):
+    """Change a byte of the first frame."""
+    content = bytearray(log.read_bytes())
+    first = LogReader(log).end
+    content[first + 40] ^= 1
+    log.write_bytes(content)
 
 
 def cut_scene(run, end):
@@ -118,8 +123,8 @@ def piped(path):
 
 
 DAMAGED_FILES = {
-    "no chunks": (lambda run: shutil.rmtree(run / "recording.usdc.chunks"), "holds no frames"),
-    "a chunk is gone": (lambda run: first_of(run, "*/chunk*").unlink(), "holds 0 of the"),
+    "no log": (lambda run: (run / "recording.usdc.frames").unlink(), "holds no frames"),
+    "a frame is damaged": (lambda run: damage_frame(run / "recording.usdc.frames"), "holds 0 of the"),
     "checkpoint": (lambda run: (run / "checkpoint.npz").write_bytes(b"PK"), "is no checkpoint"),
     "scene": (lambda run: (run / "scene.toml").write_bytes(b"\xff\xff"), "is no text"),
     "empty scene": (lambda run: (run / "scene.toml").write_bytes(b""), "scene.toml' is damaged"),
@@ -144,11 +149,16 @@ def test_damaged_files_of_an_interrupted_run(tmp_path, whole, damage, reason, ca
     assert "failed            1, first run 1: " in capfd.readouterr().out
 
 
-def test_chunk_that_cannot_be_read_is_left_for_repair(tmp_path, whole, capfd):
-    """Nothing tells it from a disk that fails for a while: there is no result, and --resume tries again."""
+def test_log_that_cannot_be_read_is_left_for_repair(tmp_path, whole, capfd, monkeypatch):
+    """The disk may fail for a while only: there is no result, and --resume tries again."""
     out = tmp_path / "out"
     shutil.copytree(whole, out)
-    interrupted(lambda run: first_of(run, "*/chunk*").write_bytes(b"PXR-USDC"))(out / "runs" / "00001")
+    interrupted(lambda run: None)(out / "runs" / "00001")
+
+    def fail(*_):
+        raise OSError("Input/output error")
+
+    monkeypatch.setattr(FrameLog, "reopen", fail)
     assert batch(write(tmp_path, GOOD), "-o", out, "--resume", "--usd") == 1
     assert "not finished      1 (--resume goes on), first run 1: " in capfd.readouterr().out
 

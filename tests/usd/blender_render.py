@@ -1,11 +1,12 @@
-"""Render frames in Blender: python blender_render.py RECORDING HALF_WIDTH PIXELS FOLDER VIEW FRAME ...
+"""Render frames in Blender: python blender_render.py RECORDING HALF_WIDTH WIDTH HEIGHT FOLDER VIEW FRAME ...
 
-Runs in an environment of its own, which has `bpy`. Each frame becomes a PNG seen from +z, HALF_WIDTH [m]
-from the centre to each edge, transparent where nothing is, and a NumPy file of the same red, green, blue and
-alpha, shape (PIXELS, PIXELS, 4). Prints what was imported as JSON.
+Runs in an environment of its own, which has `bpy`. Each frame becomes a PNG of WIDTH by HEIGHT pixels seen
+from +z, HALF_WIDTH [m] from the centre to each edge, transparent where nothing is, and a NumPy file of the
+same red, green, blue and alpha, shape (HEIGHT, WIDTH, 4). Prints what was imported as JSON.
 
 VIEW is how Blender turns light into colors. With VIEW "Glow", everything shows its `displayColor` as it is.
-With another one, everything is as imported, and seen by the recording's own camera.
+With another one, everything is as imported, seen by the recording's own camera; points have the material that
+the docs tell to give them.
 """
 
 import json
@@ -16,8 +17,8 @@ import numpy as np
 
 
 def import_recording(path):
-    """Empty the scene, import the recording and return its top object."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    """Import the recording into the scene that Blender starts with, without its cube, and return its top."""
+    bpy.data.batch_remove(bpy.data.objects)
     bpy.ops.wm.usd_import(filepath=path)
     return bpy.data.objects["World"]
 
@@ -51,21 +52,24 @@ def glow_in_display_color():
 
 
 def look_through(top):
-    """Look through the recording's own camera."""
+    """Look through the recording's own camera, at grains that have a material."""
     bpy.context.scene.camera = next(item for item in top.children if item.type == "CAMERA")
+    grains = bpy.data.objects["Grains"].data
+    if grains.attributes.get("displayColor"):
+        grains.materials.append(bpy.data.materials["DisplayColor"])
 
 
-def render(pixels, folder, view, frames):
-    """Render each frame with one ray a pixel on the CPU."""
+def render(width, height, samples, folder, view, frames):
+    """Render each frame with some rays a pixel on the CPU."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.device = "CPU"
-    scene.cycles.samples = 1
+    scene.cycles.samples = samples
     scene.cycles.use_denoising = False
     scene.cycles.pixel_filter_type = "BOX"
     scene.cycles.filter_width = 0.01
     scene.render.film_transparent = True
-    scene.render.resolution_x = scene.render.resolution_y = pixels
+    scene.render.resolution_x, scene.render.resolution_y = width, height
     scene.render.resolution_percentage = 100
     scene.view_settings.view_transform = view
     scene.render.image_settings.file_format = "PNG"
@@ -75,10 +79,10 @@ def render(pixels, folder, view, frames):
         scene.render.filepath = f"{folder}/{frame:04d}.png"
         bpy.ops.render.render(write_still=True)
         picture = np.array(bpy.data.images.load(scene.render.filepath).pixels)
-        np.save(f"{folder}/{frame:04d}.npy", picture.reshape(pixels, pixels, 4)[::-1])
+        np.save(f"{folder}/{frame:04d}.npy", picture.reshape(height, width, 4)[::-1])
 
 
-def main(path, half_width, pixels, folder, view, *frames):
+def main(path, half_width, width, height, folder, view, *frames):
     """Import, render, and describe what was imported."""
     top = import_recording(path)
     if view == "Glow":
@@ -86,10 +90,14 @@ def main(path, half_width, pixels, folder, view, *frames):
         glow_in_display_color()
     else:
         look_through(top)
-    render(int(pixels), folder, "Standard" if view == "Glow" else view, [int(frame) for frame in frames])
+    samples, transform = (1, "Standard") if view == "Glow" else (16, view)
+    render(int(width), int(height), samples, folder, transform, [int(frame) for frame in frames])
     scene = bpy.context.scene
     types = {item.name: item.type for item in bpy.data.objects}
-    print(json.dumps({"types": types, "frames": [scene.frame_start, scene.frame_end]}))
+    background = bpy.data.worlds[0].node_tree.nodes["Background"].inputs
+    light = [value * background["Strength"].default_value for value in background["Color"].default_value]
+    facts = {"frames": [scene.frame_start, scene.frame_end], "rate": scene.render.fps, "background": light}
+    print(json.dumps({"types": types, **facts}))
 
 
 if __name__ == "__main__":

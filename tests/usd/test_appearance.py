@@ -15,9 +15,9 @@ from recordings import (
     record,
 )
 
-from warpgrains.usd.chains import CHAIN_COLOR, ChainScale
-from warpgrains.usd.colormaps import PALETTE, colormap, encoded, linear
-from warpgrains.usd.colors import (
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
+from warpgrains.drawing.colormaps import PALETTE, colormap, encoded, linear
+from warpgrains.drawing.colors import (
     COLORMAPS,
     LEVELS,
     Frame,
@@ -104,8 +104,9 @@ def test_grains_have_their_colors_and_only_what_changes_is_written_each_frame(
     path = record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)
     stage = Usd.Stage.Open(str(path))
     grains = stage.GetPrimAtPath(GRAINS)
-    color = grains.GetAttribute("primvars:displayColor" if draw_as == "points" else "protoIndices")
-    assert color.GetNumTimeSamples() == codes
+    indices = ["primvars:displayColor:indices"] + ["protoIndices"] * (draw_as != "points")
+    assert [grains.GetAttribute(name).GetNumTimeSamples() for name in indices] == [codes] * len(indices)
+    assert grains.GetAttribute("primvars:displayColor").GetNumTimeSamples() == 0
     reader, colors = RecordingReader(path), GrainColors(make_scene(), color_by)
     assert reader.scale == colors.scale
     for number, state in enumerate(frames):
@@ -131,12 +132,35 @@ def test_raw_values_stand_beside_the_colors(tmp_path, draw_as):
         assert np.array_equal(force, expected.astype(np.float32))
 
 
-def test_light_recording_has_places_alone(tmp_path):
-    path = record(tmp_path / "run.usdc", make_frames(2), draw_as="light")
+@pytest.mark.parametrize("draw_as", ["discs", "spheres"])
+@pytest.mark.parametrize("color_by", ["speed", "radius", "palette"])
+def test_prototypes_have_about_the_colors_of_their_grains(tmp_path, draw_as, color_by):
+    frames = make_frames(1)
+    stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)))
+    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath(GRAINS))
+    shapes = [stage.GetPrimAtPath(path) for path in instancer.GetPrototypesRel().GetTargets()]
+    assert len(shapes) == (len(PALETTE) if color_by == "palette" else 16)
+    color = np.array([UsdGeom.Mesh(shape).GetDisplayColorPrimvar().Get()[0] for shape in shapes])
+    shown = encoded(color[np.array(instancer.GetProtoIndicesAttr().Get(0))])
+    exact = GrainColors(make_scene(), color_by).of(Frame(*frames[0]))
+    assert np.allclose(shown, exact, atol=1e-6 if color_by == "palette" else 0.06)
+
+
+@pytest.mark.parametrize("draw_as", ["points", "discs", "spheres"])
+def test_few_prims_stand_for_any_number_of_grains(tmp_path, draw_as):
+    scene = make_scene(np.full(300, 0.01))
+    path = record(tmp_path / "run.usdc", make_frames(1, 300), scene, draw_as=draw_as)
     stage = Usd.Stage.Open(str(path))
-    grains = stage.GetPrimAtPath(GRAINS)
-    authored = {attribute.GetName() for attribute in grains.GetAttributes() if attribute.IsAuthored()}
-    assert authored == {"points", "widths", "ids", "extent", "primvars:mass"}
+    prims = list(stage.Traverse())
+    assert len(prims) <= 12
+    points = [str(prim.GetPath()) for prim in prims if prim.IsA(UsdGeom.Points)]
+    assert points == ([GRAINS] if draw_as == "points" else [])
+    kinds = {prim.GetName(): Usd.ModelAPI(prim).GetKind() for prim in prims}
+    assert {name: kind for name, kind in kinds.items() if kind} == {
+        "World": "component",
+        "Grains": "subcomponent",
+        "Walls": "subcomponent",
+    }
 
 
 def test_the_file_says_what_its_colors_and_chains_mean(tmp_path):
@@ -148,11 +172,11 @@ def test_the_file_says_what_its_colors_and_chains_mean(tmp_path):
     assert told["forces"] == {"unit": "N", "force": ChainScale.of(make_scene()).force, "width": RADIUS.min()}
 
 
-@pytest.mark.parametrize("draw_as", ["discs", "spheres", "points", "light"])
+@pytest.mark.parametrize("draw_as", ["discs", "spheres", "points"])
 def test_everything_has_a_material_that_reads_its_color(tmp_path, draw_as):
     stage = Usd.Stage.Open(str(record(tmp_path / "run.usdc", make_frames(1), forces=True, draw_as=draw_as)))
-    drawn = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Gprim)]
-    assert len(drawn) == 3 + (1 if draw_as in ("points", "light") else LEVELS)
+    drawn = [prim for prim in stage.TraverseAll() if prim.IsA(UsdGeom.Gprim)]
+    assert len(drawn) == 3 + (1 if draw_as == "points" else 16)
     for prim in drawn:
         material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
         surface = material.ComputeSurfaceSource()[0]

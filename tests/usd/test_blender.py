@@ -15,8 +15,9 @@ from matplotlib.image import imread
 from pages import blocks
 from recordings import make_scene, record
 
-from warpgrains.usd.chains import CHAIN_COLOR
-from warpgrains.usd.colors import Frame, GrainColors, speed_scale
+from warpgrains import Scene, Simulation
+from warpgrains.drawing.chains import CHAIN_COLOR
+from warpgrains.drawing.colors import Frame, GrainColors, speed_scale
 
 pytestmark = pytest.mark.blender
 
@@ -33,11 +34,11 @@ def scene():
     return make_scene(random.uniform(0.02, 0.1, 200), position=position)
 
 
-def rendered(path, frames, view="Glow"):
+def rendered(path, frames, view="Glow", size=(PIXELS, PIXELS)):
     """Return the pictures of frames as Blender draws them, and what it says it imported."""
     if "BLENDER_PYTHON" not in os.environ:
         pytest.fail("BLENDER_PYTHON must name a python that has bpy")
-    command = [os.environ["BLENDER_PYTHON"], SCRIPT, path, HALF_WIDTH, PIXELS, path.parent, view, *frames]
+    command = [os.environ["BLENDER_PYTHON"], SCRIPT, path, HALF_WIDTH, *size, path.parent, view, *frames]
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=True)
     pictures = [np.load(path.parent / f"{frame:04d}.npy") for frame in frames]
     return pictures, json.loads(done.stdout.splitlines()[-1])
@@ -97,34 +98,41 @@ class TestAsOpened:
     """A recording imported with Blender's defaults, and nothing done to it."""
 
     def pixels_at(self, places, picture):
-        """Return the colors at places [m]; a picture 16 by 9 shows 5 % more than the walls, up and down."""
-        reach = 1.05 * 1.02 * 2.0 * 16 / 9
+        """Return the colors at places [m]; a square picture shows 5 % more than the walls."""
+        reach = 1.05 * 1.02 * 2.0
         steps = reach * ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1)
         column = np.abs(steps - places[:, :1]).argmin(axis=1)
         row = np.abs(-steps - places[:, 1:]).argmin(axis=1)
         return picture[row, column, :3]
 
     @pytest.mark.parametrize(
-        ("draw_as", "color_by"), [("discs", "speed"), ("discs", "palette"), ("spheres", "radius")]
+        ("draw_as", "color_by"),
+        [("points", "speed"), ("discs", "speed"), ("discs", "palette"), ("spheres", "radius")],
     )
     def test_grains_have_their_colors(self, tmp_path, draw_as, color_by):
         scene = make_scene()
         speed = speed_scale(scene) * np.array([[0.0, 0.1, 0.4, 0.7, 1.0], [1.0, 0.3, 0.2, 0.1, 0.0]])
         frames = [(scene.position, np.stack([one, 0.0 * one], axis=1)) for one in speed]
         path = record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)
-        pictures, imported = rendered(path, [0, 1], view="Standard")
+        pictures, imported = rendered(path, [0, 1], "Standard")
         assert imported["frames"] == [0, 1]
         colors = GrainColors(scene, color_by)
         for picture, frame in zip(pictures, frames, strict=True):
             shown = self.pixels_at(scene.position, picture)
-            assert np.allclose(shown, colors.of(Frame(*frame)), atol=0.01)
+            assert np.allclose(shown, meant(colors, Frame(*frame), draw_as), atol=0.01)
+
+    def test_plays_in_real_time(self, tmp_path):
+        Simulation(Scene.load("annulus")).run(duration=2.0, record=tmp_path / "run.usdc")
+        _, imported = rendered(tmp_path / "run.usdc", [], "Standard")
+        first, last = imported["frames"]
+        assert (last - first) / imported["rate"] == 2.0
 
     def test_colors_are_told_apart_by_the_view_that_is_default(self, tmp_path):
         scene = make_scene()
         path = record(
             tmp_path / "run.usdc", [(scene.position, scene.velocity)], color_by="palette", draw_as="discs"
         )
-        (picture,), _ = rendered(path, [0], view="AgX")
+        (picture,), _ = rendered(path, [0], "AgX")
         hue = [color - color.mean() for color in self.pixels_at(scene.position, picture)]
         meant = [color - color.mean() for color in GrainColors(scene, "palette").colors]
         likeness = [[a @ b / np.linalg.norm(a) / np.linalg.norm(b) for b in meant] for a in hue]
@@ -135,16 +143,39 @@ class TestAsOpened:
         scene = make_scene(gravity=(0.0, -1.0))
         still = [(scene.position, scene.velocity)]
         path = record(tmp_path / "run.usdc", still, scene, draw_as="discs", forces=True)
-        (picture,), imported = rendered(path, [0], view="Standard")
+        (picture,), imported = rendered(path, [0], "Standard")
         assert imported["types"]["Forces"] == "MESH"
         middle = scene.position[:2].mean(axis=0, keepdims=True)
         assert np.allclose(self.pixels_at(middle, picture), CHAIN_COLOR, atol=0.01)
 
+    @pytest.mark.parametrize("draw_as", ["points", "discs", "spheres"])
+    @pytest.mark.parametrize("size", [(200, 200), (320, 180)])
+    def test_camera_frames_the_domain(self, tmp_path, scene, draw_as, size):
+        """All is seen in square and in wide pictures, and no larger margin than 5 % is left."""
+        path = record(tmp_path / "run.usdc", [(scene.position, scene.velocity)], scene, draw_as=draw_as)
+        (picture,), imported = rendered(path, [0], "Standard", size)
+        assert min(imported["background"][:3]) > 0.3
+        width, height = size
+        rows, columns = (np.flatnonzero((picture[:, :, 3] > 0.5).any(axis=axis)) for axis in (1, 0))
+        margin = 0.5 * height * (1 - 1 / 1.05)
+        assert np.allclose([rows[0], height - 1 - rows[-1]], margin, atol=1.5)
+        wider = (width - height) / 2
+        assert np.allclose([columns[0], width - 1 - columns[-1]], margin + wider, atol=1.5)
+
+
+def meant(colors, frame, draw_as):
+    """Return the colors of grains; instances have those of 16 prototypes, or of the palette."""
+    exact = colors.of(frame)
+    if draw_as == "points" or colors.scale is None:
+        return exact
+    shared = colors.colors.reshape(16, -1, 3).mean(axis=1)
+    return shared[colors.levels(frame) // (len(colors.colors) // 16)]
+
 
 def test_what_the_docs_say_of_blender(tmp_path, scene):
-    (tmp_path / "scene.py").write_text(
-        next(block.text for block in blocks("recordings") if block.marks == "not run: Blender")
-    )
+    line, script = (block.text for block in blocks("recordings") if block.marks == "not run: Blender")
+    assert line in script
+    (tmp_path / "scene.py").write_text(script)
     record(tmp_path / "annulus.usdc", [(scene.position, 2.0 * scene.position)], scene)
     python = Path(os.environ["BLENDER_PYTHON"]).absolute()
     subprocess.run([python, "scene.py"], cwd=tmp_path, check=True, capture_output=True)

@@ -55,11 +55,15 @@ def make_a_width_negative(stage):
 
 
 def shorten_colors(stage):
-    grains_of(stage).GetDisplayColorPrimvar().Set(Vt.Vec3fArray(3), 2)
+    grains_of(stage).GetDisplayColorPrimvar().SetIndices([0, 1, 2], 2)
 
 
 def drop_a_color(stage):
-    grains_of(stage).GetDisplayColorPrimvar().GetAttr().ClearAtTime(2)
+    grains_of(stage).GetDisplayColorPrimvar().GetIndicesAttr().ClearAtTime(2)
+
+
+def name_a_color_beyond_the_table(stage):
+    grains_of(stage).GetDisplayColorPrimvar().SetIndices([0, 1, 64, 3, 4], 2)
 
 
 def put_a_nan_in_points(stage):
@@ -148,8 +152,12 @@ def shrink_the_extent_of_forces(stage):
         (change_the_ids, "ids change with time"),
         (shorten_widths, "widths hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
         (make_a_width_negative, "widths are not all positive and finite"),
-        (shorten_colors, "primvars:displayColor hold 3 values, not 5 for 5 grains (frame 2)"),
-        (drop_a_color, "Grains.primvars:displayColor has other time codes than the grains' positions"),
+        (shorten_colors, "primvars:displayColor:indices hold 3 values, not 5 for 5 grains (frame 2)"),
+        (
+            drop_a_color,
+            "Grains.primvars:displayColor:indices has other time codes than the grains' positions",
+        ),
+        (name_a_color_beyond_the_table, "primvars:displayColor:indices are not all below 64 (frame 2)"),
         (put_a_nan_in_points, "points are not all finite (frame 2)"),
         (put_an_infinity_in_velocities, "velocities are not all finite (frame 2)"),
         (drop_an_extent, "Grains.extent has other time codes than the grains' positions"),
@@ -184,12 +192,12 @@ def test_spheres_are_inspected_too(tmp_path):
     wider = 1.5 * np.array(instancer.GetScalesAttr().Get())
     instancer.GetScalesAttr().Set(Vt.Vec3fArray.FromNumpy(wider))
     instancer.GetProtoIndicesAttr().Set([0, 0], 0)
-    instancer.GetProtoIndicesAttr().Set([0, 64, 0, 0, 0], 1)
+    instancer.GetProtoIndicesAttr().Set([0, 16, 0, 0, 0], 1)
     stage.Save()
     assert inspect_recording(recording) == [
         "protoIndices hold 2 values, not 5 for 5 grains (frame 0)",
         "extent does not cover what it bounds (frame 0 and 1 more)",
-        "protoIndices are not all those of 64 prototypes (frame 1)",
+        "protoIndices are not all below 16 (frame 1)",
     ]
 
 

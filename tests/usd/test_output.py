@@ -6,7 +6,7 @@ from pxr import Usd
 from recordings import make_frames, record
 
 from warpgrains.errors import OutputError
-from warpgrains.usd.recorder import chunks_of, recover
+from warpgrains.usd.recorder import log_of, recover
 
 
 def someones_work(path):
@@ -34,9 +34,9 @@ def test_stage_of_someone_else_is_not_replaced(tmp_path):
         record(tmp_path / "run.usdc", make_frames(2))
     assert (tmp_path / "run.usdc").read_bytes() == before
     record(tmp_path / "other.usdc", make_frames(2))
-    chunks_of(tmp_path / "run.usdc").mkdir()
+    log_of(tmp_path / "run.usdc").touch()
     with pytest.raises(OutputError, match="it is not replaced"):
-        recover(chunks_of(tmp_path / "run.usdc"))
+        recover(log_of(tmp_path / "run.usdc"))
 
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])

@@ -1,5 +1,4 @@
 import re
-from fractions import Fraction
 
 import lightusd
 import numpy as np
@@ -8,11 +7,13 @@ from pxr import Gf, Usd, UsdGeom, UsdValidation
 from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, record
 
 import warpgrains
+from warpgrains import Scene, Simulation
+from warpgrains.drawing.colors import speed_scale
+from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.colors import speed_scale
-from warpgrains.usd.recorder import Recorder, recording_rate, recording_stride
+from warpgrains.usd.recorder import Recorder
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
 DRAWINGS = {
@@ -20,31 +21,55 @@ DRAWINGS = {
     "discs": {"draw_as": "discs", "color_by": "radius"},
     "spheres": {"draw_as": "spheres"},
     "forces": {"draw_as": "discs", "color_by": "pressure", "forces": True},
-    "light": {"draw_as": "light", "forces": True},
 }
 
 
-class TestStride:
+class TestTimes:
     @pytest.mark.parametrize(
-        ("dt", "wanted", "stride", "rate"),
+        ("dt", "wanted", "rate", "steps"),
         [
-            (0.01, 60, 2, 50.0),
-            (0.01, 100, 1, 100.0),
-            (0.01, 1e6, 1, 100.0),
-            (0.001, 60, 17, float(Fraction(1000, 17))),
-            (1e-5, 60, 1667, float(Fraction(100_000, 1667))),
-            (1 / 60, 60, 1, float(1 / Fraction(repr(1 / 60)))),
-            (np.float64(0.1), 10, 1, 10.0),
+            (0.01, 24, 24, [0, 5, 9, 13, 17, 21, 25]),
+            (0.01, 25, 25, [0, 4, 8, 12]),
+            (0.01, 30, 30, [0, 4, 7, 10]),
+            (0.01, 50, 50, [0, 2, 4, 6]),
+            (0.01, 60, 60, [0, 2, 4, 5, 7, 9, 10]),
+            (0.01, 100, 100, [0, 1, 2, 3]),
+            (0.01, 1e6, 100, [0, 1, 2, 3]),
+            (0.001, 60, 60, [0, 17, 34, 50]),
+            (1 / 60, 60, 60, [0, 1, 2, 3]),
+            (1 / 3, 24, 3, [0, 1, 2, 3]),
+            (np.float64(0.1), 10, 10, [0, 1, 2, 3]),
         ],
     )
-    def test_is_counted(self, dt, wanted, stride, rate):
-        assert recording_stride(dt, wanted) == stride
-        assert recording_rate(dt, stride) == rate
+    def test_frames_lie_in_steps(self, dt, wanted, rate, steps):
+        times = FrameTimes.of(dt, wanted)
+        assert times.rate == pytest.approx(rate, rel=1e-15)
+        assert [times.step(k) for k in range(len(steps))] == steps
+        assert FrameTimes(dt, times.rate).step(10**5) == pytest.approx(10**5 / rate / dt, abs=1)
+
+    @pytest.mark.parametrize("fps", [24, 25, 30, 50, 60])
+    def test_frames_show_the_path_at_their_times(self, fps):
+        """Grains that move uniformly are, in every frame, where they are at its time."""
+        times, velocity = FrameTimes.of(0.01, fps), np.array([[1.0, -2.0]])
+        for k in range(2 * fps + 1):
+            state = times.step(k) * 0.01 * velocity
+            frame = times.frame(k, state, velocity)
+            assert np.allclose(frame.position, k / fps * velocity, rtol=0, atol=1e-14)
+            if (k * 100) % fps == 0:
+                assert frame.position is state
 
     @pytest.mark.parametrize("wanted", [0, -60, float("nan"), float("inf")])
     def test_refuses_a_rate_that_is_none(self, wanted):
         with pytest.raises(SceneError, match="frames per second"):
-            recording_stride(0.01, wanted)
+            FrameTimes.of(0.01, wanted)
+
+    @pytest.mark.parametrize("fps", [24, 25, 30, 50, 60])
+    def test_recordings_play_in_real_time(self, tmp_path, fps):
+        Simulation(Scene.load("annulus")).run(duration=1.0, record=tmp_path / "run.usdc", fps=fps)
+        stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+        assert stage.GetTimeCodesPerSecond() == stage.GetFramesPerSecond() == fps
+        assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, fps)
+        assert inspect_recording(tmp_path / "run.usdc") == []
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -55,10 +80,7 @@ class TestIndependentReader:
         path = record(tmp_path / f"run{suffix}", frames, **options)
         grains = lightusd.load(str(path)).prim_at(GRAINS)
         places = "positions" if options.get("draw_as") in ("discs", "spheres") else "points"
-        drawn = [(places, frames[:, 0])]
-        if options.get("draw_as") != "light":
-            drawn.append(("velocities", frames[:, 1]))
-        for name, state in drawn:
+        for name, state in ((places, frames[:, 0]), ("velocities", frames[:, 1])):
             attribute = grains.attribute(name)
             assert attribute.timesamples.times == tuple(range(7))
             for code, expected in enumerate(state):
@@ -146,7 +168,7 @@ class TestRecord:
     def test_the_arrays_handed_in_may_be_reused(self, tmp_path):
         frames = make_frames(3)
         buffer = np.empty_like(frames[0])
-        with Recorder(tmp_path / "run.usdc", make_scene(), 60, draw_as="points") as recorder:
+        with Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="points") as recorder:
             for frame in frames:
                 buffer[:] = frame
                 recorder.record(*buffer)
@@ -155,7 +177,7 @@ class TestRecord:
         assert np.array_equal(written[:, :, :2], frames[:, 0].astype(np.float32))
 
     def test_arrays_of_another_shape_are_refused(self, tmp_path):
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 60, draw_as="points")
+        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="points")
         with pytest.raises(ValueError, match=re.escape("(5, 2), not (4, 2)")):
             recorder.record(np.zeros((4, 2)), np.zeros((5, 2)))
         with pytest.raises(ValueError, match="nothing was recorded"):
@@ -184,8 +206,8 @@ class TestOutput:
         assert list(tmp_path.iterdir()) == []
 
     def test_unknown_way_to_draw(self, tmp_path):
-        with pytest.raises(SceneError, match="unknown draw_as 'cubes': known: discs, light, points, spheres"):
-            Recorder(tmp_path / "run.usdc", make_scene(), 60, draw_as="cubes")
+        with pytest.raises(SceneError, match="unknown draw_as 'cubes': known: discs, points, spheres"):
+            Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="cubes")
         assert list(tmp_path.iterdir()) == []
 
     def test_folder_that_does_not_exist(self, tmp_path):

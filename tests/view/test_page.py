@@ -12,7 +12,7 @@ from same_bits import contents
 from walls_seen import View
 
 from warpgrains import Scene, Simulation
-from warpgrains.usd.colors import Frame, GrainColors
+from warpgrains.drawing.colors import Frame, GrainColors
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.view.page import Page
 from warpgrains.view.players import Recorded

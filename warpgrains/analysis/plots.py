@@ -112,10 +112,8 @@ def measure(reader: RecordingReader) -> dict[str, FloatArray]:
     A recording holds no masses: energy and height are means over the grains, each counted alike.
     """
     frames = range(len(reader.time))
-    curves: dict[str, list[float]] = {}
-    if reader.has_velocities:
-        energies = [0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames]
-        curves["kinetic energy per mass [J/kg]"] = energies
+    energies = [0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames]
+    curves: dict[str, list[float]] = {"kinetic energy per mass [J/kg]": energies}
     curves["mean height [m]"] = [reader.position(frame)[:, 1].mean() for frame in frames]
     if reader.chain_scale is not None:
         curves["contacts that push"] = [len(reader.chains(frame).width) for frame in frames]

@@ -10,6 +10,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
 from warpgrains.scene.geometry import pair_normals
 from warpgrains.scene.scene import Scene
@@ -47,7 +48,7 @@ class Recording(Shown):
     --------
     >>> recording = wg.Recording("annulus.usdc")
     >>> len(recording), recording.position.shape, recording.has_forces, recording.scene.n
-    (201, (201, 15, 2), True, 15)
+    (97, (97, 15, 2), True, 15)
     >>> recording.frame(-1).force.shape  # of the contacts
     (15,)
     """
@@ -83,14 +84,7 @@ class Recording(Shown):
 
     @cached_property
     def velocity(self) -> FloatArray:
-        """Velocities of the grains [m/s], shape (f, n, 2).
-
-        Raises
-        ------
-        SceneError
-            They were not recorded.
-        """
-        self._require_velocities()
+        """Velocities of the grains [m/s], shape (f, n, 2)."""
         return np.array([self._reader.velocity(k) for k in range(len(self))])
 
     @cached_property
@@ -103,8 +97,8 @@ class Recording(Shown):
             An earlier release has recorded it, and not all that a scene has.
         """
         fields = self._reader.scene_fields()
-        velocity = self._reader.velocity(0) if self._reader.has_velocities else None
-        return Scene(position=self._reader.position(0), velocity=velocity, radius=self.radius, **fields)
+        position, velocity = self._reader.position(0), self._reader.velocity(0)
+        return Scene(position=position, velocity=velocity, radius=self.radius, **fields)
 
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
         """Return a frame, for `warpgrains.analysis`.
@@ -119,11 +113,10 @@ class Recording(Shown):
         Raises
         ------
         SceneError
-            There is no such frame, or velocities or contacts were not recorded.
+            There is no such frame, or contacts were not recorded.
         """
         if not -len(self) <= k < len(self):
             raise SceneError(f"there is no frame {k}: '{self.path}' has {len(self)}")
-        self._require_velocities()
         if contacts and not self.has_forces:
             raise SceneError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
@@ -138,7 +131,7 @@ class Recording(Shown):
             wall_force[grain] = np.where(wall == -1, 1.0, -1.0) * chains.force[~between]
         return Snapshot(
             scene=self.scene,
-            steps=round(self.time[k] / self.scene.dt),
+            steps=FrameTimes(self.scene.dt, self._reader.rate).step(k),
             position=position,
             velocity=self._reader.velocity(k),
             start=position,
@@ -161,13 +154,14 @@ class Recording(Shown):
             xarray is not installed; it comes with the extra ``[data]``.
         """
         dims = ("time", "grain", "component")
-        arrays: dict[str, Any] = {"position": (dims, self.position, {"units": "m"})}
-        if self._reader.has_velocities:
-            arrays["velocity"] = (dims, self.velocity, {"units": "m/s"})
-        if self.has_forces:
-            arrays |= self._contacts()
+        contacts = self._contacts() if self.has_forces else {}
         return library("xarray", "to_xarray").Dataset(
-            {**arrays, "radius": ("grain", self.radius, {"units": "m"})},
+            {
+                "position": (dims, self.position, {"units": "m"}),
+                "velocity": (dims, self.velocity, {"units": "m/s"}),
+                "radius": ("grain", self.radius, {"units": "m"}),
+                **contacts,
+            },
             coords={"time": ("time", self.time, {"units": "s"}), "component": ["x", "y"]},
             attrs={"recording": self.path.name},
         )
@@ -186,10 +180,6 @@ class Recording(Shown):
             "contact_normal": (("contact", "component"), np.concatenate(normal)),
             "contact_force": ("contact", force, {"units": "N"}),
         }
-
-    def _require_velocities(self) -> None:
-        if not self._reader.has_velocities:
-            raise SceneError(f"'{self.path}' holds no velocities: it was recorded with --light")
 
 
 def _normals(position: FloatArray, pair: IntArray) -> FloatArray:

@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
+from warpgrains.drawing.frame_times import DEFAULT_RATE
 from warpgrains.errors import OutputError, SceneError, missing_extra
 from warpgrains.files import make_folder
 from warpgrains.scene import checks
@@ -21,7 +22,6 @@ from warpgrains.sweep.sweep import Run, Sweep
 if TYPE_CHECKING:
     from warpgrains.sweep.plot import SweepPlot
 
-DEFAULT_FPS = 60.0
 
 _BAR = "{percentage:3.0f}%|{bar}| {n:.1f}/{total} runs [{elapsed}, {remaining} left, {rate_fmt}]"
 
@@ -159,7 +159,7 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
         checks.whole_number("--slurm", arguments.slurm)
     if arguments.fps is not None and not arguments.usd:
         raise SceneError("--fps needs --usd")
-    fps = DEFAULT_FPS if arguments.fps is None else checks.positive("--fps", arguments.fps)
+    fps = DEFAULT_RATE if arguments.fps is None else checks.positive("--fps", arguments.fps)
     fps_or_none = fps if arguments.usd else None
     return ExecutionOptions(
         device=arguments.device,

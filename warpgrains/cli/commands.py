@@ -58,7 +58,7 @@ def _add_batch(parser: ArgumentParser) -> None:
     add("--until", metavar="rest", help=until)
     add("--usd", action="store_true", help="record every run to its recording.usdc")
     add("--folders", action="store_true", help="keep the scene, the end and the result of every run")
-    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 24)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
     group = parser.add_argument_group("many machines, which must all see DIR")
@@ -76,7 +76,7 @@ def _add_check(parser: ArgumentParser) -> None:
 
 
 def _add_recover(parser: ArgumentParser) -> None:
-    parser.add_argument("folder", metavar="DIR", help="the run's chunks, such as run.usdc.chunks")
+    parser.add_argument("log", metavar="LOG", help="the run's log of frames, such as run.usdc.frames")
 
 
 def _add_plot(parser: ArgumentParser) -> None:

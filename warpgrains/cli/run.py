@@ -29,7 +29,6 @@ from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_c
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.usd.frame_rate import recording_stride
 
 # What a resumed run takes from its checkpoint: the option of each argument.
 KEPT = {
@@ -38,7 +37,7 @@ KEPT = {
     "fps": "--fps",
     "color_by": "--color-by",
     "forces": "--forces",
-    "draw_as": "--as-{}",
+    "draw_as": "--as",
     "order": "--order",
     "method": "--method",
     "overrides": "--set",
@@ -75,7 +74,7 @@ def _step_by_step(arguments: Namespace) -> bool:
     if arguments.scene is None:
         raise SceneError("SCENE is missing")
     for name in _given(arguments, *_NOT_STEP_BY_STEP):
-        option = _option(arguments, name) if name in KEPT else f"--{name}"
+        option = KEPT.get(name, f"--{name}")
         raise SceneError(f"{option} cannot go with --step-by-step")
     scene = _scene(arguments)
     step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
@@ -105,8 +104,8 @@ def _how_to_go_on(options: RunOptions) -> Iterator[str]:
     """Yield what can be done after an interrupt, with what is on the disk."""
     if options.checkpoint is not None and Path(options.checkpoint).exists():
         yield f"to go on: warpgrains run --resume {shlex.quote(options.checkpoint)}"
-    if options.record is not None and Path(f"{options.record}.chunks").exists():
-        yield f"for the frames so far: warpgrains recover {shlex.quote(options.record + '.chunks')}"
+    if options.record is not None and Path(f"{options.record}.frames").exists():
+        yield f"for the frames so far: warpgrains recover {shlex.quote(options.record + '.frames')}"
 
 
 def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
@@ -115,7 +114,7 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
         raise SceneError("SCENE is missing, or --resume FILE")
     if arguments.output is None:
         for name in _given(arguments, "fps", "color_by", "forces", "draw_as"):
-            raise SceneError(f"{_option(arguments, name)} needs --output")
+            raise SceneError(f"{KEPT[name]} needs --output")
     if (arguments.measure is None) != (arguments.series is None):
         raise SceneError("--measure and --series go together")
     scene = _scene(arguments)
@@ -137,8 +136,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     Its checkpoint is locked, and the one that it is to write from now on.
     """
     for name in _given(arguments, *KEPT):
-        option = _option(arguments, name)
-        raise SceneError(f"{option} cannot go with --resume, which continues a run as it was begun")
+        raise SceneError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
     kept, other = Path(arguments.resume), arguments.checkpoint
     start = read_checkpoint(kept)
     if start.options is not None:
@@ -180,11 +178,6 @@ def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None and value is not False}
 
 
-def _option(arguments: Namespace, name: str) -> str:
-    """Return an option as it was written."""
-    return KEPT[name].format(getattr(arguments, name)).replace("--as-light", "--light")
-
-
 def _steps(scene: Scene, arguments: Namespace) -> int | None:
     """Return for how many steps the run is asked to be, if it is."""
     if arguments.steps is not None:
@@ -217,5 +210,5 @@ def _warn_of_rate(scene: Scene, fps: float) -> None:
     """Say what a recording has instead of the frames a second that are asked for, if it cannot have them."""
     rate = true_rate(scene, fps)
     if rate != fps:
-        steps = f"{recording_stride(scene.dt, fps)} steps of {scene.dt:g} s"
-        _show_warning(f"--fps {fps:g} cannot be met: a frame every {steps} is {rate:.6g} a second")
+        steps = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
+        _show_warning(f"--fps {fps:g} cannot be met: {steps}")

@@ -15,17 +15,17 @@ def add_run(parser: ArgumentParser) -> None:
         metavar="OUT",
         help="record to this .usdc, .usda or .usdz file, film it (.mp4, .gif, .webp) or draw its end (.png)",
     )
-    recording("--fps", type=float, metavar="F", help="frames recorded a second (default: 60)")
+    recording(
+        "--fps", type=float, metavar="F", help="frames recorded a second (default: 24, as Blender plays)"
+    )
     recording("--color-by", metavar="WHAT", help="speed, pressure, radius or palette (default: speed)")
     recording("--forces", action="store_true", help="draw force chains")
-    ways = {
-        "spheres": ("--as-spheres", "draw spheres instead of discs"),
-        "points": ("--as-points", "draw points, which particle tools read"),
-        "light": ("--light", "points without colors and velocities, for long runs of many grains"),
-    }
     one_way = group.add_mutually_exclusive_group().add_argument
-    for way, (option, help_text) in ways.items():
-        one_way(option, dest="draw_as", action="store_const", const=way, help=help_text)
+    forms = "record grains as points, discs or spheres (default: points)"
+    one_way("--as", dest="draw_as", metavar="FORM", help=forms)
+    for form in ("points", "spheres"):
+        same = f"the same as --as {form}"
+        one_way(f"--as-{form}", dest="draw_as", action="store_const", const=form, help=same)
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate in all")
     length.add_argument(

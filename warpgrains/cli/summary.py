@@ -4,11 +4,11 @@ from dataclasses import asdict
 from typing import Any
 
 from warpgrains.console import in_columns
+from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics, named
-from warpgrains.usd.frame_rate import recording_rate, recording_stride
 
 
 def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> dict[str, Any]:
@@ -68,4 +68,4 @@ def _without_solution(results: dict[str, Any]) -> str:
 
 def true_rate(scene: Scene, fps: float) -> float:
     """Return the true rate of a recording that is to have so many frames a second [1/s]."""
-    return recording_rate(scene.dt, recording_stride(scene.dt, fps))
+    return FrameTimes.of(scene.dt, fps).rate

@@ -22,7 +22,7 @@ def recover(arguments: Namespace) -> bool:
     """Make a file of the frames that a killed run left."""
     from warpgrains.usd.recorder import recover
 
-    path, frames = recover(arguments.folder)
+    path, frames = recover(arguments.log)
     print(f"{path}: {frames} frames")
     return False
 

@@ -13,11 +13,11 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Annulus, Rectangle
 from numpy.typing import NDArray
 
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
+from warpgrains.drawing.colors import ColorScale
+from warpgrains.drawing.rings import WALL_COLOR
 from warpgrains.files import draft_of
 from warpgrains.pictures.shots import Setting, Shot
-from warpgrains.usd.chains import CHAIN_COLOR, ChainScale
-from warpgrains.usd.colors import ColorScale
-from warpgrains.usd.rings import WALL_COLOR
 
 _MARGIN = 0.02  # of the outer wall
 _OUTLINE = 0.3  # points, and less for small grains

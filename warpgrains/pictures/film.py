@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.files import draft_of, require_place
 from warpgrains.locks import Lock
 from warpgrains.pictures.canvas import Canvas
 from warpgrains.pictures.encoding import Encoding, encoding_of_frames
 from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
-from warpgrains.usd.colors import Frame
-from warpgrains.usd.frame_rate import recording_rate, recording_stride
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -107,16 +106,14 @@ class Film:
     def __init__(self, path: Path, scene: Scene, frames_per_second: float, painter: Painter) -> None:
         require_place("output", path, *FILMS)
         self._path, self._painter = path, painter
-        self.stride = recording_stride(scene.dt, frames_per_second)
-        self._seconds = self.stride * scene.dt
-        self._rate = recording_rate(scene.dt, self.stride)
+        self.times = FrameTimes.of(scene.dt, frames_per_second)
         self.needs_contacts = painter.needs_contacts
         self._held = ExitStack()
         self._held.enter_context(Lock(path))
 
     def __enter__(self) -> Self:
         draft = self._held.enter_context(draft_of(self._path))
-        self._writer = self._held.enter_context(FilmWriter(draft, self._painter.setting, self._rate))
+        self._writer = self._held.enter_context(FilmWriter(draft, self._painter.setting, self.times.rate))
         return self
 
     def __exit__(
@@ -135,8 +132,9 @@ class Film:
         wall_contacts: WallContacts | None = None,
     ) -> None:
         """Append one frame, see `Recorder.record`."""
-        frame = Frame(position, velocity, contacts, wall_contacts)
-        self._writer.add(self._painter.shot(self._writer.frames * self._seconds, frame))
+        k = self._writer.frames
+        frame = self.times.frame(k, position, velocity, contacts, wall_contacts)
+        self._writer.add(self._painter.shot(k / self.times.rate, frame))
 
     def flush(self) -> None:
         """Do nothing: a film cannot be continued."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
-from warpgrains.usd.chains import Chains, ChainScale, chains_of
-from warpgrains.usd.colors import ColorScale, Frame, GrainColors
-from warpgrains.usd.rings import rings
+from warpgrains.drawing.chains import Chains, ChainScale, chains_of
+from warpgrains.drawing.colors import ColorScale, Frame, GrainColors
+from warpgrains.drawing.rings import rings
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

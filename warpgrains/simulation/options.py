@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from warpgrains.drawing.frame_times import DEFAULT_RATE
 from warpgrains.errors import SceneError
 from warpgrains.files import followed
 from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
@@ -44,11 +45,11 @@ class RunOptions:
     """Time steps in all."""
     record: str | None = None
     """USD file or film to write the frames to, or picture of the end."""
-    fps: float = 60.0
+    fps: float = DEFAULT_RATE
     """Wanted frames per second of simulated time [1/s]."""
     color_by: str = "speed"
     forces: bool = False
-    draw_as: str = "discs"
+    draw_as: str = "points"
     """These three say what the frames show, see `Recorder`."""
     checkpoint: str | None = None
     """File that is to hold the state, and all that it takes to resume the run."""
@@ -86,8 +87,6 @@ class RunOptions:
                 raise SceneError(f"{name} has no effect without {needed}")
         if self.shows is not None:
             self._require_no_recording(self.shows)
-        if self.draw_as == "light" and self.color_by != type(self).color_by:
-            raise SceneError("color_by has no effect with draw_as 'light'")
 
     @property
     def _suffix(self) -> str | None:

@@ -87,7 +87,7 @@ def open_outputs(
 ) -> Iterator[Recorder | Film | None]:
     """Give the recorder of a run, if it needs one, with a lock on the recording; it is whole in the end.
 
-    The chunks of a run that is resumed are cut to the frames of its statistics: doing so twice does no harm.
+    The log of a run that is resumed is cut to the frames of its statistics: doing so twice does no harm.
 
     Raises
     ------
@@ -178,11 +178,11 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
             return Film(Path(options.record), scene, options.rate, painter)
         require_place("picture", Path(options.record), *STILLS)
         return None
-    from warpgrains.usd.recorder import SUFFIXES, Recorder, chunks_of
+    from warpgrains.usd.recorder import SUFFIXES, Recorder, log_of
 
     record = Path(options.record)
     require_place("output", record, *SUFFIXES, *FILMS, *STILLS)
-    is_whole = statistics.frames > 0 and record.is_file() and not chunks_of(record).exists()
+    is_whole = statistics.frames > 0 and record.is_file() and not log_of(record).exists()
     if is_whole and statistics.steps == options.steps:
         return None
     return Recorder(
@@ -201,7 +201,7 @@ def _keep(simulation: Simulation, options: RunOptions, statistics: RunStatistics
     recorder, observer, _ = outputs
     if observer is not None and simulation.steps % observer.every == 0:
         observer.observe(simulation)
-    if recorder is not None and statistics.steps == statistics.frames * recorder.stride:
+    if recorder is not None and statistics.steps == recorder.times.step(statistics.frames):
         contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
         recorder.record(simulation.position, simulation.velocity, *contacts)
         statistics.frames += 1
@@ -225,7 +225,7 @@ def _steps_to_next(
     if observer is not None:
         ends.append(statistics.steps + observer.every - simulation.steps % observer.every)
     if recorder is not None:
-        ends.append(statistics.frames * recorder.stride)
+        ends.append(recorder.times.step(statistics.frames))
     if options.checkpoint is not None:
         ends.append((statistics.steps // options.every + 1) * options.every)
     return min(ends) - statistics.steps

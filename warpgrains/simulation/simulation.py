@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from warpgrains.drawing.frame_times import DEFAULT_RATE
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
 from warpgrains.scene import checks
@@ -76,10 +77,10 @@ class Simulation(Stepper):
         duration: float | None = None,
         until: str | Question | None = None,
         record: str | Path | None = None,
-        fps: float = 60.0,
+        fps: float = DEFAULT_RATE,
         color_by: str = "speed",
         forces: bool = False,
-        draw_as: str = "discs",
+        draw_as: str = "points",
         checkpoint: str | Path | None = None,
         every: int = 1000,
         observer: Observer | None = None,
@@ -101,15 +102,14 @@ class Simulation(Stepper):
             state first; or a picture of the end (.png, .pdf, .svg). If it is a symbolic link, the file that
             it leads to is written, as for all outputs.
         fps : float
-            Wanted frames per second of simulated time [1/s]. A frame is recorded every k steps, the whole
-            number k nearest to 1 / (fps dt), at least 1; the file states the rate that results.
+            Frames per second of simulated time [1/s], at most one a step; recordings and films have exactly
+            this rate. A frame within a step shows positions on the straight path of that step.
         color_by : str
             Color of the grains: "speed", "pressure", "radius", or "palette", which tells neighbors apart.
         forces : bool
             Whether to draw force chains.
         draw_as : str
-            What grains of a USD file are: "discs", "spheres", "points", or "light", points without colors and
-            velocities for long runs of many grains.
+            What grains of a USD file are: "points", "discs" or "spheres".
         checkpoint : str or Path, optional
             An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
         every : int

@@ -98,7 +98,7 @@ class SweepRun:
         if self._until is not None:
             ends.append(self.statistics.steps + steps_to_test(self.statistics.steps))
         if self._recorder is not None and self.error is None:
-            ends.append(self.statistics.frames * self._recorder.stride)
+            ends.append(self._recorder.times.step(self.statistics.frames))
         if self._series is not None and self.error is None:
             ends.append((self.statistics.steps // self._series.every + 1) * self._series.every)
         return min(ends) - self.statistics.steps
@@ -147,7 +147,7 @@ class SweepRun:
         if self.error is not None:
             return
         steps = self.statistics.steps
-        if self._recorder is not None and steps == self.statistics.frames * self._recorder.stride:
+        if self._recorder is not None and steps == self._recorder.times.step(self.statistics.frames):
             self._recorder.record(batch.position(k), batch.velocity(k))
             self.statistics.frames += 1
         if self._series is not None and steps % self._series.every == 0:

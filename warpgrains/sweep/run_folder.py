@@ -9,7 +9,6 @@ result.csv         a line of names and a line of values; it appears last: a run 
 ================== ==========================================================================================
 """
 
-import shutil
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -167,9 +166,9 @@ class RunFolder:
         scene = Scene(**{**scene_fields(self.text, self.scene_file), "name": self.labels["scene"]})
         options = RunOptions(steps=scene.steps, checkpoint=str(self.checkpoint), until=self.until)
         if execution.fps is not None:
-            from warpgrains.usd.recorder import chunks_of
+            from warpgrains.usd.recorder import log_of
 
-            shutil.rmtree(chunks_of(self.recording), ignore_errors=True)
+            log_of(self.recording).unlink(missing_ok=True)
             options = replace(options, record=str(self.recording), fps=execution.fps)
         if execution.measure_every is not None:
             series: dict[str, Any] = {"measure": ",".join(self.measured), "series": str(self.series)}

@@ -7,7 +7,7 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.usd.forces import FORCES
-from warpgrains.usd.grains import GRAINS
+from warpgrains.usd.grains import COLOR_INDICES, GRAINS
 from warpgrains.usd.reader import Values, open_recording, refusing_foreign_content, values_of
 
 
@@ -84,7 +84,7 @@ def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float])
 
 
 class GrainsInspector:
-    """Checks the grains, be they `UsdGeom.Points` or a `UsdGeom.PointInstancer` of a shape a color.
+    """Checks the grains, be they `UsdGeom.Points` or a `UsdGeom.PointInstancer`.
 
     All that is `animated` must have the time codes of their `position`.
     """
@@ -95,16 +95,14 @@ class GrainsInspector:
         self._size = prim.GetAttribute("widths" if self._are_points else "scales")
         self._extent = prim.GetAttribute("extent")
         self._ids = prim.GetAttribute("ids")
-        self._color = prim.GetAttribute("primvars:displayColor" if self._are_points else "protoIndices")
-        self._colors = (
-            0 if self._are_points else len(UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets())
-        )
+        table = prim.GetAttribute("primvars:displayColor")
+        self._table_of = {prim.GetAttribute(COLOR_INDICES): _length(table)}
+        if not self._are_points:
+            prototypes = UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets()
+            self._table_of[prim.GetAttribute("protoIndices")] = len(prototypes)
         primvars = UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues()
-        values = [primvar.GetAttr() for primvar in primvars if primvar.GetAttr() != self._color]
-        velocities = prim.GetAttribute("velocities")
-        self._values = [
-            attribute for attribute in (velocities, self._color, *values) if attribute.IsAuthored()
-        ]
+        values = [primvar.GetAttr() for primvar in primvars if primvar.GetAttr() != table]
+        self._values = [prim.GetAttribute("velocities"), *self._table_of, *values]
         changing = [attribute for attribute in self._values if attribute.GetNumTimeSamples()]
         self.animated = [self._extent, *changing]
 
@@ -128,7 +126,7 @@ class GrainsInspector:
         for attribute in (self.position, *self._values):
             yield from _finite_problems(attribute, code)
         yield from self._length_problems(len(position), code)
-        yield from self._color_problems(code)
+        yield from self._index_problems(code)
         size = values_of(self._size, code)
         if size is not None and len(size) in (1, len(position)):
             half_width = size / 2.0 if self._are_points else size[:, 0]
@@ -141,10 +139,11 @@ class GrainsInspector:
         for attribute, length in expected.items():
             yield from _length_problem(attribute, length, f"{grains} grains", code)
 
-    def _color_problems(self, code: float) -> Iterator[str]:
-        which = values_of(self._color, code)
-        if self._colors and which is not None and not ((which >= 0) & (which < self._colors)).all():
-            yield f"protoIndices are not all those of {self._colors} prototypes"
+    def _index_problems(self, code: float) -> Iterator[str]:
+        for attribute, length in self._table_of.items():
+            indices = values_of(attribute, code)
+            if indices is not None and not ((indices >= 0) & (indices < length)).all():
+                yield f"{attribute.GetName()} are not all below {length}"
 
 
 class ForcesInspector:
@@ -168,6 +167,11 @@ class ForcesInspector:
         yield from _finite_problems(force, code)
         if len(corners):
             yield from _extent_problems(extent, corners, np.zeros(len(corners)), code)
+
+
+def _length(attribute: Usd.Attribute) -> int:
+    values = values_of(attribute)
+    return 0 if values is None else len(values)
 
 
 def _finite_problems(attribute: Usd.Attribute, code: float) -> Iterator[str]:

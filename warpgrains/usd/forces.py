@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, Vt
+from pxr import Sdf, Usd, UsdGeom
 
-from warpgrains.usd.chains import CHAIN_COLOR, ChainScale, chains_of
-from warpgrains.usd.colors import Frame
-from warpgrains.usd.looks import bind_look
-from warpgrains.usd.values import covering_extent, floats, triples
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, chains_of
+from warpgrains.drawing.colors import Frame
+from warpgrains.drawing.values import covering_extent, triples
+from warpgrains.frame_log import Arrays
+from warpgrains.usd.looks import bind_look, set_kind
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -47,21 +48,22 @@ class ForceChains:
         for name in GRAINS_OF:
             primvars.CreatePrimvar(name, Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.uniform)
         bind_look(bands.GetPrim(), np.array(CHAIN_COLOR))
+        set_kind(bands.GetPrim(), "subcomponent")
 
-    def samples(self, frame: Frame) -> dict[Sdf.Path, object]:
+    def samples(self, frame: Frame) -> Arrays:
         """Return the value of each attribute that `frame` sets."""
         chains = chains_of(self._scene, self._scale, frame)
         shown = triples(chains.corners().reshape(-1, 2))
         shown[:, 2] = self._depth
+        grains = zip(GRAINS_OF, chains.pair.T, strict=True)
         sampled = {
-            "points": Vt.Vec3fArray.FromNumpy(shown),
-            "faceVertexCounts": Vt.IntArray(len(chains.force), 4),
-            "faceVertexIndices": Vt.IntArray.FromNumpy(np.arange(len(shown), dtype=np.int32)),
-            "primvars:force": floats(chains.force),
-            **{
-                f"primvars:{name}": Vt.IntArray.FromNumpy(np.ascontiguousarray(grains))
-                for name, grains in zip(GRAINS_OF, chains.pair.T, strict=True)
-            },
-            "extent": covering_extent(shown, np.zeros(len(shown))) if len(shown) else Vt.Vec3fArray(2),
+            "points": shown,
+            "faceVertexCounts": np.full(len(chains.force), 4, np.int32),
+            "faceVertexIndices": np.arange(len(shown), dtype=np.int32),
+            "primvars:force": chains.force.astype(np.float32),
+            **{f"primvars:{name}": number for name, number in grains},
+            "extent": covering_extent(shown, np.zeros(len(shown)))
+            if len(shown)
+            else np.zeros((2, 3), np.float32),
         }
-        return {FORCES.AppendProperty(name): value for name, value in sampled.items()}
+        return {f"{FORCES}.{name}": value for name, value in sampled.items()}

@@ -1,4 +1,4 @@
-"""Grains in a recording: instances of colored discs or spheres, or points."""
+"""Grains in a recording: points, or instances of discs or spheres."""
 
 from __future__ import annotations
 
@@ -8,132 +8,130 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import IndexArray
-from warpgrains.usd.colormaps import linear
-from warpgrains.usd.colors import Frame, GrainColors, pressure
-from warpgrains.usd.looks import bind_look
-from warpgrains.usd.shapes import Shape
-from warpgrains.usd.values import covering_extent, floats, triples
+from warpgrains.drawing.colormaps import linear
+from warpgrains.drawing.colors import Frame, GrainColors, pressure
+from warpgrains.drawing.shapes import Shape
+from warpgrains.drawing.values import covering_extent, triples
+from warpgrains.frame_log import Arrays
+from warpgrains.usd.looks import PROTOTYPES, bind_look, define_mesh, set_kind
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 GRAINS = Sdf.Path("/World/Grains")
+COLOR_INDICES = "primvars:displayColor:indices"
 
-_PROTOTYPES = "Color{:02d}"
+_MOST_PROTOTYPES = 16
 
 
 class GrainPoints:
     """Grains as `UsdGeom.Points`; their `widths` are diameters.
 
-    Beside places, masses and velocities they have colors, and raw values as float primvars: the speed [m/s],
-    where contacts are at hand the pressure [N/m], and the radius [m] where it gives the color.
+    They have ids, velocities, colors (an indexed primvar: a table, and the index of each grain's color), and
+    raw values as primvars: mass [kg], speed [m/s], pressure [N/m] if frames have contacts, and the radius [m]
+    if it gives the color.
 
     Parameters
     ----------
     scene : Scene
         What is drawn.
-    colors : GrainColors or None
-        None leaves out all that a long recording of many grains can do without: colors, velocities, values.
+    colors : GrainColors
     has_contacts : bool
         Whether frames have contacts.
     """
 
     height = 1.0
     """How far a grain of radius 1 m reaches towards the viewer [m]."""
-    _position = GRAINS.AppendProperty("points")
+    _position = "points"
 
-    def __init__(self, scene: Scene, colors: GrainColors | None, has_contacts: bool) -> None:
+    def __init__(self, scene: Scene, colors: GrainColors, has_contacts: bool) -> None:
         self._radius, self._mass = scene.radius, scene.mass
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
-        self._colors = colors
-        self._has_contacts = has_contacts
+        self._colors, self._has_contacts = colors, has_contacts
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim and all that no frame changes."""
-        self._define_prim(stage)
-        prim = stage.GetPrimAtPath(GRAINS)
+        prim = self._define_prim(stage)
+        set_kind(prim, "subcomponent")
         UsdGeom.Boundable(prim).CreateExtentAttr()
+        types = Sdf.ValueTypeNames
         ids = Vt.Int64Array.FromNumpy(np.arange(len(self._diameter), dtype=np.int64))
-        primvars = UsdGeom.PrimvarsAPI(prim)
-        mass = primvars.CreatePrimvar("mass", Sdf.ValueTypeNames.DoubleArray, UsdGeom.Tokens.vertex)
+        prim.CreateAttribute("ids", types.Int64Array, False).Set(ids)
+        prim.CreateAttribute("velocities", types.Vector3fArray, False)
+        primvars, vertex = UsdGeom.PrimvarsAPI(prim), UsdGeom.Tokens.vertex
+        color = primvars.CreatePrimvar("displayColor", types.Color3fArray, vertex)
+        color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
+        color.CreateIndicesAttr()
+        mass = primvars.CreatePrimvar("mass", types.DoubleArray, vertex)
         mass.Set(Vt.DoubleArray.FromNumpy(self._mass))
-        prim.CreateAttribute("ids", Sdf.ValueTypeNames.Int64Array, False).Set(ids)
-        if self._colors is None:
-            return
-        prim.CreateAttribute("velocities", Sdf.ValueTypeNames.Vector3fArray, False)
-        self._define_values(primvars, self._colors)
+        for name in ["speed"] + ["pressure"] * self._has_contacts:
+            primvars.CreatePrimvar(name, types.FloatArray, vertex)
+        if self._colors.scale is not None and self._colors.scale.quantity == "radius":
+            radius = primvars.CreatePrimvar("radius", types.FloatArray, vertex)
+            radius.Set(self._radius.astype(np.float32))
         if self._colors.still is not None:
-            name, value = self._color(self._colors.still, self._colors)
-            prim.GetAttribute(name).Set(value)
+            for name, value in self._color(self._colors.still).items():
+                prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(value))
 
-    def samples(self, frame: Frame) -> dict[Sdf.Path, object]:
+    def samples(self, frame: Frame) -> Arrays:
         """Return the value of each attribute that `frame` sets."""
         shown = triples(frame.position)
-        sampled: dict[Sdf.Path, object] = {
-            self._position: Vt.Vec3fArray.FromNumpy(shown),
-            GRAINS.AppendProperty("extent"): covering_extent(shown, self._half_width),
-        }
-        if self._colors is None:
-            return sampled
-        values: dict[str, object] = {
-            "velocities": Vt.Vec3fArray.FromNumpy(triples(frame.velocity)),
-            "primvars:speed": floats(np.hypot(*frame.velocity.T)),
+        values = {
+            self._position: shown,
+            "extent": covering_extent(shown, self._half_width),
+            "velocities": triples(frame.velocity),
+            "primvars:speed": np.hypot(*frame.velocity.T).astype(np.float32),
         }
         if self._has_contacts:
-            values["primvars:pressure"] = floats(pressure(frame, self._radius))
+            values["primvars:pressure"] = pressure(frame, self._radius).astype(np.float32)
         if self._colors.still is None:
-            name, value = self._color(self._colors.levels(frame), self._colors)
-            values[name] = value
-        return sampled | {GRAINS.AppendProperty(name): value for name, value in values.items()}
+            values |= self._color(self._colors.levels(frame))
+        return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
-    def _define_prim(self, stage: Usd.Stage) -> None:
+    def _define_prim(self, stage: Usd.Stage) -> Usd.Prim:
         grains = UsdGeom.Points.Define(stage, GRAINS)
         diameter = self._diameter
         all_equal = bool((diameter == diameter[0]).all())
         grains.CreateWidthsAttr(Vt.FloatArray.FromNumpy(diameter[:1] if all_equal else diameter))
         grains.SetWidthsInterpolation(UsdGeom.Tokens.constant if all_equal else UsdGeom.Tokens.vertex)
         grains.CreatePointsAttr()
-        if self._colors is not None:
-            grains.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
         bind_look(grains.GetPrim())
+        return grains.GetPrim()
 
-    def _define_values(self, primvars: UsdGeom.PrimvarsAPI, colors: GrainColors) -> None:
-        names = ["speed"] + ["pressure"] * self._has_contacts
-        for name in names:
-            primvars.CreatePrimvar(name, Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
-        if colors.scale is not None and colors.scale.quantity == "radius":
-            radius = primvars.CreatePrimvar("radius", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex)
-            radius.Set(floats(self._radius))
-
-    def _color(self, levels: IndexArray, colors: GrainColors) -> tuple[str, object]:
-        """Return the attribute that holds the colors, and its value."""
-        return "primvars:displayColor", Vt.Vec3fArray.FromNumpy(linear(colors.colors)[levels])
+    def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
+        """Return the attributes that give the colors, int32, shape (n,)."""
+        return {COLOR_INDICES: levels.astype(np.int32)}
 
 
 class GrainInstances(GrainPoints):
-    """Grains as instances of a shape of radius 1, scaled: one prototype a color.
+    """Grains as instances of a shape of radius 1, scaled.
 
-    Thus every viewer that draws instances shows the colors; of points, Blender does not.
+    Each also has one of 16 prototypes, whose colors are means of neighbors in the table of colors: Blender
+    reads no primvars of an instancer.
     """
 
-    _position = GRAINS.AppendProperty("positions")
+    _position = "positions"
 
     def __init__(self, scene: Scene, colors: GrainColors, has_contacts: bool, shape: Shape) -> None:
         super().__init__(scene, colors, has_contacts)
-        self.height = shape.height
-        self._shape, self._all_colors = shape, colors.colors
+        self.height, self._shape = shape.height, shape
+        self._shared = -(-len(colors.colors) // _MOST_PROTOTYPES)
 
-    def _define_prim(self, stage: Usd.Stage) -> None:
+    def _define_prim(self, stage: Usd.Stage) -> Usd.Prim:
         grains = UsdGeom.PointInstancer.Define(stage, GRAINS)
-        for number, color in enumerate(self._all_colors):
-            path = GRAINS.AppendChild(_PROTOTYPES.format(number))
-            bind_look(self._shape.define(stage, path).GetPrim(), color)
+        UsdGeom.Scope(stage.CreateClassPrim(PROTOTYPES)).GetPrim().SetTypeName("Scope")
+        colors = self._colors.colors
+        for first in range(0, len(colors), self._shared):
+            path = PROTOTYPES.AppendChild(f"Color{first // self._shared:02d}")
+            color = colors[first : first + self._shared].mean(axis=0)
+            define_mesh(stage, path, self._shape, color)
             grains.CreatePrototypesRel().AddTarget(path)
         scales = np.repeat(self._half_width.astype(np.float32)[:, np.newaxis], 3, axis=1)
         grains.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
         grains.CreateProtoIndicesAttr()
         grains.CreatePositionsAttr()
+        return grains.GetPrim()
 
-    def _color(self, levels: IndexArray, colors: GrainColors) -> tuple[str, object]:
-        return "protoIndices", Vt.IntArray.FromNumpy(levels.astype(np.int32))
+    def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
+        return super()._color(levels) | {"protoIndices": (levels // self._shared).astype(np.int32)}

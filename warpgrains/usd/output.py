@@ -13,9 +13,9 @@ RECORDED_BY = "warpgrains"
 """Key in a layer's own data by which a recording is known."""
 
 
-def chunks_of(path: Path) -> Path:
-    """Return the folder that holds the frames of the recording `path` until it is whole."""
-    return path.with_name(path.name + ".chunks")
+def log_of(path: Path) -> Path:
+    """Return the file that holds the frames of the recording `path` until it is complete."""
+    return path.with_name(path.name + ".frames")
 
 
 def lock_output(path: Path) -> Lock:

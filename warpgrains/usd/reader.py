@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.chains import Chains, ChainScale
+from warpgrains.drawing.colormaps import encoded
+from warpgrains.drawing.colors import ColorScale
 from warpgrains.errors import SceneError
 from warpgrains.scene.document import read_parameters
-from warpgrains.usd.chains import Chains, ChainScale
-from warpgrains.usd.colormaps import PALETTE, encoded
-from warpgrains.usd.colors import ColorScale
 from warpgrains.usd.forces import FORCES, GRAINS_OF
-from warpgrains.usd.grains import GRAINS
+from warpgrains.usd.grains import COLOR_INDICES, GRAINS
 from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import read_walls
 
@@ -29,7 +29,7 @@ class RecordingReader:
     Parameters
     ----------
     path : str or Path
-        A USD file that `Recorder` wrote, or the ``root.usda`` of its chunks.
+        A USD file that `Recorder` wrote.
 
     Attributes
     ----------
@@ -60,7 +60,6 @@ class RecordingReader:
             raise SceneError(f"'{path}' holds no grains")
         self._position = prim.GetAttribute("points" if is_points else "positions")
         self._prim = prim
-        self._prototypes = [] if is_points else UsdGeom.PointInstancer(prim).GetPrototypesRel().GetTargets()
         self._codes = self._position.GetTimeSamples()
         if not self._codes:
             raise SceneError(f"'{path}' holds no frames")
@@ -78,11 +77,6 @@ class RecordingReader:
         has_forces = bool(self._stage.GetPrimAtPath(FORCES))
         self.chain_scale = ChainScale.read(scales["forces"]) if has_forces else None
 
-    @property
-    def has_velocities(self) -> bool:
-        """Whether velocities were recorded."""
-        return bool(self._prim.GetAttribute("velocities").IsAuthored())
-
     def position(self, frame: int) -> FloatArray:
         """Return the centres of the grains [m], shape (n, 2)."""
         return _values(self._position, self._codes[frame])[:, :2]
@@ -93,12 +87,9 @@ class RecordingReader:
 
     def color(self, frame: int) -> FloatArray:
         """Return the colors of the grains as screens take them (sRGB), shape (n, 3)."""
-        code = self._codes[frame]
-        if self._prototypes:
-            which = np.array(self._prim.GetAttribute("protoIndices").Get(code))
-            return self._colors_of_prototypes()[which]
-        color = self._prim.GetAttribute("primvars:displayColor")
-        return encoded(_values(color, code)) if color else np.tile(PALETTE[0], (len(self.radius), 1))
+        table = encoded(_values(self._prim.GetAttribute("primvars:displayColor")))
+        indices = values_of(self._prim.GetAttribute(COLOR_INDICES), self._codes[frame])
+        return np.tile(table[0], (len(self.radius), 1)) if indices is None else table[indices]
 
     def scene_fields(self) -> dict[str, Any]:
         """Return the fields of the scene that was simulated, all but what frames and radii tell."""
@@ -109,10 +100,6 @@ class RecordingReader:
         fields = read_parameters(str(told["parameters"]))
         texts = {"name": str(told["name"]), "text": str(told["scene"])}
         return {**fields, **texts, "mass": _values(mass)}
-
-    def _colors_of_prototypes(self) -> FloatArray:
-        prims = [self._stage.GetPrimAtPath(path) for path in self._prototypes]
-        return np.array([encoded(_values(prim.GetAttribute("primvars:displayColor"))[0]) for prim in prims])
 
     def chains(self, frame: int) -> Chains:
         """Return the force chains."""

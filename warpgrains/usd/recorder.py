@@ -4,40 +4,40 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from pxr import Sdf
+from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.chains import ChainScale
+from warpgrains.drawing.colors import GrainColors
+from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import SceneError
+from warpgrains.frame_log import FrameLog
 from warpgrains.scene import checks
-from warpgrains.usd.chains import ChainScale
-from warpgrains.usd.chunks import ChunkFolder
-from warpgrains.usd.colors import Frame, GrainColors
-from warpgrains.usd.flatten import count_frames, flatten, resume
 from warpgrains.usd.forces import ForceChains
-from warpgrains.usd.frame_rate import recording_rate, recording_stride
 from warpgrains.usd.grains import GrainInstances, GrainPoints
-from warpgrains.usd.output import SUFFIXES, chunks_of, lock_output
-from warpgrains.usd.shapes import disc, sphere
+from warpgrains.usd.output import SUFFIXES, lock_output, log_of
 from warpgrains.usd.stage import Drawing, static_layer
+from warpgrains.usd.writer import reopen_log, write_recording
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
 
-DRAWN_AS = ("discs", "spheres", "points", "light")
+DRAWN_AS = ("points", "discs", "spheres")
 
 
 class Recorder:
     """Writes the frames of a run to one USD file: integer time codes 0, 1, 2, ..., one a frame.
 
     Use it in a ``with`` block. The file appears under its name when the block ends well and only then.
-    Until then the frames gather in the folder `chunks` beside it, in chunks of a hundred or 16 MB; viewers
-    open its ``root.usda``. A block left by an exception, Ctrl-C included, leaves all frames there, or
-    nothing if they were less than a chunk. A killed process leaves all but the last chunk. `recover` makes
-    a file of them. Until the block ends, the recorder has a `Lock` on the output.
+    Until then each frame is appended to the log next to it, see `FrameLog`. A killed process leaves all
+    frames there, and so does a block left by an exception, Ctrl-C included; but a log of one frame that was
+    not flushed is deleted. `recover` makes a file of the log. Until the block ends, the recorder has a `Lock`
+    on the output.
 
     Parameters
     ----------
@@ -47,33 +47,32 @@ class Recorder:
     scene : Scene
         What is recorded: radii, walls, time step and the scene's text go into the file.
     frames_per_second : float
-        Wanted frames per second of simulated time [1/s], see `recording_stride`.
+        Wanted frames per second of simulated time [1/s], see `FrameTimes`.
     color_by : str
         Color of the grains: "speed", "pressure", "radius" or "palette", see `GrainColors`.
     forces : bool
         Whether to draw force chains, see `ForceChains`.
     draw_as : str
-        How grains are drawn: as instances of colored "discs" or "spheres", as "points", or "light": as points
-        that have neither colors nor velocities, for long runs of many grains.
+        How grains are drawn: as "points", or as instances of "discs" or "spheres".
     resume_at : int, optional
-        Continue the chunks of an earlier run of the same scene, or its file, with this frame, dropping what
-        follows it. `flush` must have been called when the earlier run had recorded just as many frames.
+        Continue the log of an earlier run of the same scene, or its file, with this frame, dropping what
+        follows it.
 
     Attributes
     ----------
-    path, chunks : Path
-        Output file, and the folder that holds its frames until it is whole.
-    stride : int
-        Steps between two frames.
+    path, log : Path
+        Output file, and the file that holds its frames until it is complete.
+    times : FrameTimes
+        When the frames are, and the step that each is made of.
     needs_contacts : bool
         Whether `record` must be given contacts: for force chains and colors by pressure.
 
     Raises
     ------
     SceneError
-        If the suffix, the coloring or the way to draw is unknown, the folder cannot be written, the chunks of
-        an earlier run are there, or those to continue are not; as an `OutputError`, if another process
-        records to this file, or it is no recording.
+        If the suffix, the coloring or the way to draw is unknown, the folder cannot be written, the log of an
+        earlier run exists, or the one to continue does not; as an `OutputError`, if another process records
+        to this file, or it is no recording.
     """
 
     def __init__(
@@ -84,31 +83,32 @@ class Recorder:
         *,
         color_by: str = "speed",
         forces: bool = False,
-        draw_as: str = "discs",
+        draw_as: str = "points",
         resume_at: int | None = None,
     ) -> None:
         self.path = Path(path)
-        self.chunks = chunks_of(self.path)
-        self.stride = recording_stride(scene.dt, frames_per_second)
+        self.log = log_of(self.path)
+        self.times = FrameTimes.of(scene.dt, frames_per_second)
         colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or (color_by == "pressure" and draw_as != "light")
+        self.needs_contacts = forces or color_by == "pressure"
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains]
         scales: dict[str, dict[str, str | float]] = {}
-        if colors.scale is not None and draw_as != "light":
+        if colors.scale is not None:
             scales["colors"] = colors.scale.described()
         if forces:
             self._drawings.append(ForceChains(scene, grains.height * float(scene.radius.max())))
             scales["forces"] = ChainScale.of(scene).described()
-        static = static_layer(scene, recording_rate(scene.dt, self.stride), self._drawings, scales)
-        self._folder = ChunkFolder(self.chunks, static)
+        static = static_layer(scene, self.times.rate, self._drawings, scales)
+        self._frames = FrameLog(self.log, static.ExportToString())
+        self._is_needed = resume_at is not None
         self._lock = lock_output(self.path)
         try:
             if resume_at is None:
-                self._folder.require_absent()
+                self._frames.require_absent()
             else:
-                resume(self.path, self._folder, resume_at)
+                self._resume(resume_at)
         except BaseException:
             self._lock.release()
             raise
@@ -116,7 +116,7 @@ class Recorder:
     @property
     def frames(self) -> int:
         """Frames recorded so far."""
-        return self._folder.frames
+        return self._frames.frames
 
     def __enter__(self) -> Self:
         return self
@@ -125,11 +125,13 @@ class Recorder:
         try:
             if kind is None:
                 self.close()
-            elif self._folder.has_written:
+            elif self.frames > 1 or self._is_needed:
                 with suppress(OSError):  # what ended the block is the news
-                    self._folder.flush()
+                    self.flush()
+            else:
+                self._frames.remove()
         finally:
-            self._folder.remove_if_empty()
+            self._frames.close()
             self._lock.release()
 
     def record(
@@ -144,7 +146,7 @@ class Recorder:
         Parameters
         ----------
         position, velocity : ndarray
-            [m] and [m/s], shape (n, 2).
+            [m] and [m/s], shape (n, 2), after step ``times.step(frames)``.
         contacts, wall_contacts
             What `Simulation.contacts` and `Simulation.wall_contacts` return; used where `needs_contacts`.
 
@@ -154,69 +156,79 @@ class Recorder:
             If a shape is not (n, 2), n being the number of grains of the scene, or contacts are needed
             and missing.
         OSError
-            If earlier frames could not be written; what was on the disk before is still there.
+            If the frame cannot be written; the frames before it are in the log, and it may be tried again.
         """
         if np.shape(position) != self._shape or np.shape(velocity) != self._shape:
             shapes = f"{np.shape(position)} and {np.shape(velocity)}"
             raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
-        frame = Frame(position, velocity, contacts, wall_contacts)
-        samples: dict[Sdf.Path, object] = {}
+        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts)
+        arrays: dict[str, NDArray[Any]] = {}
         for drawing in self._drawings:
-            samples |= drawing.samples(frame)
-        self._folder.add(samples)
+            arrays |= drawing.samples(frame)
+        self._frames.append(arrays)
 
     def flush(self) -> None:
         """Put all frames so far on the disk: a later run can continue with ``resume_at=recorder.frames``."""
-        self._folder.flush()
+        self._frames.sync()
+        self._is_needed = True
 
     def close(self) -> None:
-        """Make one file of all frames, check it, put it under its name and drop the chunks.
+        """Make one file of all frames, check it, put it under its name and delete the log.
 
         Raises
         ------
         ValueError
             If no frame was recorded.
         OSError
-            If the file cannot be written; the chunks are still there.
+            If the file cannot be written; the log is still there.
         """
         try:
             if self.frames == 0:
                 raise ValueError(f"nothing was recorded for '{self.path}'")
-            self._folder.flush()
-            flatten(self.chunks, self.path, self.frames)
-            self._folder.remove()
+            self.flush()
+            write_recording(self.log, self.path, self.frames)
+            self._frames.remove()
         finally:
+            self._frames.close()
             self._lock.release()
+
+    def _resume(self, frames: int) -> None:
+        """Continue the log behind its first frames; if it has become the file, write it anew from there."""
+        is_joined = self.path.exists() and not self.log.exists()
+        if is_joined:
+            reopen_log(self.path, self.log)
+        try:
+            self._frames.reopen(frames)
+        except SceneError:
+            if is_joined:
+                self.log.unlink()
+            raise
 
 
 def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool) -> GrainPoints:
     """Return the drawing of the grains."""
     checks.one_of("draw_as", draw_as, DRAWN_AS)
-    if draw_as == "light":
-        return GrainPoints(scene, None, has_contacts)
     if draw_as == "points":
         return GrainPoints(scene, colors, has_contacts)
     return GrainInstances(scene, colors, has_contacts, disc() if draw_as == "discs" else sphere())
 
 
-def recover(folder: str | Path) -> tuple[Path, int]:
+def recover(log: str | Path) -> tuple[Path, int]:
     """Make a file of the frames that a killed run left, and return its path and their number.
 
     Parameters
     ----------
-    folder : str or Path
-        The run's chunks, ``<output>.chunks``; they are left as they are.
+    log : str or Path
+        The run's log, ``<output>.frames``; it is left as it is.
 
     Raises
     ------
     SceneError
-        If this is no folder of chunks, or it holds no frames; as an `OutputError`, if its run goes on.
+        This is no log, or it holds no frames; as an `OutputError`, if its run goes on.
     """
-    chunks = Path(checks.path("folder", folder))
-    target = chunks.parent / chunks.stem
-    if chunks.suffix != ".chunks" or target.suffix not in SUFFIXES or not chunks.is_dir():
-        raise SceneError(f"'{folder}' is not a folder of chunks, such as run.usdc.chunks")
+    log = Path(checks.path("log", log))
+    target = log.parent / log.stem
+    if log.suffix != ".frames" or target.suffix not in SUFFIXES or not log.is_file():
+        raise SceneError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
-        frames = count_frames(chunks)
-        flatten(chunks, target, frames)
-    return target, frames
+        return target, write_recording(log, target)

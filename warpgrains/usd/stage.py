@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 import warpgrains
+from warpgrains.drawing.colors import Frame
+from warpgrains.frame_log import Arrays
 from warpgrains.scene.document import parameters_text
-from warpgrains.usd.colors import Frame
-from warpgrains.usd.looks import CAMERA, define_looks
+from warpgrains.usd.looks import CAMERA, define_looks, set_kind
 from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.walls import define_walls, reach_of
 
@@ -24,7 +25,7 @@ class Drawing(Protocol):
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim and all that no frame changes."""
 
-    def samples(self, frame: Frame) -> dict[Sdf.Path, object]:
+    def samples(self, frame: Frame) -> Arrays:
         """Return the value of each attribute that `frame` sets."""
 
 
@@ -37,7 +38,9 @@ def static_layer(
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
-    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/World").GetPrim())
+    world = UsdGeom.Xform.Define(stage, "/World").GetPrim()
+    stage.SetDefaultPrim(world)
+    set_kind(world, "component")
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)

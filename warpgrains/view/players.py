@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.colors import COLORINGS
 from warpgrains.errors import SimulationError
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
-from warpgrains.usd.colors import COLORINGS
 
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation

@@ -4,10 +4,10 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from warpgrains.drawing.chains import CHAIN_COLOR
+from warpgrains.drawing.colormaps import linear
+from warpgrains.drawing.rings import WALL_COLOR
 from warpgrains.pictures.shots import Setting, Shot
-from warpgrains.usd.chains import CHAIN_COLOR
-from warpgrains.usd.colormaps import linear
-from warpgrains.usd.rings import WALL_COLOR
 
 _SEGMENTS = 48  # of a circle
 _FIELD_OF_VIEW = 0.5  # radians

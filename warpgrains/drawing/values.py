@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Vt
 
 _INFINITY = np.float32(np.inf)
 
@@ -16,12 +15,7 @@ def triples(values: NDArray[Any]) -> NDArray[np.float32]:
     return shown
 
 
-def floats(values: NDArray[Any]) -> Vt.FloatArray:
-    """Return values, shape (n,), as the file shows them."""
-    return Vt.FloatArray.FromNumpy(np.ascontiguousarray(values, dtype=np.float32))
-
-
-def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> Vt.Vec3fArray:
+def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return the float32 box [m] that covers spheres, rounded outwards.
 
     Centres [m], shape (n, 3), n >= 1, and half the widths [m], shape (n,), are as the file shows them.
@@ -32,4 +26,4 @@ def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64])
     np.nextafter(low.astype(np.float32), -_INFINITY, out=box[0])
     high = np.add(shown.T, half_width, out=edges).max(axis=1)
     np.nextafter(high.astype(np.float32), _INFINITY, out=box[1])
-    return Vt.Vec3fArray.FromNumpy(box)
+    return box

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.drawing.colormaps import PALETTE, colormap
 from warpgrains.scene import checks
-from warpgrains.usd.colormaps import PALETTE, colormap
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.drawing.colors import Frame, pressure_scale
 from warpgrains.scene.walls import outward
-from warpgrains.usd.colors import Frame, pressure_scale
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

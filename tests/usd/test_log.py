@@ -1,0 +1,225 @@
+import re
+
+import numpy as np
+import pytest
+from pxr import Sdf, Usd
+from recordings import grains_of, make_frames, make_scene, points_recorder, record
+
+from warpgrains.errors import SceneError
+from warpgrains.frame_log import FrameLog, LogReader
+from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.recorder import log_of, recover
+
+SUFFIXES = (".usdc", ".usda", ".usdz")
+
+
+def cut_short(path, frames, error=KeyboardInterrupt, **options):
+    """Record frames and leave the block by an error; return the log."""
+
+    def frames_until_the_error():
+        yield from frames
+        raise error
+
+    with pytest.raises(error):
+        record(path, frames_until_the_error(), **options)
+    return log_of(path)
+
+
+def require_frames(path, frames):
+    assert inspect_recording(path) == []
+    stage = Usd.Stage.Open(str(path))
+    points = grains_of(stage).GetPointsAttr()
+    written = np.array([points.Get(code) for code in points.GetTimeSamples()])
+    assert np.array_equal(written[:, :, :2], frames[:, 0].astype(np.float32))
+
+
+def ends_of_records(log):
+    reader = LogReader(log)
+    return [reader.end, *(reader.end for _ in reader)]
+
+
+class TestLog:
+    def test_arrays_are_read_as_they_were_written(self, tmp_path):
+        frames = [
+            {"b": np.arange(3 * k, dtype=np.float32).reshape(k, 3), "a": np.full(k + 1, -k, np.int32)}
+            for k in range(4)
+        ]
+        log = FrameLog(tmp_path / "log", "constants")
+        for frame in frames:
+            log.append(frame)
+        reader = LogReader(tmp_path / "log")
+        assert (reader.constants, reader.kinds) == ("constants", {"a": "i1", "b": "f3"})
+        for _ in range(2):
+            read = list(reader)
+            assert len(read) == 4
+            for ours, theirs in zip(frames, read, strict=True):
+                assert all(np.array_equal(ours[name], theirs[name]) for name in "ab")
+
+    def test_killed_at_any_byte_keeps_every_complete_frame(self, tmp_path):
+        frames = make_frames(3)
+        log = cut_short(tmp_path / "run.usdc", frames)
+        content, ends = log.read_bytes(), ends_of_records(log)
+        assert ends[-1] == len(content)
+        for size in [*range(ends[1], len(content) + 1, 7), *ends[1:]]:
+            log.write_bytes(content[:size])
+            assert len(list(LogReader(log))) == sum(end <= size for end in ends[1:])
+
+    def test_what_cannot_be_written_leaves_the_log_as_it_was(self, tmp_path, monkeypatch):
+        frames = make_frames(9)
+        with points_recorder(tmp_path / "run.usdc", make_scene()) as recorder:
+            for frame in frames[:3]:
+                recorder.record(*frame)
+            before = recorder.log.read_bytes()
+            file = recorder._frames._file
+
+            class FullDisk:
+                def __getattr__(self, name):
+                    return getattr(file, name)
+
+                def write(self, content):
+                    if len(content) > 50:
+                        return file.write(content[:50])
+                    raise OSError(28, "No space left on device")
+
+            with monkeypatch.context() as patch:
+                patch.setattr(recorder._frames, "_file", FullDisk())
+                with pytest.raises(OSError, match=r"run.usdc.frames' cannot be written: No space left"):
+                    recorder.record(*frames[3])
+            assert recorder.log.read_bytes() == before
+            assert recorder.frames == 3
+            for frame in frames[3:]:
+                recorder.record(*frame)
+        require_frames(tmp_path / "run.usdc", frames)
+
+
+class TestNothingIsLost:
+    @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    def test_a_block_left_by_an_error_keeps_its_frames_apart(self, tmp_path, error, suffix):
+        frames = make_frames(6)
+        log = cut_short(tmp_path / f"run{suffix}", frames, error)
+        assert list(tmp_path.iterdir()) == [log]
+        assert recover(log) == (tmp_path / f"run{suffix}", 6)
+        require_frames(tmp_path / f"run{suffix}", frames)
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    def test_recovered_file_has_the_bytes_of_a_finished_one(self, tmp_path, suffix):
+        frames = make_frames(6)
+        recovered, _ = recover(cut_short(tmp_path / f"run{suffix}", frames, forces=True))
+        (tmp_path / "whole").mkdir()
+        whole = record(tmp_path / "whole" / f"run{suffix}", frames, forces=True)
+        assert recovered.read_bytes() == whole.read_bytes()
+
+    @pytest.mark.parametrize("count", [0, 1])
+    def test_a_block_left_at_the_start_leaves_nothing(self, tmp_path, count):
+        cut_short(tmp_path / "run.usdc", make_frames(count))
+        assert list(tmp_path.iterdir()) == []
+
+    def test_an_earlier_file_stays_until_the_new_one_is_whole(self, tmp_path):
+        path = record(tmp_path / "run.usdc", make_frames(4))
+        before = path.read_bytes()
+        cut_short(path, make_frames(5), ValueError)
+        assert path.read_bytes() == before
+
+    def test_a_whole_file_replaces_an_earlier_one_and_stands_alone(self, tmp_path):
+        path = record(tmp_path / "run.usdc", make_frames(4))
+        record(path, make_frames(9, seed=1))
+        require_frames(path, make_frames(9, seed=1))
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_frames_of_another_run_are_not_touched(self, tmp_path):
+        log = cut_short(tmp_path / "run.usdc", make_frames(5))
+        before = log.read_bytes()
+        with pytest.raises(SceneError, match=r"run.usdc.frames' holds frames of another run"):
+            points_recorder(tmp_path / "run.usdc", make_scene())
+        assert log.read_bytes() == before
+
+    def test_frames_lost_in_writing_the_file_are_noticed(self, tmp_path, monkeypatch):
+        log = cut_short(tmp_path / "run.usdc", make_frames(9))
+        write = Sdf.Layer.SetTimeSample
+
+        def forget_one(layer, path, code, value):
+            if (path.name, code) != ("velocities", 5):
+                write(layer, path, code, value)
+
+        monkeypatch.setattr(Sdf.Layer, "SetTimeSample", forget_one)
+        with pytest.raises(OSError, match=re.escape("holds 8 frames of /World/Grains.velocities after")):
+            recover(log)
+        monkeypatch.undo()
+        assert list(tmp_path.iterdir()) == [log]
+        assert recover(log)[1] == 9
+
+    def test_frames_lost_from_the_log_during_the_run_are_noticed(self, tmp_path):
+        recorder = points_recorder(tmp_path / "run.usdc", make_scene())
+        for frame in make_frames(12):
+            recorder.record(*frame)
+        with recorder.log.open("r+b") as file:
+            file.truncate(ends_of_records(recorder.log)[8])
+        with pytest.raises(
+            OSError, match=re.escape("holds 8 frames of /World/Grains.extent after writing 12")
+        ):
+            recorder.close()
+        assert list(tmp_path.iterdir()) == [recorder.log]
+
+    def test_frames_after_a_damaged_one_are_left_out(self, tmp_path):
+        frames = make_frames(12)
+        log = cut_short(tmp_path / "run.usdc", frames)
+        content = bytearray(log.read_bytes())
+        content[ends_of_records(log)[4] + 50] ^= 1
+        log.write_bytes(content)
+        assert recover(log)[1] == 4
+        require_frames(tmp_path / "run.usdc", frames[:4])
+
+    def test_what_a_kill_left_of_an_unfinished_file_is_removed(self, tmp_path):
+        frames = make_frames(3)
+        log = cut_short(tmp_path / "run.usdc", frames)
+        folder = tmp_path / ".draft.run.usdc"
+        folder.mkdir()
+        for name in ("run.usdc", "run.usdc.a1b2c3"):
+            (folder / name).write_bytes(b"half a file")
+        recover(log)
+        require_frames(tmp_path / "run.usdc", frames)
+        assert set(tmp_path.iterdir()) == {log, tmp_path / "run.usdc"}
+
+
+class TestResume:
+    def test_continues_as_if_never_cut_short(self, tmp_path):
+        frames, path = make_frames(11), tmp_path / "run.usdc"
+        killed = points_recorder(path, make_scene())
+        for frame in frames[:10]:
+            killed.record(*frame)
+        del killed  # and with it its lock
+        with points_recorder(path, make_scene(), resume_at=6) as recorder:
+            assert recorder.frames == 6
+            for frame in frames[6:]:
+                recorder.record(*frame)
+        require_frames(path, frames)
+        whole = record(tmp_path / "whole.usdc", frames)
+        assert path.read_bytes() == whole.read_bytes()
+
+    @pytest.mark.parametrize("suffix", SUFFIXES)
+    def test_continues_a_finished_file(self, tmp_path, suffix):
+        frames = make_frames(11)
+        (tmp_path / "whole").mkdir()
+        whole = record(tmp_path / "whole" / f"run{suffix}", frames)
+        path = record(tmp_path / f"run{suffix}", frames[:8])
+        with points_recorder(path, make_scene(), resume_at=6) as recorder:
+            for frame in frames[6:]:
+                recorder.record(*frame)
+        require_frames(path, frames)
+        assert path.read_bytes() == whole.read_bytes()
+
+    def test_refuses_a_log_of_fewer_frames(self, tmp_path):
+        cut_short(tmp_path / "run.usdc", make_frames(6))
+        with pytest.raises(SceneError, match="holds 6 of the 7 frames"):
+            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=7)
+
+    def test_refuses_a_log_of_another_scene_or_drawing(self, tmp_path):
+        cut_short(tmp_path / "run.usdc", make_frames(4))
+        for scene, options in ((make_scene(text="other"), {}), (make_scene(), {"color_by": "radius"})):
+            with pytest.raises(SceneError, match="holds no frames of this scene"):
+                points_recorder(tmp_path / "run.usdc", scene, resume_at=4, **options)
+
+    def test_refuses_what_is_not_there(self, tmp_path):
+        with pytest.raises(SceneError, match="holds no frames: there is no such file"):
+            points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=4)

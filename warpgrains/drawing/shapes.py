@@ -1,0 +1,82 @@
+"""Meshes that stand for a grain of radius 1 m, and for a wall."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpgrains.arrays import FloatArray
+
+_SEGMENTS = 64  # of a circle about z: its polygon lacks 0.16 % of the disc
+_WALL_SEGMENTS = 256
+_RINGS = 16  # of a sphere, from pole to pole
+_RIM = 0.88  # where the rim of a disc begins, in radii
+_SLOPE = 2.0  # of the rim: shading draws a line between grains that touch
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh of polygons."""
+
+    points: FloatArray
+    """[m], shape (v, 3)."""
+    counts: NDArray[np.int64]
+    """Corners of each polygon, shape (p,)."""
+    corners: NDArray[np.int64]
+    """Indices of the points at the corners of all polygons, counter-clockwise from outside, shape (c,)."""
+    normals: FloatArray
+    """Of each point, shape (v, 3), or of each corner, shape (c, 3)."""
+
+    @property
+    def height(self) -> float:
+        """How far it reaches towards the viewer [m]."""
+        return float(self.points[:, 2].max())
+
+
+def disc() -> Shape:
+    """Return a disc that faces +z, with a sloping rim."""
+    height = _SLOPE * (1.0 - _RIM)
+    points = np.concatenate([_circle(_SEGMENTS, _RIM, height), _circle(_SEGMENTS, 1.0, 0.0)])
+    top = np.arange(_SEGMENTS)
+    rim = _bands(top[np.newaxis] + np.array([[0], [_SEGMENTS]]))
+    counts = np.concatenate([[_SEGMENTS], np.full(len(rim), 4)])
+    corners = np.concatenate([top, rim.ravel()])
+    first = np.cumsum(counts) - counts
+    a, b, c = (points[corners[first + corner]] for corner in range(3))
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
+    return Shape(points, counts, corners, np.repeat(normal, counts, axis=0))
+
+
+def sphere() -> Shape:
+    """Return a sphere."""
+    polar = np.linspace(0.0, np.pi, _RINGS + 1)[1:-1]
+    rings = [_circle(_SEGMENTS, np.sin(angle), np.cos(angle)) for angle in polar]
+    points = np.concatenate([*rings, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]])
+    number = np.arange((_RINGS - 1) * _SEGMENTS).reshape(_RINGS - 1, _SEGMENTS)
+    north, south = np.full((2, _SEGMENTS), [[number.size], [number.size + 1]])
+    onward = np.roll(number, -1, axis=1)
+    caps = [(north, number[0], onward[0]), (south, onward[-1], number[-1])]
+    triangles = np.concatenate([np.stack(cap, axis=1) for cap in caps])
+    sides = _bands(number)
+    counts = np.repeat([3, 4], [len(triangles), len(sides)])
+    return Shape(points, counts, np.concatenate([triangles.ravel(), sides.ravel()]), points)
+
+
+def ring(inner: float, outer: float) -> Shape:
+    """Return the flat ring between two radii [m] in the plane z = 0, facing +z."""
+    points = np.concatenate([_circle(_WALL_SEGMENTS, radius, 0.0) for radius in (inner, outer)])
+    bands = _bands(np.arange(2 * _WALL_SEGMENTS).reshape(2, _WALL_SEGMENTS))
+    return Shape(points, np.full(len(bands), 4), bands.ravel(), np.tile([0.0, 0.0, 1.0], (len(points), 1)))
+
+
+def _circle(segments: int, radius: float, height: float) -> FloatArray:
+    angle = np.arange(segments) * 2.0 * np.pi / segments
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(segments, height)], axis=1)
+
+
+def _bands(number: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the quadrilaterals between rings of points, numbered from top to bottom, shape (k, 4)."""
+    onward = np.roll(number, -1, axis=1)
+    corners = [number[:-1], number[1:], onward[1:], onward[:-1]]
+    return np.stack(corners, axis=-1).reshape(-1, 4)

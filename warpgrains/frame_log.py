@@ -1,0 +1,223 @@
+"""The log of a recording: a file to which each frame is appended as it comes, and which survives a kill.
+
+The file is a magic line and records. A record is the length [bytes] and the CRC-32 of its content, then the
+content. The first record is JSON: what no frame changes, and the name and kind of the arrays of a frame. Each
+further record is a frame: the lengths of its arrays, then the arrays, little-endian, in the order of the
+names. A record that is cut short or damaged ends the log.
+"""
+
+import json
+import os
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpgrains.errors import SceneError
+from warpgrains.files import write_whole
+
+Arrays = Mapping[str, NDArray[Any]]
+"""One frame: float32 or int32 arrays by name, shape (n,) or (n, k)."""
+
+_MAGIC = b"warpgrains frames 1\n"
+_HEAD = struct.Struct("<QI")
+_SYNC_FRAMES = 100
+_SYNC_BYTES = 16e6
+
+
+class FrameLog:
+    """Appends frames to a log; the first frame creates the file.
+
+    Every frame reaches the operating system at once, so that a killed process loses none, and the disk after
+    100 frames or 16 MB, and when `sync` is called.
+
+    Attributes
+    ----------
+    path : Path
+    frames : int
+        Number of frames in the log.
+    """
+
+    def __init__(self, path: Path, constants: str) -> None:
+        self.path, self.frames = path, 0
+        self._constants = constants
+        self._kinds: dict[str, str] = {}
+        self._file: BinaryIO | None = None
+        self._end = 0
+        self._unsynced = 0, 0
+
+    def require_absent(self) -> None:
+        """Raise SceneError if the file exists: it may hold the only copy of the frames of another run."""
+        if self.path.exists():
+            raise SceneError(
+                f"'{self.path}' holds frames of another run: make a recording of them with"
+                " 'warpgrains recover', or delete it"
+            )
+
+    def reopen(self, frames: int) -> None:
+        """Continue an existing log behind its first `frames` frames; later frames are dropped.
+
+        Raises
+        ------
+        SceneError
+            The log has other constants, or fewer frames.
+        """
+        reader = LogReader(self.path)
+        if reader.constants != self._constants:
+            raise SceneError(f"'{self.path}' holds no frames of this scene, drawn as now asked for")
+        end, held = reader.end, 0
+        for _ in reader:
+            held, end = held + 1, reader.end
+            if held == frames:
+                break
+        if held != frames:
+            raise SceneError(f"'{self.path}' holds {held} of the {frames} frames to continue from")
+        self._kinds, self.frames = reader.kinds, frames
+        self._open(end)
+
+    def append(self, arrays: Arrays) -> None:
+        """Append one frame.
+
+        Raises
+        ------
+        OSError
+            It cannot be written; the log is as it was before.
+        """
+        if self._file is None:
+            self._create(arrays)
+        ordered = [np.ascontiguousarray(arrays[name]) for name in self._kinds]
+        lengths = struct.pack(f"<{len(ordered)}I", *map(len, ordered))
+        record = _record(b"".join([lengths, *(array.data for array in ordered)]))
+        self._write(record)
+        self.frames += 1
+        count, size = self._unsynced
+        self._unsynced = count + 1, size + len(record)
+        if count + 1 >= _SYNC_FRAMES or size + len(record) >= _SYNC_BYTES:
+            self.sync()
+
+    def sync(self) -> None:
+        """Wait until all frames are on the disk."""
+        if self._file is not None:
+            os.fsync(self._file.fileno())
+        self._unsynced = 0, 0
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def remove(self) -> None:
+        """Close and delete the file."""
+        self.close()
+        self.path.unlink(missing_ok=True)
+
+    def _create(self, arrays: Arrays) -> None:
+        self.require_absent()
+        self._kinds = {name: _kind(array) for name, array in sorted(arrays.items())}
+        header = json.dumps({"constants": self._constants, "kinds": self._kinds}).encode()
+        content = _MAGIC + _record(header)
+        with _naming(self.path):
+            write_whole(self.path, content)
+        self._open(len(content))
+
+    def _open(self, end: int) -> None:
+        self._file, self._end = self.path.open("r+b", buffering=0), end
+        self._file.truncate(end)
+        self._file.seek(end)
+
+    def _write(self, record: bytes) -> None:
+        assert self._file is not None
+        left = memoryview(record)
+        try:
+            with _naming(self.path):
+                while left:
+                    left = left[self._file.write(left) :]
+        except BaseException:
+            self._file.truncate(self._end)
+            self._file.seek(self._end)
+            raise
+        self._end += len(record)
+
+
+class LogReader:
+    """Reads a log; iterating yields each frame, up to the first record that is cut short or damaged.
+
+    Attributes
+    ----------
+    path : Path
+    constants : str
+        What no frame changes.
+    kinds : dict
+        By name of an array, its type and number of columns, such as "f3".
+    end : int
+        Where the last record that was read ends [bytes].
+
+    Raises
+    ------
+    SceneError
+        The file is missing or no log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if not path.is_file():
+            raise SceneError(f"'{path}' holds no frames: there is no such file")
+        with path.open("rb") as file:
+            content = _read(file) if file.read(len(_MAGIC)) == _MAGIC else None
+            self._start = self.end = file.tell()
+        try:
+            header = json.loads(content or b"")
+            self.constants: str = header["constants"]
+            self.kinds: dict[str, str] = header["kinds"]
+        except (ValueError, KeyError, TypeError):
+            raise SceneError(f"'{path}' is not a log of frames") from None
+
+    def __iter__(self) -> Iterator[dict[str, NDArray[Any]]]:
+        with self.path.open("rb") as file:
+            file.seek(self._start)
+            while (content := _read(file)) is not None:
+                self.end = file.tell()
+                yield self._frame(content)
+
+    def _frame(self, content: bytes) -> dict[str, NDArray[Any]]:
+        lengths = np.frombuffer(content, "<u4", len(self.kinds))
+        frame, start = {}, lengths.nbytes
+        for (name, kind), length in zip(self.kinds.items(), lengths.tolist(), strict=True):
+            columns = int(kind[1:])
+            array = np.frombuffer(content, f"<{kind[0]}4", length * columns, start)
+            frame[name] = array.reshape(-1, columns) if columns > 1 else array
+            start += array.nbytes
+        return frame
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Name the file in an OSError."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(f"'{path}' cannot be written: {error.strerror or error}") from error
+
+
+def _kind(array: NDArray[Any]) -> str:
+    return f"{array.dtype.kind}{array.shape[1] if array.ndim == 2 else 1}"
+
+
+def _record(content: bytes) -> bytes:
+    return _HEAD.pack(len(content), crc32(content)) + content
+
+
+def _read(file: BinaryIO) -> bytes | None:
+    """Return the content of the next record; None where there is no whole one."""
+    head = file.read(_HEAD.size)
+    if len(head) < _HEAD.size:
+        return None
+    length, checksum = _HEAD.unpack(head)
+    content = file.read(min(length, os.fstat(file.fileno()).st_size))
+    return content if len(content) == length and crc32(content) == checksum else None

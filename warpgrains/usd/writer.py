@@ -1,0 +1,155 @@
+"""A USD file out of a log of frames, and back again, with some 28 MB of frames in memory at a time."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Tf, UsdUtils, Work
+
+from warpgrains.errors import SceneError
+from warpgrains.files import followed, publish
+from warpgrains.frame_log import FrameLog, LogReader
+
+_SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
+_SAMPLE = 128  # bytes that a value takes in memory beside its array
+
+
+def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
+    """Write the frames of a log to one USD file, and return their number.
+
+    The file, ``.usdc``, ``.usda`` or ``.usdz``, takes the place of an earlier one when it is complete,
+    checked and on the disk.
+
+    Parameters
+    ----------
+    log, target : Path
+    frames : int, optional
+        How many frames there must be; by default, as many as can be read.
+
+    Raises
+    ------
+    SceneError
+        The log is none, or has no frames.
+    OSError
+        The file cannot be written, or would not hold these frames.
+    """
+    reader, target = LogReader(log), followed(target)
+    with _workplace(target) as folder:
+        binary, draft = folder / f"{target.stem}.usdc", folder / target.name
+        with _reporting_os_errors(target), _freeing_at_once():
+            written = _write_binary(reader, binary, frames)
+            if target.suffix == ".usda":
+                Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
+            elif target.suffix == ".usdz":
+                UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
+            _require_frames(draft, reader.kinds, written if frames is None else frames)
+        publish(draft, target)
+    return written
+
+
+def reopen_log(recording: Path, log: Path) -> None:
+    """Write the frames of a finished recording back to a log, which appears when it is complete.
+
+    Raises
+    ------
+    OSError
+        The recording cannot be read, or the log cannot be written.
+    """
+    draft = log.with_name(f".draft.{log.name}")
+    draft.unlink(missing_ok=True)
+    with _reporting_os_errors(recording):
+        flat = Sdf.Layer.OpenAsAnonymous(str(recording))
+        paths: list[Sdf.Path] = []
+        flat.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+        animated = [
+            path for path in paths if path.IsPrimPropertyPath() and flat.GetNumTimeSamplesForPath(path)
+        ]
+        frames = FrameLog(draft, _without_frames(flat, animated))
+        for code in flat.ListAllTimeSamples():
+            frames.append({str(path): np.array(flat.QueryTimeSample(path, code)) for path in animated})
+    frames.sync()
+    frames.close()
+    draft.rename(log)
+
+
+def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
+    """Return all of a layer that no frame changes, as text."""
+    constants = Sdf.Layer.CreateAnonymous(".usdc")
+    constants.TransferContent(flat)
+    for path in animated:
+        constants.GetAttributeAtPath(path).ClearInfo("timeSamples")
+    constants.ClearStartTimeCode()
+    constants.ClearEndTimeCode()
+    return str(constants.ExportToString())
+
+
+def _write_binary(reader: LogReader, binary: Path, frames: int | None) -> int:
+    """Write the first frames of a log, or all, to a usdc file, and return how many it has."""
+    flat = Sdf.Layer.CreateNew(str(binary))
+    constants = Sdf.Layer.CreateAnonymous(".usda")
+    constants.ImportFromString(reader.constants)
+    flat.TransferContent(constants)
+    attributes = {name: flat.GetAttributeAtPath(name) for name in reader.kinds}
+    samples = {name: (spec.path, type(spec.typeName.defaultValue)) for name, spec in attributes.items()}
+    written = unsaved = 0
+    for written, frame in enumerate(islice(reader, frames), start=1):
+        for name, array in frame.items():
+            path, kind = samples[name]
+            flat.SetTimeSample(path, written - 1, kind.FromNumpy(array))
+            unsaved += array.nbytes + _SAMPLE
+        if unsaved > _SAVED_AT_ONCE:
+            flat.Save()
+            unsaved = 0
+    if not written:
+        raise SceneError(f"'{reader.path}' holds no frames of a recording")
+    flat.startTimeCode, flat.endTimeCode = 0, written - 1
+    flat.Save()
+    return written
+
+
+def _require_frames(path: Path, names: Any, frames: int) -> None:
+    """Raise OSError unless `path` can be read and holds `frames` time samples of each attribute."""
+    layer = Sdf.Layer.OpenAsAnonymous(str(path))
+    for name in names:
+        found = layer.GetNumTimeSamplesForPath(name)
+        if found != frames:
+            raise OSError(f"'{path}' holds {found} frames of {name} after writing {frames}")
+
+
+@contextmanager
+def _workplace(target: Path) -> Iterator[Path]:
+    """Give an empty folder next to the target: USD leaves files of its own names there when it is killed."""
+    folder = target.with_name(f".draft.{target.name}")
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder)
+
+
+@contextmanager
+def _reporting_os_errors(path: Path) -> Iterator[None]:
+    """Turn what USD raises when it cannot write `path` or read it back into an OSError of one line."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        reasons = [one.commentary.strip() for one in error.args]
+        raise OSError(
+            f"'{path}' cannot be written and read back: {reasons[0] if reasons else error}"
+        ) from error
+
+
+@contextmanager
+def _freeing_at_once() -> Iterator[None]:
+    """Keep USD from freeing saved values in threads of its own: on a busy machine it would be late by all."""
+    limit = Work.GetConcurrencyLimit()
+    Work.SetConcurrencyLimit(1)
+    try:
+        yield
+    finally:
+        Work.SetConcurrencyLimit(limit)
