@@ -123,5 +123,6 @@ def test_picture_that_cannot_be_written(tmp_path):
         text=True,
     )
     assert done.returncode == 1
-    assert done.stderr == "warpgrains: error: [Errno 27] File too large\n"
+    picture = path.with_suffix(".png")
+    assert done.stderr == f"warpgrains: error: '{picture}' cannot be written: File too large\n"
     assert list(tmp_path.iterdir()) == [path]

@@ -45,7 +45,7 @@ def radial_distribution(
     reach : float, optional
         Where the bins end [m]; by default five mean diameters.
     region : mapping, optional
-        Ranges [m] of the centres, as `grains.region` of scene files has them: of `x`, `y` and `distance` from
+        Ranges [m] of the centres, as `grains.region` of scene files has them: of x, y and distance from
         the origin; without any, ``{}``, all space between the walls. By default the space at least a mean
         diameter from the walls, along which grains are layered, and, where there is gravity, beneath the mean
         height of the grains, weighted by area, as for `packing_fraction`.

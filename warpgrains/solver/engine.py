@@ -223,8 +223,8 @@ class Engine:
 
     def service(self) -> bool:
         """Do what scenes wait for; return whether one of them can go on."""
-        if not self.outcome.any():  # all are solved
-            return bool(self.left.any())
+        if not self.outcome.any():  # all are solved; a team ends its launch before it grows
+            return bool(self.left.any() and not self._halt[0])
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:
             self._service.look_for_proof(k, self._done(k))
@@ -235,7 +235,7 @@ class Engine:
             self.seconds[k] += perf_counter() - start
         waiting = self._grow() + unproved + slow
         self.outcome[waiting] = SOLVED
-        return bool((self.left[self.outcome == SOLVED] > 0).any())
+        return bool((self.left[self.outcome == SOLVED] > 0).any() and not self._halt[0])
 
     def _grow(self) -> list[int]:
         """Make room where a list needs it; return for which scenes there is room now."""
