@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mutations import mutations, odd_texts
+from changed_bytes import mutations, odd_texts
 from same_bits import contents
 from trimmed import trimmed
 

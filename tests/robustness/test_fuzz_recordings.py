@@ -12,7 +12,7 @@ from command import answer
 from forks import ForkServer
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mutations import mutations, reworded_texts
+from changed_bytes import mutations, reworded_texts
 from recordings import make_frames, record
 from test_foreign_recordings import FOREIGN
 from trimmed import trimmed

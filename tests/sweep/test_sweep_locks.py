@@ -58,15 +58,16 @@ def test_run_of_another_sweep_begun_meanwhile_is_left(tmp_path, kept, monkeypatc
     from warpgrains.cli import batch as command
 
     out, sweep = tmp_path / "out", write(tmp_path)
+    another = (kept / "runs" / "00001" / "scene.toml").read_text()
 
     def come_between(*arguments):
         shutil.copytree(kept / "runs" / "00000", out / "runs" / "00000")
         (out / "runs" / "00000" / "result.csv").unlink()
-        (out / "runs" / "00000" / "scene.toml").write_text("another")
+        (out / "runs" / "00000" / "scene.toml").write_text(another)
         return finish(*arguments)
 
     finish = command._finish
     monkeypatch.setattr(command, "_finish", come_between)
     assert batch(sweep, "-o", out) == 1
     assert "00000/scene.toml' is another scene" in capfd.readouterr().out
-    assert (out / "runs" / "00000" / "scene.toml").read_text() == "another"
+    assert (out / "runs" / "00000" / "scene.toml").read_text() == another
