@@ -8,9 +8,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
+from changed_bytes import mutations, odd_texts
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from changed_bytes import mutations, odd_texts
 from same_bits import contents
 from trimmed import trimmed
 

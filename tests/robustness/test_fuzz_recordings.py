@@ -8,11 +8,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
+from changed_bytes import mutations, reworded_texts
 from command import answer
 from forks import ForkServer
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from changed_bytes import mutations, reworded_texts
 from recordings import make_frames, record
 from test_foreign_recordings import FOREIGN
 from trimmed import trimmed
