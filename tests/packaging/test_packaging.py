@@ -94,13 +94,17 @@ def test_editable_installation_finds_all_packages(editable, tmp_path):
     subprocess.run([editable, "-c", script, *packages], cwd=tmp_path, check=True)
 
 
+EXPERIMENTAL = "WARNING `[tool.distutils]` in `pyproject.toml` is still *experimental*"
+"""What setuptools says of the table by which type checkers find an editable installation."""
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """An sdist, and the wheel that is made of it."""
     folder = tmp_path_factory.mktemp("dist")
     command = [sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
-    assert "WARNING" not in done.stdout + done.stderr
+    assert "WARNING" not in (done.stdout + done.stderr).replace(EXPERIMENTAL, "")
     return folder
 
 
