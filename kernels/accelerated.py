@@ -15,13 +15,12 @@ Only the working set is swept (working_set.py).
 import warp as wp
 
 from . import law
-from .access import at, larger, put, read_wall, set_wall_dv, wall_dv_at
-from .chunks import CHUNK, chunks_in, part_count, wall_part_count
+from .access import at, larger, put, working_first_of, working_normal_of
+from .contacts import chunks_of_set, contact_count, is_wall_set, part_count
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, grain_count, pair_count, wall_count
+from .record import Scene, grain_count, pair_count
 from .threads import Team, keep_largest, thread_range
 from .types import Contacts, Grains, WorkingSet
-from .walls import WallContact, has_inner, outer_gap_rate, wall_cost, wall_projection
 
 f64 = wp.float64
 ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
@@ -43,7 +42,7 @@ def relaxation_factor(s: Scene) -> f64:
 
 
 def sweeping(count: int, weighted: bool) -> wp.Function:
-    """Return the function that corrects working pairs from y, in place, so many at a time (lanes.py).
+    """Return the function that corrects pairs of the working set from y, in place, `count` at a time.
 
     It takes `(scene, begin, end)` and returns the largest |dv|, the cost in phi less the gain, and the slope.
     """
@@ -75,17 +74,17 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
             if wp.static(weighted):
                 share_i, share_j, mu = shares_of(working, c)
             gap_rate = numbers_at(working.gap_rate, c)
-            x = numbers_at(working.pair_dv, c)
-            ahead = beta * (x - numbers_at(working.pair_last, c))
+            x = numbers_at(working.dv, c)
+            ahead = beta * (x - numbers_at(working.last_dv, c))
             y = x + ahead
-            excess = approach(grains.next_velocity, working.pairs, c) - gap_rate
+            excess = approach(grains.next_velocity, working.contact, c) - gap_rate
             dv = vector()
             for k in range(wp.static(count)):
                 dv[k] = law.pair_correction(factor * excess[k], y[k], f64(0.0))
             zeta = larger_of(zeta, larger_of(dv, -dv))
-            push_apart(grains.next_velocity, working.pairs, c, dv, share_i, share_j)
-            set_numbers(working.pair_last, c, x)
-            set_numbers(working.pair_dv, c, y + dv)
+            push_apart(grains.next_velocity, working.contact, c, dv, share_i, share_j)
+            set_numbers(working.last_dv, c, x)
+            set_numbers(working.dv, c, y + dv)
             gain = product_of(dv, excess - half * dv)
             rise = sum_of(rise, product_of(mu, product_of(gap_rate, ahead) - ENOUGH * gain))
             slope = sum_of(slope, product_of(mu, product_of(dv, ahead + dv)))
@@ -103,94 +102,88 @@ sweep_four_weighted, sweep_one_weighted = sweeping(FOUR, True), sweeping(1, True
 
 
 @wp.func
-def correct_wall(s: Scene, c: int, beta: f64, relaxation: f64) -> wp.vec3d:
-    """One grain's wall correction from y, in place. Returns |dv|, cost in phi less gain, slope."""
-    wall = WallContact()
-    read_wall(s.working.walls, c, wall)
-    v = at(s.grains.next_velocity, wall.i)
-    inner = has_inner(s.walls)
-    y = wall.dv + beta * (wall.dv - at(s.working.wall_last, c))
-    vn = wp.dot(v, wall.n)
-    gap_out = outer_gap_rate(wall, v, s.walls)
-    gap_in = wp.where(inner, wall.gap_rate_in, -gap_out)  # so that the cost is linear without an inner wall
-    new = wall_projection(relaxation * vn, y, relaxation * gap_out, relaxation * gap_in, inner)
+def correct_wall(s: Scene, c: int) -> wp.vec3d:
+    """Correct one contact with a wall from y, in place. Returns |dv|, cost in phi less gain, slope."""
+    working, factor = s.working, relaxation_factor(s)
+    i, n = working_first_of(working.contact, c), working_normal_of(working.contact, c)
+    v = at(s.grains.next_velocity, i)
+    x = at(working.dv, c)
+    y = x + s.momentum.state.beta * (x - at(working.last_dv, c))
+    vn = wp.dot(v, n)
+    limits = at(working.limits, c - pair_count(s))
+    gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, n), limits[1])
+    new = law.projection(factor * vn, y, factor * gap, factor * limits[0])
     dv = new - y
-    put(s.grains.next_velocity, wall.i, v - dv * wall.n)
-    put(s.working.wall_last, c, wall.dv)
-    set_wall_dv(s.working.walls, c, new)
-    cost_y = wall_cost(y, gap_out, gap_in)
-    gain = dv * (vn - f64(0.5) * dv) - (wall_cost(new, gap_out, gap_in) - cost_y)
-    rise = cost_y - wall_cost(wall.dv, gap_out, gap_in) - ENOUGH * gain
-    mu = mass_in_phi(s.grains, s.contacts, wall.i)
-    return wp.vec3d(wp.abs(dv), mu * rise, -mu * dv * (new - wall.dv))
+    put(s.grains.next_velocity, i, v - dv * n)
+    put(working.last_dv, c, x)
+    put(working.dv, c, new)
+    cost_y = law.wall_cost(y, gap, limits[0])
+    gain = dv * (vn - f64(0.5) * dv) - (law.wall_cost(new, gap, limits[0]) - cost_y)
+    rise = cost_y - law.wall_cost(x, gap, limits[0]) - ENOUGH * gain
+    mu = mass_in_phi(s.grains, s.contacts, i)
+    return wp.vec3d(wp.abs(dv), mu * rise, -mu * dv * (new - x))
 
 
 @wp.func
-def sweep_pairs_ahead(team: Team, s: Scene, k: int):
-    """Correct the working pairs of a set, four at a time and then those that are left."""
+def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
+    """Correct contacts with walls. Returns what `sweeping` does."""
+    total = wp.vec3d()
+    c = int(begin)
+    while c < end:
+        one = correct_wall(s, c)
+        total = wp.vec3d(larger(total[0], one[0]), total[1] + one[1], total[2] + one[2])
+        c += 1
+    return total
+
+
+@wp.func
+def sweep_pairs(s: Scene, begin: int, end: int) -> wp.vec3d:
+    """Correct pairs, four at a time and then those that are left. Returns what `sweeping` does."""
+    rest = end_of_fours(begin, end)
+    four, one = wp.vec3d(), wp.vec3d()
+    if s.working.weights.shape[0] > 0:
+        four = sweep_four_weighted(s, begin, rest)
+        one = sweep_one_weighted(s, rest, end)
+    else:
+        four = sweep_four(s, begin, rest)
+        one = sweep_one(s, rest, end)
+    return wp.vec3d(larger(four[0], one[0]), four[1] + one[1], four[2] + one[2])
+
+
+@wp.func
+def sweep_ahead(team: Team, s: Scene, k: int):
+    """Correct the contacts of a set that are in the working set."""
     zeta = f64(0.0)
-    weighted = s.working.weights.shape[0] > 0
-    set_begin, set_end = at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1)
-    first, last = thread_range(team, set_begin // CHUNK, chunks_in(set_end))
+    begin, end, _, part = chunks_of_set(s, k)
+    first, last = thread_range(team, begin, end)
     for chunk in range(first, last):
-        four, one = wp.vec3d(), wp.vec3d()
-        bounds = at(s.working.pair_range, chunk + k)
-        rest = end_of_fours(bounds[0], bounds[1])
-        if weighted:
-            four = sweep_four_weighted(s, bounds[0], rest)
-            one = sweep_one_weighted(s, rest, bounds[1])
+        bounds = at(s.working.range, part + chunk)
+        total = wp.vec3d()
+        if is_wall_set(s, k):
+            total = sweep_walls(s, bounds[0], bounds[1])
         else:
-            four = sweep_four(s, bounds[0], rest)
-            one = sweep_one(s, rest, bounds[1])
-        put(s.momentum.pair_part, chunk + k, wp.vec2d(four[1] + one[1], four[2] + one[2]))
-        zeta = larger(zeta, larger(four[0], one[0]))
-    keep_largest(team, s.partial.zeta, zeta)
-
-
-@wp.func
-def sweep_walls_ahead(team: Team, s: Scene):
-    """Correct the working wall contacts."""
-    zeta = f64(0.0)
-    beta = s.momentum.state.beta
-    relaxation = relaxation_factor(s)
-    first, last = thread_range(team, 0, wall_part_count(s))
-    for chunk in range(first, last):
-        part = wp.vec2d(f64(0.0), f64(0.0))
-        bounds = at(s.working.wall_range, chunk)
-        c = int(bounds[0])
-        while c < bounds[1]:
-            result = correct_wall(s, c, beta, relaxation)
-            part = part + wp.vec2d(result[1], result[2])
-            zeta = larger(zeta, result[0])
-            c += 1
-        put(s.momentum.wall_part, chunk, part)
+            total = sweep_pairs(s, bounds[0], bounds[1])
+        put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
+        zeta = larger(zeta, total[0])
     keep_largest(team, s.partial.zeta, zeta)
 
 
 @wp.func
 def begin_momentum(team: Team, s: Scene):
     """Nothing is selected yet; start without momentum, or go on with it."""
-    nothing = wp.vec2i(0, 0)
     first, last = thread_range(team, 0, part_count(s))
     for k in range(first, last):
-        put(s.momentum.pair_part, k, wp.vec2d(f64(0.0), f64(0.0)))
-        put(s.working.pair_range, k, nothing)
-    first, last = thread_range(team, 0, wall_part_count(s))
-    for k in range(first, last):
-        put(s.working.wall_range, k, nothing)
+        put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))
+        put(s.working.range, k, wp.vec2i(0, 0))
     if s.control.resuming != 0:
         return
     i, last = thread_range(team, 0, grain_count(s))
     while i < last:
         put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
         i += 1
-    c, last = thread_range(team, 0, pair_count(s))
+    c, last = thread_range(team, 0, contact_count(s))
     while c < last:
-        put(s.momentum.pair_last, c, at(s.contacts.pair_dv, c))
-        c += 1
-    c, last = thread_range(team, 0, wall_count(s))
-    while c < last:
-        put(s.momentum.wall_last, c, wall_dv_at(s.contacts.walls, c))
+        put(s.momentum.last_dv, c, at(s.contacts.dv, c))
         c += 1
     if team.rank == 0:
         s.momentum.state.t = f64(1.0)

@@ -15,8 +15,7 @@ import re
 
 import warp as wp
 
-from .types import Pair, WorkingPair
-from .walls import WallContact
+from .types import Contact, WorkingContact
 
 f64 = wp.float64
 CHECKED = os.environ.get("WARPGRAINS_CHECK_BOUNDS") == "1"
@@ -98,74 +97,62 @@ def lowest_bit(bits: wp.uint64) -> int:
     ...
 
 
-@wp.func_native(checked("pairs.data[c] = {source.data[k].n, 2u * source.data[k].i, 2u * source.data[k].j};"))
-def copy_pair(pairs: wp.array(dtype=WorkingPair), c: int, source: wp.array(dtype=Pair), k: int):
-    """Make a working pair of a pair."""
+@wp.func_native(checked("working.data[c] = {all.data[k].n, 2u * all.data[k].i, 2u * all.data[k].j};"))
+def copy_contact(working: wp.array(dtype=WorkingContact), c: int, all: wp.array(dtype=Contact), k: int):
+    """Make a contact of the working set of one of all."""
     ...
 
 
-@wp.func_native(checked("return pairs.data[c].n;"))
-def normal_of(pairs: wp.array(dtype=Pair), c: int) -> wp.vec2d:
-    """Read a pair's unit normal."""
+@wp.func_native(checked("return contact.data[c].n;"))
+def normal_of(contact: wp.array(dtype=Contact), c: int) -> wp.vec2d:
+    """Read a contact's unit normal."""
     ...
 
 
-@wp.func_native(checked("pairs.data[c].i = i; pairs.data[c].j = j;"))
-def set_grains(pairs: wp.array(dtype=Pair), c: int, i: int, j: int):
-    """Write a pair's grains."""
+@wp.func_native(checked("contact.data[c].i = i; contact.data[c].j = j;"))
+def set_bodies(contact: wp.array(dtype=Contact), c: int, i: int, j: int):
+    """Write a contact's grain, and its other grain or wall."""
     ...
 
 
-@wp.func_native(checked("pairs.data[c].n = n; pairs.data[c].gap_rate = gap_rate;"))
-def freeze_pair(pairs: wp.array(dtype=Pair), c: int, n: wp.vec2d, gap_rate: f64):
-    """Write a pair's unit normal, and its gap / dt [m/s]."""
+@wp.func_native(checked("contact.data[c].n = n; contact.data[c].gap_rate = gap_rate;"))
+def set_frame(contact: wp.array(dtype=Contact), c: int, n: wp.vec2d, gap_rate: f64):
+    """Write a contact's unit normal, and its gap / dt [m/s]."""
     ...
 
 
-@wp.func_native(checked("return pairs.data[c].gap_rate;"))
-def gap_rate_of(pairs: wp.array(dtype=Pair), c: int) -> f64:
-    """Read a pair's gap / dt [m/s]."""
+@wp.func_native(checked("return contact.data[c].gap_rate;"))
+def gap_rate_of(contact: wp.array(dtype=Contact), c: int) -> f64:
+    """Read a contact's gap / dt [m/s]."""
     ...
 
 
-@wp.func_native(checked("return pairs.data[c].i;"))
-def first_of(pairs: wp.array(dtype=Pair), c: int) -> int:
-    """Read a pair's first grain."""
+@wp.func_native(checked("return contact.data[c].i;"))
+def first_of(contact: wp.array(dtype=Contact), c: int) -> int:
+    """Read a contact's grain, the first of two."""
     ...
 
 
-@wp.func_native(checked("return pairs.data[c].j;"))
-def second_of(pairs: wp.array(dtype=Pair), c: int) -> int:
-    """Read a pair's second grain."""
+@wp.func_native(checked("return contact.data[c].j;"))
+def second_of(contact: wp.array(dtype=Contact), c: int) -> int:
+    """Read a contact's second grain, or its wall."""
+    ...
+
+
+@wp.func_native(checked("return (int)working.data[c].i / 2;"))
+def working_first_of(working: wp.array(dtype=WorkingContact), c: int) -> int:
+    """Read the grain, the first of two, of a contact of the working set."""
+    ...
+
+
+@wp.func_native(checked("return working.data[c].n;"))
+def working_normal_of(working: wp.array(dtype=WorkingContact), c: int) -> wp.vec2d:
+    """Read the unit normal of a contact of the working set."""
     ...
 
 
 @wp.func
-def vn_of(velocity: wp.array(dtype=wp.vec2d), pairs: wp.array(dtype=Pair), c: int) -> f64:
+def vn_of(velocity: wp.array(dtype=wp.vec2d), contact: wp.array(dtype=Contact), c: int) -> f64:
     """Return the velocity at which a pair closes its gap [m/s]."""
-    difference = at(velocity, first_of(pairs, c)) - at(velocity, second_of(pairs, c))
-    return wp.dot(difference, normal_of(pairs, c))
-
-
-@wp.func_native(checked("wall = walls.data[c];"))
-def read_wall(walls: wp.array(dtype=WallContact), c: int, wall: wp.ref[WallContact]):
-    """Read a contact with a wall."""
-    ...
-
-
-@wp.func_native(checked("walls.data[c] = wall;"))
-def set_wall(walls: wp.array(dtype=WallContact), c: int, wall: WallContact):
-    """Write a contact with a wall."""
-    ...
-
-
-@wp.func_native(checked("return walls.data[c].dv;"))
-def wall_dv_at(walls: wp.array(dtype=WallContact), c: int) -> f64:
-    """Read the correction of a contact with a wall."""
-    ...
-
-
-@wp.func_native(checked("walls.data[c].dv = value;"))
-def set_wall_dv(walls: wp.array(dtype=WallContact), c: int, value: f64):
-    """Write the correction of a contact with a wall."""
-    ...
+    difference = at(velocity, first_of(contact, c)) - at(velocity, second_of(contact, c))
+    return wp.dot(difference, normal_of(contact, c))

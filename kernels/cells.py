@@ -7,7 +7,7 @@ bounds.
 import warp as wp
 
 from .access import add, at, put
-from .record import Scene
+from .record import Scene, grain_count
 from .types import Ints
 
 f64 = wp.float64
@@ -62,9 +62,11 @@ def count_in_cell(s: Scene, i: int):
 
 @wp.func
 def end_cells(s: Scene):
-    """Where every bucket ends."""
+    """Where every bucket ends; no contact with a wall is found yet."""
     ends(s.grid.cell_start, s.grid.cell_start)
     put(s.neighbors.total, 0, 0)
+    for b in range(grain_count(s), s.neighbors.seconds.shape[0]):
+        put(s.neighbors.seconds, b, 0)
 
 
 @wp.func

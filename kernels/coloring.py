@@ -15,6 +15,7 @@ list has changed.
 import warp as wp
 
 from .access import at, lowest_bit, put
+from .contact_list import listed_count, pair_end
 from .record import Scene, dealt_threads, grain_count, pair_count
 from .types import Ints, NeighborList
 
@@ -39,7 +40,7 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
         put(next_level, i, 0)
     for i in range(n):
         own = at(next_level, i)  # no later row looks at it
-        k, end = at(rows.start, i), at(rows.start, i + 1)
+        k, end = at(rows.start, i), pair_end(rows, i)
         while k < end:
             j = at(rows.neighbor, k)
             level = wp.max(own, at(next_level, j))
@@ -54,30 +55,30 @@ def renumber_extra_colors(s: Scene) -> int:
     """Number the colors above 64 that are kept without gaps, in their order. Returns the first free one.
 
     Each belongs to one pair, and with gaps they would grow from list to list. Without, there are never more
-    sets than the largest list so far has pairs, for which `set_start` has capacity. A color that is given
+    sets than the largest list so far has contacts, for which `set_start` has capacity. A color that is given
     belongs to a list with at least as many other pairs: those of lower colors that keep it from these. A
     color that is kept was given in an earlier list, and renumbering only lowers it.
     """
-    pairs, color, rank = at(s.neighbors.start, grain_count(s)), s.workspace.color, s.workspace.group
-    old_pairs = at(s.workspace.old.start, grain_count(s))
+    listed, color, rank = listed_count(s), s.workspace.color, s.workspace.group
+    old_listed = at(s.workspace.old.start, grain_count(s))
     k = int(0)
-    while k < old_pairs:
+    while k < old_listed:
         put(rank, k, 0)
         k += 1
     k = int(0)
-    while k < pairs:
+    while k < listed:
         if at(color, k) >= MASK_COLORS:
             put(rank, at(color, k) - MASK_COLORS, 1)
         k += 1
     extra = int(MASK_COLORS)
     k = int(0)
-    while k < old_pairs:
+    while k < old_listed:
         kept = at(rank, k)
         put(rank, k, extra)
         extra += kept
         k += 1
     k = int(0)
-    while k < pairs:
+    while k < listed:
         if at(color, k) >= MASK_COLORS:
             put(color, k, at(rank, at(color, k) - MASK_COLORS))
         k += 1
@@ -91,7 +92,7 @@ def keep_colors(s: Scene) -> int:
     extra = int(0)
     for i in range(grain_count(s)):
         own = at(used, i)
-        k, end = at(rows.start, i), at(rows.start, i + 1)
+        k, end = at(rows.start, i), pair_end(rows, i)
         while k < end:
             kept = int(-1)
             k_old = at(s.workspace.old_place, k)
@@ -128,7 +129,7 @@ def colors(s: Scene):
         extra = keep_colors(s)
     for i in range(n):
         own = at(used, i)  # no later row looks at it
-        k, end = at(rows.start, i), at(rows.start, i + 1)
+        k, end = at(rows.start, i), pair_end(rows, i)
         while k < end:
             found = at(color, k)
             if not resuming or found < 0:
@@ -153,40 +154,44 @@ def tile_length(s: Scene) -> int:
     length = s.tuning.tile
     team = dealt_threads(s)
     if team > 0:
-        pairs = s.contacts.count.pairs
-        tiles = team * wp.max(TILES_EACH, (pairs + team * length - 1) // (team * length))
-        length = wp.max(1, (pairs + tiles - 1) // tiles)
+        listed = listed_count(s)
+        tiles = team * wp.max(TILES_EACH, (listed + team * length - 1) // (team * length))
+        length = wp.max(1, (listed + tiles - 1) // tiles)
     return length
 
 
 @wp.func
 def place_pairs(s: Scene):
-    """Give every pair its place, sorted by set and in lexicographic order within one.
+    """Give every pair its index in sweeping order, sorted by set and in lexicographic order within one.
 
-    Where sets are merged they are told as one: a thread sweeps the pairs that it has in order anyway.
+    Where sets are merged, all pairs are one set: a thread sweeps the pairs that it has in order anyway.
     """
-    pairs = at(s.neighbors.start, grain_count(s))
+    listed = listed_count(s)
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
-    sets = int(0)
+    sets, pairs = int(0), int(0)
     k = int(0)
-    while k < pairs:
-        sets = wp.max(sets, at(group, k) + 1)
+    while k < listed:
+        g = at(group, k)
+        sets = wp.max(sets, g + 1)
+        pairs += wp.where(g >= 0, 1, 0)
         k += 1
     for g in range(sets + 1):
         put(start, g, 0)
     k = int(0)
-    while k < pairs:
+    while k < listed:
         g = at(group, k) + 1
-        put(start, g, at(start, g) + 1)
+        put(start, g, at(start, g) + 1)  # contacts with walls count in start[0], which is not used
         k += 1
+    put(start, 0, 0)
     for g in range(sets):
         put(start, g + 1, at(start, g + 1) + at(start, g))
     k = int(0)
-    while k < pairs:
+    while k < listed:
         g = at(group, k)
-        place = at(start, g)
-        put(sweep_index, k, place)
-        put(start, g, place + 1)
+        if g >= 0:
+            place = at(start, g)
+            put(sweep_index, k, place)
+            put(start, g, place + 1)
         k += 1
     for g in range(sets):
         put(start, sets - g, at(start, sets - g - 1))
@@ -200,18 +205,55 @@ def place_pairs(s: Scene):
 
 
 @wp.func
+def place_walls(s: Scene):
+    """Give every contact with a wall its index, after the pairs, and put them in independent sets.
+
+    The first contact of every grain is in the first set, the second one in the second, and so on: this gives
+    every contact what it would find grain by grain.
+    """
+    rows, n, first_set = s.neighbors, grain_count(s), s.contacts.count.sets
+    place = pair_count(s)
+    put(s.contacts.set_start, first_set, place)
+    sets = int(0)
+    placing = bool(True)
+    while placing:
+        begin = place
+        i = int(0)
+        while i < n:
+            k = pair_end(rows, i) + sets
+            if k < at(rows.start, i + 1):
+                put(s.workspace.sweep_index, k, place)
+                place += 1
+            i += 1
+        placing = place > begin
+        if placing:
+            sets += 1
+            put(s.contacts.set_start, first_set + sets, place)
+    s.contacts.count.walls = place - pair_count(s)
+    s.contacts.count.wall_sets = sets
+
+
+@wp.func
 def group_pairs(s: Scene):
-    """Give every pair its set."""
+    """Give every pair its set; contacts with walls have none, and no color."""
     if s.by_color != 0:
         colors(s)
     else:
         levels(s.neighbors, s.workspace.next_level, s.workspace.group)
+    i = int(0)
+    while i < grain_count(s):
+        k, end = pair_end(s.neighbors, i), at(s.neighbors.start, i + 1)
+        while k < end:
+            put(s.workspace.group, k, -1)
+            put(s.workspace.color, k, -1)
+            k += 1
+        i += 1
 
 
 @wp.func
 def gather(s: Scene, i: int):
     """Write the pairs of grain i, (i, j, place in the neighbor list), where they come in the sweep."""
-    k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
+    k, end = at(s.neighbors.start, i), pair_end(s.neighbors, i)
     while k < end:
         entry = wp.vec3i(i, at(s.neighbors.neighbor, k), k)
         put(s.workspace.sequence, at(s.workspace.sweep_index, k), entry)
@@ -226,7 +268,7 @@ def tile_pairs(s: Scene):
     found: the same bits.
     """
     pairs, length = pair_count(s), tile_length(s)
-    tiles = (pairs + length - 1) // length
+    tiles = (listed_count(s) + length - 1) // length
     sequence, next_tile, start = s.workspace.sequence, s.workspace.next_level, s.workspace.group
     sweep_index = s.workspace.sweep_index
     for i in range(grain_count(s)):

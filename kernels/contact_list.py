@@ -3,47 +3,49 @@
 import warp as wp
 
 from . import law
-from .access import at, put, raise_to, read_wall, set_grains
-from .neighbors import is_active
+from .access import at, put, raise_to, set_bodies
 from .record import WITHOUT_ROOM, Scene, amid_sweeps, grain_count, is_accelerated
+from .types import NeighborList
 from .verlet import stayed_silent
-from .walls import WallContact
+from .walls import wall_body_count, wall_overlap
 
 f64 = wp.float64
 
 
 @wp.func
-def save_row(s: Scene, i: int):
-    """Keep where a grain's pairs are; no wall is kept yet."""
-    put(s.workspace.old.start, i, at(s.neighbors.start, i))
-    put(s.workspace.old_wall_dv, i, wp.vec3d(f64(0.0), f64(0.0), f64(0.0)))
-    put(s.workspace.was_at_wall, i, 0)
+def listed_count(s: Scene) -> int:
+    """Return the number of contacts in the rows of the list."""
+    return at(s.neighbors.start, grain_count(s))
 
 
 @wp.func
-def save_pair(s: Scene, k: int):
-    """Keep the pair at place k of the list, and the corrections of the one at place k in sweeping order."""
+def pair_end(rows: NeighborList, i: int) -> int:
+    """Return the end of the pairs of row i: contacts with walls follow."""
+    n = rows.start.shape[0] - 1
+    begin, k = at(rows.start, i), at(rows.start, i + 1)
+    while k > begin and at(rows.neighbor, wp.max(k - 1, 0)) >= n:
+        k -= 1
+    return k
+
+
+@wp.func
+def save_row(s: Scene, i: int):
+    """Keep where the contacts of a grain are listed."""
+    put(s.workspace.old.start, i, at(s.neighbors.start, i))
+
+
+@wp.func
+def save_contact(s: Scene, k: int):
+    """Keep the contact at place k of the list, with its corrections."""
+    c = at(s.workspace.sweep_index, k)
     last = f64(0.0)
     if is_accelerated(s):
-        last = at(s.momentum.pair_last, k)
-    dv = wp.vec3d(at(s.contacts.pair_dv, k), at(s.contacts.pair_dv_start, k), last)
-    put(s.workspace.old_pair_dv, k, dv)
+        last = at(s.momentum.last_dv, c)
+    dv = wp.vec3d(at(s.contacts.dv, c), at(s.contacts.dv_start, c), last)
+    put(s.workspace.old_dv, k, dv)
     put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
     put(s.workspace.old_color, k, at(s.workspace.color, k))
-    put(s.workspace.old_index, k, at(s.workspace.sweep_index, k))
     put(s.workspace.old_place, k, k)
-
-
-@wp.func
-def save_wall(s: Scene, c: int):
-    """Keep a wall's corrections, by grain."""
-    wall = WallContact()
-    read_wall(s.contacts.walls, c, wall)
-    dv = wp.vec3d(wall.dv, at(s.contacts.wall_dv_start, c), f64(0.0))
-    if is_accelerated(s):
-        dv[2] = at(s.momentum.wall_last, c)
-    put(s.workspace.old_wall_dv, wall.i, dv)
-    put(s.workspace.was_at_wall, wall.i, 1)
 
 
 @wp.func
@@ -73,25 +75,36 @@ def begin_list(s: Scene):
 
 
 @wp.func
-def keep_pair(s: Scene, i: int, j: int, k_old: int):
-    """A pair that carries a correction must stay listed: where it is lost, widen its skins, search again."""
-    if is_active(at(s.workspace.old_pair_dv, at(s.workspace.old_index, k_old))):
-        half = f64(0.5) * wp.length(at(s.grains.position, j) - at(s.grains.position, i))
+def is_active(dv: wp.vec3d) -> bool:
+    """Return whether a contact carries a correction, or did at the step's start or a sweep back."""
+    return dv[0] != f64(0.0) or dv[1] != f64(0.0) or dv[2] != f64(0.0)
+
+
+@wp.func
+def keep_contact(s: Scene, i: int, j: int, k_old: int):
+    """Search again, with wider skins, where a contact that carries a correction is lost: it stays listed."""
+    if not is_active(at(s.workspace.old_dv, k_old)):
+        return
+    x, n = at(s.grains.position, i), grain_count(s)
+    if j >= n:
+        raise_to(s.verlet.skin, i, -wall_overlap(j - n, x, at(s.grains.radius, i), s.walls))
+    else:
+        half = f64(0.5) * wp.length(at(s.grains.position, j) - x)
         raise_to(s.verlet.skin, i, half)
         raise_to(s.verlet.skin, j, half)
-        s.control.searching = 1
+    s.control.searching = 1
 
 
 @wp.func
 def match_rows(s: Scene, i: int):
-    """Find a grain's pairs in the list before, and those of that list that are lost."""
+    """Find a grain's contacts in the list before, and those of that list that are lost."""
     rows, old = s.neighbors, s.workspace.old
     k_old, end_old = at(old.start, i), at(old.start, i + 1)
     k, end = at(rows.start, i), at(rows.start, i + 1)
     while k < end:
         j = at(rows.neighbor, k)
         while k_old < end_old and at(old.neighbor, k_old) < j:
-            keep_pair(s, i, at(old.neighbor, k_old), k_old)
+            keep_contact(s, i, at(old.neighbor, k_old), k_old)
             k_old += 1
         place = int(-1)
         if k_old < end_old and at(old.neighbor, k_old) == j:
@@ -100,7 +113,7 @@ def match_rows(s: Scene, i: int):
         put(s.workspace.old_place, k, place)
         k += 1
     while k_old < end_old:
-        keep_pair(s, i, at(old.neighbor, k_old), k_old)
+        keep_contact(s, i, at(old.neighbor, k_old), k_old)
         k_old += 1
 
 
@@ -116,7 +129,7 @@ def end_list(s: Scene):
 
 @wp.func
 def transfer_warm_start(s: Scene, i: int):
-    """Write a grain's pairs where they are swept, with the corrections of the old list, or zero."""
+    """Write a grain's contacts where they are swept, with the corrections of the old list, or zero."""
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:
         j = at(s.neighbors.neighbor, k)
@@ -124,25 +137,32 @@ def transfer_warm_start(s: Scene, i: int):
         k_old = at(s.workspace.old_place, k)
         dv = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
         if k_old >= 0:
-            dv = at(s.workspace.old_pair_dv, at(s.workspace.old_index, k_old))
+            dv = at(s.workspace.old_dv, k_old)
         elif amid_sweeps(s) and not stayed_silent(s, i, j):
             s.verlet.flags.missed = 1
-        set_grains(s.contacts.pairs, c, i, j)
-        put(s.contacts.pair_dv, c, dv[0])
-        put(s.contacts.pair_dv_start, c, dv[1])
+        set_bodies(s.contacts.contact, c, i, j)
+        put(s.contacts.dv, c, dv[0])
+        put(s.contacts.dv_start, c, dv[1])
         if is_accelerated(s):
-            put(s.momentum.pair_last, c, dv[2])
+            put(s.momentum.last_dv, c, dv[2])
         if s.contacts.weights.shape[0] > 0:
-            mass_i = at(s.grains.contact_mass, i)
-            mass_j = at(s.grains.contact_mass, j)
-            shares = wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
-            put(s.contacts.weights, c, shares)
+            put(s.contacts.weights, c, mass_shares(s, i, j))
         k += 1
 
 
 @wp.func
+def mass_shares(s: Scene, i: int, j: int) -> wp.vec2d:
+    """Return the parts of a correction that grain i, and grain or wall j, take."""
+    if j >= grain_count(s):
+        return wp.vec2d(f64(1.0), f64(0.0))
+    mass_i = at(s.grains.contact_mass, i)
+    mass_j = at(s.grains.contact_mass, j)
+    return wp.vec2d(law.mass_share(mass_i, mass_j), law.mass_share(mass_j, mass_i))
+
+
+@wp.func
 def find_row_sums(s: Scene):
-    """The largest sum of a grain's shares of its contacts, one for the walls included, if it is monitored."""
+    """Find the largest sum of a grain's shares of its contacts, with 1 for each wall, if it is monitored."""
     if is_accelerated(s):
         return
     n = grain_count(s)
@@ -151,7 +171,7 @@ def find_row_sums(s: Scene):
         put(row_sum, i, f64(0.0))
     for i in range(n):
         own = at(row_sum, i)
-        k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
+        k, end = at(s.neighbors.start, i), pair_end(s.neighbors, i)
         while k < end:
             j = at(s.neighbors.neighbor, k)
             weight = wp.vec2d(f64(0.5), f64(0.5))
@@ -163,5 +183,5 @@ def find_row_sums(s: Scene):
         put(row_sum, i, own)
     largest = f64(0.0)
     for i in range(n):
-        largest = wp.max(largest, at(row_sum, i) + f64(1.0))
+        largest = wp.max(largest, at(row_sum, i) + f64(wall_body_count(s.walls)))
     s.verlet.numbers.max_row_sum = largest

@@ -10,6 +10,7 @@ from functools import cache
 import warp as wp
 
 from .conditions import sweeping
+from .contacts import set_count
 from .record import Scene, SceneRecord
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 from .threads import TeamRecord, member
@@ -21,14 +22,14 @@ GPU_THREADS = 1 << 16
 def begin_sets(s: Scene):
     """Begin with the first set."""
     s.control.set = 0
-    s.control.sweeping = 1 if s.contacts.count.sets > 0 else 0
+    s.control.sweeping = 1 if set_count(s) > 0 else 0
 
 
 @wp.func
 def next_set(s: Scene):
     """Go on with the next set."""
     s.control.set = s.control.set + 1
-    s.control.sweeping = 1 if s.control.set < s.contacts.count.sets else 0
+    s.control.sweeping = 1 if s.control.set < set_count(s) else 0
 
 
 @cache

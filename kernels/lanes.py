@@ -11,10 +11,10 @@ from typing import Any
 import warp as wp
 
 from .access import CHECKED, checked
-from .types import Floats, Vectors, WorkingPair
+from .types import Floats, Vectors, WorkingContact
 
 f64 = wp.float64
-Pairs = wp.array(dtype=WorkingPair)
+Pairs = wp.array(dtype=WorkingContact)
 FOUR = wp.constant(4)
 
 

@@ -51,6 +51,30 @@ def pair_correction(vn: f64, dvc: f64, gap_rate: f64) -> f64:
 
 
 @wp.func
+def projection(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
+    """dv_c that a contact with a wall needs to keep clear of both sides of it [m/s] (eq. 8).
+
+    back_rate is gap / dt on the other side, where dv_c < 0 pushes; inf where there is no other side.
+    """
+    return wp.max(f64(0.0), vn + dv - gap_rate) - wp.max(f64(0.0), -vn - dv - back_rate)
+
+
+@wp.func
+def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
+    """Velocity along a wall of normal n [m/s]."""
+    return n[0] * v[1] - n[1] * v[0]
+
+
+@wp.func
+def round_gap_rate(gap_rate: f64, along: f64, reach: f64) -> f64:
+    """Gap / dt at a round wall, for a speed along it [m/s] (eq. 18); reach = A / dt, inf where it is flat."""
+    if reach == f64(wp.inf):
+        return gap_rate
+    root = wp.sqrt(wp.max(f64(0.0), reach * reach - along * along))
+    return gap_rate - (reach - root)
+
+
+@wp.func
 def mass_share(mass_i: f64, mass_j: f64) -> f64:
     """Part of a pair's correction that grain i takes (eq. 7)."""
     return mass_j / (mass_i + mass_j)
@@ -60,3 +84,20 @@ def mass_share(mass_i: f64, mass_j: f64) -> f64:
 def natural_residual(vn: f64, dv: f64, gap_rate: f64) -> f64:
     """How far one contact is from complementarity [m/s] (eq. 12)."""
     return wp.abs(wp.max(f64(0.0), dv + vn - gap_rate) - dv)
+
+
+@wp.func
+def wall_residual(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
+    """The same of a contact with a wall: the larger one of its two sides [m/s]."""
+    front = natural_residual(vn, wp.max(dv, f64(0.0)), gap_rate)
+    return wp.max(front, natural_residual(-vn, wp.max(-dv, f64(0.0)), back_rate))
+
+
+@wp.func
+def wall_cost(dv: f64, gap_rate: f64, back_rate: f64) -> f64:
+    """The linear part of phi (eq. 14) of a contact with a wall, by unit mass [m2/s2].
+
+    Where there is no other side it is linear throughout: momentum may lead to dv < 0 for a moment.
+    """
+    back = wp.where(back_rate < f64(wp.inf), back_rate, -gap_rate)
+    return wp.where(dv >= f64(0.0), dv * gap_rate, -dv * back)

@@ -1,4 +1,4 @@
-"""Candidate contacts: every pair i < j within reach (verlet.py), in lexicographic order, and the walls.
+"""Candidate contacts: every pair i < j, and grain and wall, within reach (verlet.py), in lexicographic order.
 
 Grains are looked for in the cells around each of them (cells.py). Of two grains the one of larger extent
 finds the pair, so that few large grains among many small ones cost no more than the cells that they cover.
@@ -6,12 +6,11 @@ finds the pair, so that few large grains among many small ones cost no more than
 
 import warp as wp
 
-from .access import add, at, checked, lowest_bit, put, set_wall
+from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, ends
-from .record import Scene, amid_sweeps, grain_count, is_accelerated
+from .record import Scene, grain_count
 from .types import CellGrid
-from .verlet import stayed_off_walls
-from .walls import WallContact, is_near_wall
+from .walls import is_near_wall, wall_body_count
 
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
@@ -19,9 +18,8 @@ TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact
 
 
 @wp.func
-def note_pair(s: Scene, a: int, b: int):
-    """Count a pair with its first grain, and with its second, and write it down if there is room."""
-    i, j = wp.min(a, b), wp.max(a, b)
+def note_contact(s: Scene, i: int, j: int):
+    """Count a contact with its first body, and with its second, and write it down if there is room."""
     add(s.neighbors.firsts, i, 1)
     add(s.neighbors.seconds, j, 1)
     place = add(s.neighbors.total, 0, 1)
@@ -78,7 +76,8 @@ def note_pairs(s: Scene, k: int, near: wp.uint64, begins: Begins):
         reach = (at(skin, k) + at(skin, other) + path) * TOO_WIDE
         d = wp.vec2d(at(x, other) - at(x, k), at(y, other) - at(y, k))
         if wp.dot(d, d) <= reach * reach:
-            note_pair(s, at(grain, k), at(grain, other))
+            a, b = at(grain, k), at(grain, other)
+            note_contact(s, wp.min(a, b), wp.max(a, b))
 
 
 @wp.func
@@ -124,15 +123,26 @@ def find_pairs(s: Scene, k: int):
 
 
 @wp.func
+def find_walls(s: Scene, i: int):
+    """Find the walls within reach of a grain."""
+    path = s.verlet.numbers.lifetime * wp.length(at(s.verlet.reference_velocity, i))
+    reach = (at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
+    x, radius = at(s.grains.position, i), at(s.grains.radius, i)
+    for b in range(wall_body_count(s.walls)):
+        if is_near_wall(b, x, radius, s.walls, reach):
+            note_contact(s, i, grain_count(s) + b)
+
+
+@wp.func
 def see_whether_roomy(s: Scene):
-    """Whether the pairs found have room."""
+    """Whether the contacts found have room."""
     s.control.searching = 0
     s.control.roomy = 1 if at(s.neighbors.total, 0) <= s.neighbors.found.shape[0] else 0
 
 
 @wp.func
 def fill_rows(s: Scene):
-    """Put the pairs found in rows, ascending: sorted by second grain, and then by first.
+    """Put the contacts found in rows, ascending: sorted by second body, and then by first.
 
     Where a part ends is counted down to where it starts.
     """
@@ -144,51 +154,19 @@ def fill_rows(s: Scene):
     )
     ends(s.neighbors.firsts, start)
     ends(second, second)
-    pairs = at(s.neighbors.total, 0)
-    put(start, grain_count(s), pairs)
-    k = int(pairs)
+    contacts = at(s.neighbors.total, 0)
+    put(start, grain_count(s), contacts)
+    k = int(contacts)
     while k > 0:
         k -= 1
         pair = at(found, k)
         place = at(second, pair[1]) - 1
         put(second, pair[1], place)
         put(by_second, place, pair)
-    k = int(pairs)
+    k = int(contacts)
     while k > 0:
         k -= 1
         pair = at(by_second, k)
         place = at(start, pair[0]) - 1
         put(start, pair[0], place)
         put(s.neighbors.neighbor, place, pair[1])
-
-
-@wp.func
-def is_active(dv: wp.vec3d) -> bool:
-    """Whether a contact carries a correction, or did at the step's start or a sweep back."""
-    return dv[0] != f64(0.0) or dv[1] != f64(0.0) or dv[2] != f64(0.0)
-
-
-@wp.func
-def list_walls(s: Scene):
-    """List the grains that may reach a wall, or are held by one, with the corrections that they carry."""
-    listed = int(0)
-    n = grain_count(s)
-    i = int(0)
-    while i < n:
-        path = s.verlet.numbers.lifetime * wp.length(at(s.verlet.reference_velocity, i))
-        reach = (at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
-        dv = at(s.workspace.old_wall_dv, i)
-        x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-        if is_near_wall(x, radius, s.walls, reach) or is_active(dv):
-            contact = WallContact()
-            contact.i = i
-            contact.dv = dv[0]
-            set_wall(s.contacts.walls, listed, contact)
-            put(s.contacts.wall_dv_start, listed, dv[1])
-            if is_accelerated(s):
-                put(s.momentum.wall_last, listed, dv[2])
-            listed = listed + 1
-            if amid_sweeps(s) and at(s.workspace.was_at_wall, i) == 0 and not stayed_off_walls(s, i):
-                s.verlet.flags.missed = 1
-        i += 1
-    s.contacts.count.walls = listed

@@ -7,7 +7,7 @@ and of every level before.
 
 import warp as wp
 
-from .walls import Walls, wall_overlap
+from .walls import Walls, worst_overlap
 
 f64 = wp.float64
 NOBODY = wp.constant(-1)
@@ -48,7 +48,7 @@ Discs = wp.ref[DiscsRecord]
 @wp.func
 def cell_index(x: f64, discs: Discs, level: int) -> int:
     """The column, or row, of cells that a coordinate is in."""
-    place = int((x + discs.walls.radius_out) / discs.cell[level])
+    place = int((x + discs.walls.annulus.radius_out) / discs.cell[level])
     return wp.clamp(place, 0, discs.width[level] - 1)
 
 
@@ -85,7 +85,7 @@ def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
     r, box = discs.radius[i], discs.box
     if wp.min(x - box.low) < r or wp.min(box.high - x) < r:
         return False
-    if wall_overlap(x, discs.radius[i], discs.walls) > f64(0.0) or (x[0] == f64(0.0) and x[1] == f64(0.0)):
+    if worst_overlap(x, discs.radius[i], discs.walls) > f64(0.0) or (x[0] == f64(0.0) and x[1] == f64(0.0)):
         return False
     clear = bool(True)
     for level in range(discs.level[i] + 1):

@@ -2,8 +2,8 @@
 
 import warp as wp
 
+from .annulus import Annulus
 from .placing import Box
-from .walls import Walls
 
 f64 = wp.float64
 
@@ -11,7 +11,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 @wp.func
-def put_inside(x: wp.vec2d, r: f64, walls: Walls, box: Box) -> wp.vec2d:
+def put_inside(x: wp.vec2d, r: f64, walls: Annulus, box: Box) -> wp.vec2d:
     """Move a disc of radius r between the walls, and into the box."""
     x = wp.vec2d(wp.max(x[0], box.low[0] + r), wp.max(x[1], box.low[1] + r))
     x = wp.vec2d(wp.min(x[0], box.high[0] - r), wp.min(x[1], box.high[1] - r))
@@ -28,7 +28,7 @@ def push(
     position: wp.array(dtype=wp.vec2d),
     radius: wp.array(dtype=f64),
     pair: wp.array(dtype=wp.vec2i),
-    walls: Walls,
+    walls: Annulus,
     box: Box,
     sweeps: int,
     enough: f64,

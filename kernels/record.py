@@ -204,7 +204,7 @@ def pair_count(s: Scene) -> int:
 @wp.func
 def is_accelerated(s: Scene) -> bool:
     """Whether the method looks one sweep back."""
-    return s.momentum.pair_last.shape[0] > 0
+    return s.momentum.last_dv.shape[0] > 0
 
 
 @wp.func
@@ -217,9 +217,3 @@ def dealt_threads(s: Scene) -> int:
 def amid_sweeps(s: Scene) -> bool:
     """Whether a list was made after sweeps in which a contact that it has newly may have been missing."""
     return s.control.resuming != 0 and not is_accelerated(s)
-
-
-@wp.func
-def wall_count(s: Scene) -> int:
-    """How many grains are listed at the walls."""
-    return s.contacts.count.walls

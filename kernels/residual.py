@@ -11,26 +11,13 @@ carry, at most eta each.
 import warp as wp
 
 from . import law
-from .access import at, first_of, gap_rate_of, larger, normal_of, put, read_wall, second_of, vn_of
-from .record import Scene, pair_count, wall_count
-from .segments import pairs_of
+from .access import at, first_of, gap_rate_of, larger, normal_of, put, vn_of
+from .contacts import apply, back_rate_of, contact_count, gap_rate_now
+from .record import Scene, pair_count
+from .segments import contacts_of
 from .threads import Team, keep_largest, thread_range
-from .types import Contacts, Vectors
-from .walls import WallContact, has_inner, outer_gap_rate, wall_residual
 
 f64 = wp.float64
-
-
-@wp.func
-def apply_pair(velocity: Vectors, contacts: Contacts, c: int, impulse: wp.vec2d):
-    """Share a pair's dv n [m/s] out to its grains (eq. 7)."""
-    i = first_of(contacts.pairs, c)
-    j = second_of(contacts.pairs, c)
-    weight = wp.vec2d(f64(0.5), f64(0.5))
-    if contacts.weights.shape[0] > 0:
-        weight = at(contacts.weights, c)
-    put(velocity, i, at(velocity, i) - impulse * weight[0])
-    put(velocity, j, at(velocity, j) + impulse * weight[1])
 
 
 @wp.func
@@ -40,46 +27,32 @@ def begin_rebuild(s: Scene, i: int):
 
 
 @wp.func
-def rebuild_from_pairs(team: Team, s: Scene, k: int):
-    """Apply the corrections of a set's pairs."""
-    c, end = pairs_of(team, s, k)
-    velocity, contacts = s.grains.rebuilt_velocity, s.contacts
+def rebuild(team: Team, s: Scene, k: int):
+    """Apply the corrections of the contacts of a set."""
+    c, end = contacts_of(team, s, k)
     while c < end:
-        impulse = at(contacts.pair_dv, c) * normal_of(contacts.pairs, c)
-        apply_pair(velocity, contacts, c, impulse)
+        impulse = at(s.contacts.dv, c) * normal_of(s.contacts.contact, c)
+        apply(s, s.grains.rebuilt_velocity, c, impulse)
         c += 1
 
 
 @wp.func
-def rebuild_from_walls(team: Team, s: Scene):
-    """Apply the corrections at the walls."""
-    velocity = s.grains.rebuilt_velocity
-    wall = WallContact()
-    c, end = thread_range(team, 0, wall_count(s))
-    while c < end:
-        read_wall(s.contacts.walls, c, wall)
-        put(velocity, wall.i, at(velocity, wall.i) - wall.dv * wall.n)
-        c += 1
+def residual_of(s: Scene, c: int) -> f64:
+    """Return the residual of a contact [m/s]."""
+    velocity, contact, dv = s.grains.rebuilt_velocity, s.contacts.contact, at(s.contacts.dv, c)
+    if c >= pair_count(s):
+        v = at(velocity, first_of(contact, c))
+        vn = wp.dot(v, normal_of(contact, c))
+        return law.wall_residual(vn, dv, gap_rate_now(s, c, v), back_rate_of(s, c))
+    return law.natural_residual(vn_of(velocity, contact, c), dv, gap_rate_of(contact, c))
 
 
 @wp.func
 def measure_residual(team: Team, s: Scene):
-    """The largest residual of this thread's share of the contacts."""
+    """Find the largest residual of this thread's share of the contacts."""
     worst = f64(0.0)
-    v, contacts = s.grains.rebuilt_velocity, s.contacts
-    wall = WallContact()
-    c, end = thread_range(team, 0, wall_count(s))
+    c, end = thread_range(team, 0, contact_count(s))
     while c < end:
-        read_wall(contacts.walls, c, wall)
-        own = at(v, wall.i)
-        wall.gap_rate_out = outer_gap_rate(wall, own, s.walls)
-        worst = larger(worst, wall_residual(wp.dot(own, wall.n), wall, has_inner(s.walls)))
-        c += 1
-    c, last = thread_range(team, 0, pair_count(s))
-    pairs = contacts.pairs
-    while c < last:
-        vn = vn_of(v, pairs, c)
-        dv = at(contacts.pair_dv, c)
-        worst = larger(worst, law.natural_residual(vn, dv, gap_rate_of(pairs, c)))
+        worst = larger(worst, residual_of(s, c))
         c += 1
     keep_largest(team, s.partial.residual, worst)

@@ -16,8 +16,8 @@ the two would hold a push that no correction has, and that every sweep repeats.
 import warp as wp
 
 from .accelerated import mass_in_phi
-from .access import at, put, set_wall_dv
-from .chunks import CHUNK, chunks_in, part_count, wall_part_count
+from .access import at, put
+from .contacts import CHUNK, chunks_in, part_count
 from .record import Scene, grain_count
 from .stopping import decide_to_stop, gathered
 from .threads import Team, thread_range
@@ -56,9 +56,7 @@ def accept_or_reject(s: Scene, zeta: f64):
     """Reject a sweep after which phi has risen; choose how far to go on after the others."""
     part = wp.vec2d(f64(0.0), f64(0.0))
     for k in range(part_count(s)):
-        part = part + at(s.momentum.pair_part, k)
-    for k in range(wall_part_count(s)):
-        part = part + at(s.momentum.wall_part, k)
+        part = part + at(s.momentum.contact_part, k)
     energy = f64(0.0)
     size = f64(0.0)
     for k in range(chunks_in(grain_count(s))):
@@ -101,22 +99,12 @@ def decide_ahead(s: Scene):
 
 
 @wp.func
-def roll_back_pairs(s: Scene, part: int):
-    """Take back the rejected corrections of a part's pairs."""
-    bounds = at(s.working.pair_range, part)
+def roll_back(s: Scene, part: int):
+    """Take back the rejected corrections of a part of the working set."""
+    bounds = at(s.working.range, part)
     c = int(bounds[0])
     while c < bounds[1]:
-        put(s.working.pair_dv, c, at(s.working.pair_last, c))
-        c += 1
-
-
-@wp.func
-def roll_back_walls(s: Scene, part: int):
-    """Take back the rejected corrections of a part's wall contacts."""
-    bounds = at(s.working.wall_range, part)
-    c = int(bounds[0])
-    while c < bounds[1]:
-        set_wall_dv(s.working.walls, c, at(s.working.wall_last, c))
+        put(s.working.dv, c, at(s.working.last_dv, c))
         c += 1
 
 

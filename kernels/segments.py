@@ -9,6 +9,7 @@ pair finds the velocities that it would find if all pairs were swept one by one 
 import warp as wp
 
 from .access import at
+from .contacts import is_wall_set
 from .pace import barrier, count_waiting
 from .record import Scene, dealt_threads
 from .threads import Team, is_member, thread_range
@@ -120,11 +121,11 @@ def end_set(team: Team, s: Scene, k: int):
 
 
 @wp.func
-def pairs_of(team: Team, s: Scene, k: int):
-    """The pairs that this thread sweeps of a set, or of a segment."""
+def contacts_of(team: Team, s: Scene, k: int):
+    """Return the contacts that this thread sweeps of a set, or of a segment."""
     begin = at(s.contacts.set_start, k)
     end = at(s.contacts.set_start, k + 1)
-    if dealt_threads(s) == 0:
+    if dealt_threads(s) == 0 or is_wall_set(s, k):
         begin, end = thread_range(team, begin, end)
     return begin, end
 

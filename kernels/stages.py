@@ -16,6 +16,7 @@ from zlib import crc32
 import warp as wp
 
 from .access import CHECKED
+from .contacts import set_count
 from .pace import barrier
 from .record import Scene
 from .segments import begin_pass, end_pass, end_set, next_set
@@ -57,9 +58,10 @@ class Shared:
 
 @dataclass(frozen=True)
 class Sets:
-    """A stage `(team, scene, set)` for every independent set of pairs, in order, or what stands for sets.
+    """A stage `(team, scene, set)` for every independent set of contacts, in order: of pairs, then of walls.
 
-    A thread alone has all pairs in one (coloring.py); threads dealt tiles have segments (dealing.py).
+    Instead of sets of pairs, a thread alone has all pairs in one (coloring.py), and threads that are dealt
+    tiles have segments (dealing.py).
     """
 
     stage: wp.Function
@@ -212,8 +214,13 @@ def _sets(stage: wp.Function) -> wp.Function:
             stage(team, s, k)
             end_set(team, s, k)
             k = next_set(team, s, k)
-        note(team, s)
         end_pass(team, s)
+        k = s.contacts.count.sets
+        while k < set_count(s) and is_member(team):
+            stage(team, s, k)
+            barrier(team)
+            k += 1
+        note(team, s)
 
     return sets
 

@@ -3,43 +3,40 @@
 import warp as wp
 
 from . import law
-from .access import at, first_of, larger, put, read_wall, second_of
-from .record import UNPROVED, Scene, pair_count, wall_count
+from .access import at, first_of, larger, put, second_of
+from .contacts import contact_count
+from .record import UNPROVED, Scene, grain_count
 from .stopping import gathered
 from .threads import Team, keep_largest, partial_index, thread_range
-from .walls import WallContact, wall_overlap
+from .walls import wall_overlap
 
 f64 = wp.float64
 
 
 @wp.func
+def overlap_of(s: Scene, c: int) -> f64:
+    """Return how far grains of a contact overlap, or a grain its wall [m]; negative where they do not."""
+    i, j, n = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c), grain_count(s)
+    x, radius = at(s.grains.position, i), at(s.grains.radius, i)
+    if j >= n:
+        return wall_overlap(j - n, x, radius, s.walls)
+    return -law.pair_gap(law.distance(x, at(s.grains.position, j)), radius, at(s.grains.radius, j))
+
+
+@wp.func
 def overlaps(team: Team, s: Scene):
-    """Worst overlap [m] of the listed contacts, and how many are active; all others have stayed silent.
+    """Find the worst overlap [m] of the listed contacts, and how many are active; all others stayed silent.
 
     What they carry is what the next step starts with.
     """
     worst = f64(0.0)
     active = int(0)
-    grains, contacts = s.grains, s.contacts
-    c, last = thread_range(team, 0, pair_count(s))
-    while c < last:
-        i = first_of(contacts.pairs, c)
-        j = second_of(contacts.pairs, c)
-        distance = law.distance(at(grains.position, i), at(grains.position, j))
-        gap = law.pair_gap(distance, at(grains.radius, i), at(grains.radius, j))
-        worst = larger(worst, -gap)
-        dv = at(contacts.pair_dv, c)
-        put(contacts.pair_dv_start, c, dv)
-        active += 1 if dv != f64(0.0) else 0
-        c += 1
-    wall = WallContact()
-    c, end = thread_range(team, 0, wall_count(s))
+    c, end = thread_range(team, 0, contact_count(s))
     while c < end:
-        read_wall(contacts.walls, c, wall)
-        x, radius = at(grains.position, wall.i), at(grains.radius, wall.i)
-        worst = larger(worst, wall_overlap(x, radius, s.walls))
-        put(contacts.wall_dv_start, c, wall.dv)
-        active += 1 if wall.dv != f64(0.0) else 0
+        worst = larger(worst, overlap_of(s, c))
+        dv = at(s.contacts.dv, c)
+        put(s.contacts.dv_start, c, dv)
+        active += 1 if dv != f64(0.0) else 0
         c += 1
     keep_largest(team, s.partial.overlap, worst)
     wp.atomic_add(s.partial.active, partial_index(team, s.partial.active.shape[0]), active)

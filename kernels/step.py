@@ -29,7 +29,6 @@ from . import (
     warm_start,
     working_set,
 )
-from .chunks import part_count, wall_part_count
 from .conditions import (
     accepted,
     attempting,
@@ -50,7 +49,8 @@ from .conditions import (
     unordered,
     unsolved,
 )
-from .record import grain_count, pair_count, wall_count
+from .contacts import part_count
+from .record import grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 SEARCH = [
@@ -59,6 +59,7 @@ SEARCH = [
     Serial(cells.end_cells),
     Each(grain_count, cells.fill_cell, adds_up=True),
     Each(grain_count, neighbors.find_pairs, adds_up=True),
+    Each(grain_count, neighbors.find_walls, adds_up=True),
     Serial(neighbors.see_whether_roomy),
     If(
         roomy,
@@ -72,7 +73,6 @@ SEARCH = [
 NEW_LIST = [
     Serial(contact_list.begin_list),
     While(searching, SEARCH),
-    If(roomy, [Serial(neighbors.list_walls)]),
     Serial(contact_list.end_list),
 ]
 
@@ -86,6 +86,7 @@ def sweeping_order(dealt: bool) -> list[Stage]:
         Serial(coloring.group_pairs),
         Serial(coloring.place_pairs),
         *(DEAL_OUT if dealt else [If(tiled, TILES)]),
+        Serial(coloring.place_walls),
         Each(grain_count, contact_list.transfer_warm_start),
         Serial(contact_list.find_row_sums),
     ]
@@ -93,8 +94,7 @@ def sweeping_order(dealt: bool) -> list[Stage]:
 
 WARM_START = [
     Each(grain_count, warm_start.begin_attempt),
-    Sets(warm_start.start_pairs),
-    Shared(warm_start.start_walls),
+    Sets(warm_start.start),
     Serial(verlet.clear_check),
     Serial(verlet.find_frame),
     Each(grain_count, verlet.begin_check),
@@ -103,8 +103,7 @@ WARM_START = [
 
 REBUILD = [
     Each(grain_count, residual.begin_rebuild),
-    Sets(residual.rebuild_from_pairs),
-    Shared(residual.rebuild_from_walls),
+    Sets(residual.rebuild),
     Shared(residual.measure_residual),
 ]
 
@@ -114,8 +113,7 @@ GAUSS_SEIDEL = [
     While(
         iterating,
         [
-            Sets(gauss_seidel.sweep_pairs),
-            Shared(gauss_seidel.sweep_walls),
+            Sets(gauss_seidel.sweep),
             Serial(gauss_seidel.decide),
             If(sampling, [Each(grain_count, verlet.sample)]),
             If(measuring, MEASURE),
@@ -124,22 +122,17 @@ GAUSS_SEIDEL = [
 ]
 
 
-PUT_BACK = [
-    Each(part_count, working_set.put_back_pairs),
-    Each(wall_part_count, working_set.put_back_walls),
-]
+PUT_BACK = [Each(part_count, working_set.put_back)]
 
 PAUSE = [*PUT_BACK, Each(grain_count, working_set.see_skin), Serial(working_set.pause_unless_listed)]
 
 LOOK = [
-    Sets(working_set.select_pairs),
-    Shared(working_set.select_walls),
+    Sets(working_set.select_set),
     Serial(working_set.see_whether_done),
 ]
 
 ROLL_BACK = [
-    Each(part_count, restart.roll_back_pairs),
-    Each(wall_part_count, restart.roll_back_walls),
+    Each(part_count, restart.roll_back),
     Each(grain_count, restart.roll_back_velocity),
 ]
 
@@ -164,8 +157,7 @@ def sweeps_ahead(decide: wp.Function, measure: list[Stage]) -> list[Stage]:
                     iterating,
                     [
                         Shared(restart.extrapolate),
-                        Sets(accelerated.sweep_pairs_ahead),
-                        Shared(accelerated.sweep_walls_ahead),
+                        Sets(accelerated.sweep_ahead),
                         Serial(decide),
                         If(rejected, ROLL_BACK),
                     ],
@@ -194,8 +186,7 @@ METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED, "exact": EX
 
 SAVE = [
     Each(grain_count, contact_list.save_row),
-    Each(pair_count, contact_list.save_pair),
-    Each(wall_count, contact_list.save_wall),
+    Each(contact_list.listed_count, contact_list.save_contact),
 ]
 
 FINISH = [

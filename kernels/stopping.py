@@ -5,7 +5,8 @@ Accelerated sweeps stop only after a look at all contacts: restart.py and workin
 
 import warp as wp
 
-from .access import at, put, read_wall
+from . import law
+from .access import at, first_of, normal_of, put
 from .record import (
     BEYOND_WALL,
     EXPIRED,
@@ -15,11 +16,10 @@ from .record import (
     SOLVED,
     Scene,
     is_accelerated,
-    wall_count,
+    pair_count,
 )
 from .types import Floats
 from .verlet import check_all, outcome_of_check, reserve
-from .walls import WallContact, speed_along
 
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
@@ -146,14 +146,14 @@ def stop_on_residual(s: Scene):
 
 @wp.func
 def grain_beyond_wall(s: Scene) -> int:
-    """The first grain that moves along a round wall by more than its circle is wide; -1 if none does."""
+    """Return the first grain that moves along a round wall by more than its circle is wide, or -1."""
     found = int(-1)
-    wall = WallContact()
-    for c in range(wall_count(s)):
-        read_wall(s.contacts.walls, c, wall)
-        along = speed_along(at(s.grains.next_velocity, wall.i), wall.n)
-        if wp.abs(along) > wall.reach and (found < 0 or wall.i < found):
-            found = wall.i
+    for w in range(s.contacts.count.walls):
+        c = pair_count(s) + w
+        i = first_of(s.contacts.contact, c)
+        along = law.speed_along(at(s.grains.next_velocity, i), normal_of(s.contacts.contact, c))
+        if wp.abs(along) > at(s.contacts.limits, w)[1] and (found < 0 or i < found):
+            found = i
     return found
 
 
@@ -170,7 +170,7 @@ def judge(s: Scene):
             outcome = SLOW
         elif s.stopping.raise_on_unconverged != 0:
             outcome = NOT_CONVERGED
-    if outcome == SOLVED and converged and s.walls.round != 0:
+    if outcome == SOLVED and converged and s.walls.annulus.round != 0:
         s.verlet.flags.bad_grain = grain_beyond_wall(s)
         if s.verlet.flags.bad_grain >= 0:
             outcome = BEYOND_WALL

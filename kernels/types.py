@@ -2,8 +2,6 @@
 
 import warp as wp
 
-from .walls import WallContact
-
 f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
@@ -11,8 +9,11 @@ Vectors = wp.array(dtype=wp.vec2d)
 
 
 @wp.struct
-class Pair:
-    """A candidate pair i < j, 32 bytes: what one correction reads and never writes."""
+class Contact:
+    """A candidate contact of grains i < j, or of grain i and wall j - n, where n is the number of grains.
+
+    Its 32 bytes are all that a correction reads and never writes.
+    """
 
     n: wp.vec2d  # unit normal from i to j
     gap_rate: f64  # gap / dt [m/s]
@@ -21,11 +22,11 @@ class Pair:
 
 
 @wp.struct
-class WorkingPair:
-    """A pair of the working set, 24 bytes: what one correction reads and never writes.
+class WorkingContact:
+    """A contact of the working set, 24 bytes: all that a correction reads and never writes.
 
-    Of its grains it tells where their velocities begin, as places of numbers: a processor has these for
-    nothing, while to compute places of vectors takes a tenth of a sweep.
+    It holds the indices at which the velocities of its grains begin, in an array of numbers: a processor
+    reads these at no cost, while to compute indices of vectors takes a tenth of a sweep.
     """
 
     n: wp.vec2d  # unit normal from i to j
@@ -51,37 +52,40 @@ class Grains:
 
 @wp.struct
 class ContactCount:
-    """How many candidate contacts there are, and in how many independent sets the pairs are swept."""
+    """Numbers of candidate contacts, and of the independent sets in which they are swept."""
 
     pairs: wp.int32
-    sets: wp.int32  # or segments, where threads are dealt tiles (dealing.py)
-    walls: wp.int32
+    sets: wp.int32  # of pairs; or segments, where threads are dealt tiles (dealing.py)
+    walls: wp.int32  # contacts with walls, after the pairs
+    wall_sets: wp.int32  # of them, after those of the pairs
 
 
 @wp.struct
 class Contacts:
-    """Candidate contacts in the order in which they are swept."""
+    """Candidate contacts in the order in which they are swept: pairs, then contacts with walls."""
 
-    pairs: wp.array(dtype=Pair)
-    pair_dv: Floats  # accumulated corrections dv_c >= 0 [m/s]
-    pair_dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
+    contact: wp.array(dtype=Contact)
+    dv: Floats  # accumulated corrections dv_c [m/s]; < 0 only where the other side of a wall pushes
+    dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
     weights: Vectors  # mass shares of i and j; empty where all masses are equal
-    set_start: Ints  # first pair of every independent set, or segment, and the end of the last
-    walls: wp.array(dtype=WallContact)
-    wall_dv_start: Floats
+    limits: Vectors  # of contacts with walls: gap / dt on the other side, and A_i / dt of eq. 18 [m/s]
+    set_start: Ints  # first contact of every independent set, or segment, and the end of the last
     count: ContactCount
 
 
 @wp.struct
 class NeighborList:
-    """Candidate pairs by first grain: those of i are (i, neighbor[k]), start[i] <= k < start[i + 1]."""
+    """Candidate contacts by first grain: those of i are (i, neighbor[k]), start[i] <= k < start[i + 1].
+
+    A row is in ascending order, so that contacts with walls (types.Contact) are at its end.
+    """
 
     start: Ints
     neighbor: Ints
-    firsts: Ints  # of every grain: pairs that have it first
-    seconds: Ints  # and second
-    found: wp.array(dtype=wp.vec2i)  # pairs as they were found; those beyond its end are only counted
-    by_second: wp.array(dtype=wp.vec2i)  # pairs by second grain
+    firsts: Ints  # of every grain: contacts that have it first
+    seconds: Ints  # of every grain and wall: contacts that have it second
+    found: wp.array(dtype=wp.vec2i)  # contacts as they were found; those beyond its end are only counted
+    by_second: wp.array(dtype=wp.vec2i)  # contacts by second body
     total: Ints
 
 
@@ -156,13 +160,11 @@ class MomentumState:
 
 @wp.struct
 class Momentum:
-    """What lies one sweep back, and the parts of sums, by chunk. Empty in scenes that do not accelerate."""
+    """State one sweep back, and sums by part (contacts.py). Empty in scenes that do not accelerate."""
 
-    pair_last: Floats  # corrections before the last sweep [m/s]
-    wall_last: Floats
+    last_dv: Floats  # corrections before the last sweep [m/s]
     last_velocity: Vectors  # velocities that go with them [m/s]
-    pair_part: Vectors  # cost in phi less gain, and slope of phi along the momentum
-    wall_part: Vectors
+    contact_part: Vectors  # cost in phi less gain, and slope of phi along the momentum
     grain_part: Vectors  # sums of M s.(v + y) and M v.v, where y = v + beta s
     state: MomentumState
 
@@ -171,17 +173,14 @@ class Momentum:
 class WorkingSet:
     """The contacts that are swept, by part (working_set.py). Empty in scenes that do not accelerate."""
 
-    pairs: wp.array(dtype=WorkingPair)
+    contact: wp.array(dtype=WorkingContact)
     gap_rate: Floats  # [m/s]
-    pair: Ints  # its place among all
-    pair_dv: Floats  # [m/s]
-    pair_last: Floats  # before the last sweep [m/s]
+    index: Ints  # among all contacts
+    dv: Floats  # [m/s]
+    last_dv: Floats  # before the last sweep [m/s]
     weights: wp.array(dtype=wp.vec3d)  # shares of i and j, and mu_c; empty where all masses are equal
-    pair_range: wp.array(dtype=wp.vec2i)  # first, and end, of every part
-    walls: wp.array(dtype=WallContact)
-    wall: Ints
-    wall_last: Floats
-    wall_range: wp.array(dtype=wp.vec2i)
+    limits: Vectors  # as in Contacts
+    range: wp.array(dtype=wp.vec2i)  # first contact, and end, of every part
 
 
 @wp.struct
@@ -202,12 +201,9 @@ class Workspace:
     """What building a list takes beside the list itself."""
 
     old: NeighborList  # the list before
-    old_index: Ints  # place of its pairs in sweeping order
-    old_pair_dv: wp.array(dtype=wp.vec3d)  # in that order: now, at the step's start, a sweep back [m/s]
-    old_wall_dv: wp.array(dtype=wp.vec3d)  # the same at the walls, by grain
-    was_at_wall: Ints  # whether it had the grain at a wall
-    old_place: Ints  # of every pair in the list before, or -1
-    sweep_index: Ints  # place of every pair in sweeping order
+    old_dv: wp.array(dtype=wp.vec3d)  # of its contacts: now, at the step's start, a sweep back [m/s]
+    old_place: Ints  # of every contact in the list before, or -1
+    sweep_index: Ints  # of every contact: its index in sweeping order
     group: Ints  # set, or tile, of every pair
     color: Ints  # of every pair, where pairs are swept by colors
     old_color: Ints  # of the list before

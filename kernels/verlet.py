@@ -90,19 +90,15 @@ def peak_of(s: Scene, i: int) -> f64:
 
 @wp.func
 def stayed_silent(s: Scene, i: int, j: int) -> bool:
-    """Whether a pair cannot have acted in the iterations so far (eq. 11b), with u taken into the w_i."""
-    n, distance = law.normal(at(s.grains.position, i), at(s.grains.position, j))
-    gap = law.pair_gap(distance, at(s.grains.radius, i), at(s.grains.radius, j))
-    vn = wp.dot(at(s.verlet.reference_velocity, i) - at(s.verlet.reference_velocity, j), n)
+    """Return whether a contact cannot have acted in the iterations so far (eq. 11b), with u in the w_i."""
+    x, radius, n = at(s.grains.position, i), at(s.grains.radius, i), grain_count(s)
+    if j >= n:
+        path = s.dt * (wp.length(at(s.verlet.reference_velocity, i)) + peak_of(s, i))
+        return not is_near_wall(j - n, x, radius, s.walls, path + s.tuning.rounding)
+    normal, distance = law.normal(x, at(s.grains.position, j))
+    gap = law.pair_gap(distance, radius, at(s.grains.radius, j))
+    vn = wp.dot(at(s.verlet.reference_velocity, i) - at(s.verlet.reference_velocity, j), normal)
     return gap - s.dt * (vn + peak_of(s, i) + peak_of(s, j)) >= s.tuning.rounding
-
-
-@wp.func
-def stayed_off_walls(s: Scene, i: int) -> bool:
-    """Whether no wall can have acted on a grain in the iterations so far."""
-    path = s.dt * (wp.length(at(s.verlet.reference_velocity, i)) + peak_of(s, i))
-    x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-    return not is_near_wall(x, radius, s.walls, path + s.tuning.rounding)
 
 
 @wp.func

@@ -3,12 +3,12 @@
 import warp as wp
 
 from . import law
-from .access import at, first_of, freeze_pair, put, read_wall, second_of, set_wall
-from .record import Scene, wall_count
-from .residual import apply_pair
-from .segments import pairs_of
-from .threads import Team, thread_range
-from .walls import WallContact, frozen_wall
+from .access import at, first_of, put, second_of, set_frame
+from .contacts import apply
+from .record import Scene, grain_count, pair_count
+from .segments import contacts_of
+from .threads import Team
+from .walls import wall_frame
 
 
 @wp.func
@@ -19,35 +19,29 @@ def begin_attempt(s: Scene, i: int):
 
 
 @wp.func
-def start_pairs(team: Team, s: Scene, k: int):
-    """Freeze the pairs of a set (eq. 4), and apply their corrections."""
-    c, end = pairs_of(team, s, k)
-    grains, contacts, dt = s.grains, s.contacts, s.dt
-    starting = s.control.resuming == 0
-    while c < end:
-        i = first_of(contacts.pairs, c)
-        j = second_of(contacts.pairs, c)
-        n, distance = law.normal(at(grains.position, i), at(grains.position, j))
-        gap = law.pair_gap(distance, at(grains.radius, i), at(grains.radius, j))
-        freeze_pair(contacts.pairs, c, n, gap / dt)
-        if starting:
-            dv = at(contacts.pair_dv_start, c)
-            put(contacts.pair_dv, c, dv)
-            apply_pair(grains.next_velocity, contacts, c, dv * n)
-        c += 1
+def freeze(s: Scene, c: int) -> wp.vec2d:
+    """Write normal and gap of a contact (eq. 4) as grains are placed now. Returns the normal."""
+    i, j, n = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c), grain_count(s)
+    x, radius = at(s.grains.position, i), at(s.grains.radius, i)
+    if j >= n:
+        normal, gap, back, reach = wall_frame(j - n, x, radius, s.walls)
+        put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, reach / s.dt))
+        set_frame(s.contacts.contact, c, normal, gap / s.dt)
+        return normal
+    normal, distance = law.normal(x, at(s.grains.position, j))
+    gap = law.pair_gap(distance, radius, at(s.grains.radius, j))
+    set_frame(s.contacts.contact, c, normal, gap / s.dt)
+    return normal
 
 
 @wp.func
-def start_walls(team: Team, s: Scene):
-    """Freeze the walls, and apply their corrections."""
-    begin, end = thread_range(team, 0, wall_count(s))
-    contact = WallContact()
-    for c in range(begin, end):
-        read_wall(s.contacts.walls, c, contact)
-        i = contact.i
-        x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-        contact = frozen_wall(contact, x, radius, s.walls, s.dt)
+def start(team: Team, s: Scene, k: int):
+    """Freeze the contacts of a set, and apply their corrections."""
+    c, end = contacts_of(team, s, k)
+    while c < end:
+        n = freeze(s, c)
         if s.control.resuming == 0:
-            contact.dv = at(s.contacts.wall_dv_start, c)
-            put(s.grains.next_velocity, i, at(s.grains.next_velocity, i) - contact.dv * contact.n)
-        set_wall(s.contacts.walls, c, contact)
+            dv = at(s.contacts.dv_start, c)
+            put(s.contacts.dv, c, dv)
+            apply(s, s.grains.next_velocity, c, dv * n)
+        c += 1

@@ -10,26 +10,14 @@ A part's copies (chunks.py) lie where its contacts begin, so that threads select
 
 import warp as wp
 
-from .access import (
-    at,
-    copy_pair,
-    first_of,
-    gap_rate_of,
-    larger,
-    put,
-    read_wall,
-    set_wall,
-    set_wall_dv,
-    vn_of,
-    wall_dv_at,
-)
-from .chunks import CHUNK, chunks_in, wall_part_count
+from . import law
+from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, put, vn_of
+from .contacts import CHUNK, back_rate_of, chunks_of_set, gap_rate_now, is_wall_set
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, wall_count
+from .record import Scene, pair_count
 from .stopping import gathered, is_going_on
 from .threads import Team, keep_largest, thread_range
 from .verlet import keep_peak
-from .walls import WallContact, has_inner, outer_gap_rate, wall_projection
 
 f64 = wp.float64
 NEAR = wp.constant(f64(0.25))  # of the largest change of a correction: how near to a violation one is swept
@@ -56,28 +44,15 @@ def see_skin(s: Scene, i: int):
 
 
 @wp.func
-def put_back_pairs(s: Scene, part: int):
-    """Write the corrections of a part's pairs where all pairs have theirs."""
+def put_back(s: Scene, part: int):
+    """Write the corrections of a part of the working set where all contacts have theirs."""
     working = s.working
-    bounds = at(working.pair_range, part)
+    bounds = at(working.range, part)
     c = int(bounds[0])
     while c < bounds[1]:
-        k = at(working.pair, c)
-        put(s.contacts.pair_dv, k, at(working.pair_dv, c))
-        put(s.momentum.pair_last, k, at(working.pair_last, c))
-        c += 1
-
-
-@wp.func
-def put_back_walls(s: Scene, part: int):
-    """Write the corrections of a part's wall contacts where all have theirs."""
-    working = s.working
-    bounds = at(working.wall_range, part)
-    c = int(bounds[0])
-    while c < bounds[1]:
-        k = at(working.wall, c)
-        set_wall_dv(s.contacts.walls, k, wall_dv_at(working.walls, c))
-        put(s.momentum.wall_last, k, at(working.wall_last, c))
+        k = at(working.index, c)
+        put(s.contacts.dv, k, at(working.dv, c))
+        put(s.momentum.last_dv, k, at(working.last_dv, c))
         c += 1
 
 
@@ -90,16 +65,16 @@ def pause_unless_listed(s: Scene):
 
 
 @wp.func
-def copy_of_pair(s: Scene, c: int, k: int):
-    """Make the working pair at place c that of the contact at place k."""
-    put(s.working.pair, c, k)
-    copy_pair(s.working.pairs, c, s.contacts.pairs, k)
-    put(s.working.gap_rate, c, gap_rate_of(s.contacts.pairs, k))
-    put(s.working.pair_dv, c, at(s.contacts.pair_dv, k))
-    put(s.working.pair_last, c, at(s.momentum.pair_last, k))
+def select(s: Scene, c: int, k: int):
+    """Make the contact at place c of the working set the one of index k."""
+    put(s.working.index, c, k)
+    copy_contact(s.working.contact, c, s.contacts.contact, k)
+    put(s.working.gap_rate, c, gap_rate_of(s.contacts.contact, k))
+    put(s.working.dv, c, at(s.contacts.dv, k))
+    put(s.working.last_dv, c, at(s.momentum.last_dv, k))
     if s.contacts.weights.shape[0] > 0:
         weight = at(s.contacts.weights, k)
-        mu = weight[0] * at(s.grains.contact_mass, first_of(s.contacts.pairs, k))
+        mu = weight[0] * at(s.grains.contact_mass, first_of(s.contacts.contact, k))
         put(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))
 
 
@@ -112,7 +87,7 @@ def selecting(count: int) -> wp.Function:
     vector, numbers_at = lanes(count).vector, lanes(count).numbers_at
 
     @wp.func
-    def select(s: Scene, begin: int, end: int, place: int):
+    def select_some(s: Scene, begin: int, end: int, place: int):
         contacts = s.contacts
         near = f64(2.0) * nearness(s)
         violation = f64(0.0)
@@ -121,69 +96,71 @@ def selecting(count: int) -> wp.Function:
         while c < end:
             vn = vector()
             for k in range(wp.static(count)):
-                vn[k] = vn_of(s.grains.next_velocity, contacts.pairs, c + k)
-            carried = numbers_at(contacts.pair_dv, c) + numbers_at(s.momentum.pair_last, c)
+                vn[k] = vn_of(s.grains.next_velocity, contacts.contact, c + k)
+            carried = numbers_at(contacts.dv, c) + numbers_at(s.momentum.last_dv, c)
             for k in range(wp.static(count)):
-                excess = vn[k] - gap_rate_of(contacts.pairs, c + k)
+                excess = vn[k] - gap_rate_of(contacts.contact, c + k)
                 carries = carried[k] > f64(0.0)
                 violation = larger(violation, wp.where(carries, f64(0.0), excess))
-                copy_of_pair(s, free, c + k)
+                select(s, free, c + k)
                 free += wp.where(carries or excess + near > f64(0.0), 1, 0)
             c += wp.static(count)
         return free, violation
 
-    return select
+    return select_some
 
 
 select_four, select_one = selecting(FOUR), selecting(1)
 
 
 @wp.func
-def select_pairs(team: Team, s: Scene, k: int):
-    """Select the pairs of a set that are swept, and see by how much others are violated."""
-    violation = f64(0.0)
-    start, stop = at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1)
-    first, last = thread_range(team, start // CHUNK, chunks_in(stop))
-    for chunk in range(first, last):
-        begin = wp.max(start, chunk * CHUNK)
-        end = wp.min(stop, (chunk + 1) * CHUNK)
-        rest = end_of_fours(begin, end)
-        after_four, violation_of_four = select_four(s, begin, rest, begin)
-        after, violation_of_one = select_one(s, rest, end, after_four)
-        violation = larger(violation, larger(violation_of_four, violation_of_one))
-        put(s.working.pair_range, chunk + k, wp.vec2i(begin, after))
-    keep_largest(team, s.partial.zeta, violation)
+def select_pairs(s: Scene, begin: int, end: int):
+    """Select pairs, four at a time and then those that are left. Returns what `selecting` does."""
+    rest = end_of_fours(begin, end)
+    after_four, violation_of_four = select_four(s, begin, rest, begin)
+    after, violation_of_one = select_one(s, rest, end, after_four)
+    return after, larger(violation_of_four, violation_of_one)
 
 
 @wp.func
-def select_walls(team: Team, s: Scene):
-    """Select the wall contacts that are swept, and see by how much others are violated."""
+def select_walls(s: Scene, begin: int, end: int):
+    """Select contacts with walls. Returns what `selecting` does."""
+    near, first_wall = nearness(s), pair_count(s)
     violation = f64(0.0)
-    near = nearness(s)
-    inner = has_inner(s.walls)
-    contact = WallContact()
-    first, last = thread_range(team, 0, wall_part_count(s))
-    for part in range(first, last):
-        begin = part * CHUNK
-        end = int(begin)
-        c = int(begin)
-        stop = wp.min(wall_count(s), begin + CHUNK)
-        while c < stop:
-            read_wall(s.contacts.walls, c, contact)
-            before = at(s.momentum.wall_last, c)
-            v = at(s.grains.next_velocity, contact.i)
-            gap_out = outer_gap_rate(contact, v, s.walls)
-            carries = contact.dv != f64(0.0) or before != f64(0.0)
-            vn = wp.dot(v, contact.n)
-            dv = wall_projection(vn, contact.dv, gap_out, contact.gap_rate_in, inner)
-            nearly = wall_projection(vn, contact.dv, gap_out - near, contact.gap_rate_in - near, inner)
-            set_wall(s.working.walls, end, contact)
-            put(s.working.wall, end, c)
-            put(s.working.wall_last, end, before)
-            end += wp.where(carries or nearly != f64(0.0), 1, 0)
-            violation = larger(violation, wp.where(carries, f64(0.0), wp.abs(dv)))
-            c += 1
-        put(s.working.wall_range, part, wp.vec2i(begin, end))
+    free = int(begin)
+    c = int(begin)
+    while c < end:
+        v = at(s.grains.next_velocity, first_of(s.contacts.contact, c))
+        vn, dv = wp.dot(v, normal_of(s.contacts.contact, c)), at(s.contacts.dv, c)
+        gap, back = gap_rate_now(s, c, v), back_rate_of(s, c)
+        carries = dv != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
+        nearly = law.projection(vn, dv, gap - near, back - near)
+        change = wp.abs(law.projection(vn, dv, gap, back))
+        violation = larger(violation, wp.where(carries, f64(0.0), change))
+        select(s, free, c)
+        put(s.working.limits, free - first_wall, at(s.contacts.limits, c - first_wall))
+        free += wp.where(carries or nearly != f64(0.0), 1, 0)
+        c += 1
+    return free, violation
+
+
+@wp.func
+def select_set(team: Team, s: Scene, k: int):
+    """Select the contacts of a set that are swept, and see by how much others are violated."""
+    violation = f64(0.0)
+    start, stop = at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1)
+    first_chunk, end_chunk, origin, part = chunks_of_set(s, k)
+    first, last = thread_range(team, first_chunk, end_chunk)
+    for chunk in range(first, last):
+        begin = wp.max(start, origin + chunk * CHUNK)
+        end = wp.min(stop, origin + (chunk + 1) * CHUNK)
+        after, worst = int(begin), f64(0.0)
+        if is_wall_set(s, k):
+            after, worst = select_walls(s, begin, end)
+        else:
+            after, worst = select_pairs(s, begin, end)
+        violation = larger(violation, worst)
+        put(s.working.range, part + chunk, wp.vec2i(begin, after))
     keep_largest(team, s.partial.zeta, violation)
 
 

@@ -58,7 +58,8 @@ class _Discs:
         self._arrays: dict[str, np.ndarray[Any, Any]] = {}
         self._record = np.zeros(1, _record_dtype())
         walls = region.ring
-        self._record["walls"]["radius_in"], self._record["walls"]["radius_out"] = walls[:2]
+        annulus = self._record["walls"]["annulus"]
+        annulus["radius_in"], annulus["radius_out"] = walls[:2]
         self._record["box"]["low"], self._record["box"]["high"] = region.low, region.high
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
         cell = np.maximum(2.0 * radius[start], walls.radius_out / np.ceil(np.sqrt(count)))
@@ -102,9 +103,9 @@ class _Discs:
 
 def limits(region: Region) -> tuple[Any, Any]:
     """Return walls and box of a region, for kernels."""
-    from warpgrains.kernels.walls import Walls
+    from warpgrains.kernels.annulus import Annulus
 
-    walls, box = Walls(), _kernels().Box()
+    walls, box = Annulus(), _kernels().Box()
     walls.radius_in, walls.radius_out = region.ring.radius_in, region.ring.radius_out
     box.low, box.high = region.low, region.high
     return walls, box

@@ -87,12 +87,11 @@ class FrozenContacts:
     """
 
     def __init__(self, scene: Scene, memory: SceneMemory):
-        self._scene, self._place = scene, memory.array("workspace.sweep_index")[: memory.pairs]
-        self._pair_dv = memory.array("contacts.pair_dv")
-        self._wall_dv = memory.array("contacts.walls")["dv"][: memory.walls]
-        self._grain = memory.array("contacts.walls")["i"][: memory.walls]
+        self._scene, self._dv = scene, memory.array("contacts.dv")
+        self._place = memory.listed_pairs()[1]
+        self._grain, self._wall = memory.listed_walls()
         self._position = memory.array("grains.position")[self._grain]
-        pairs = memory.array("contacts.pairs")[self._place]
+        pairs = memory.array("contacts.contact")[self._place]
         self._gap_rate = pairs["gap_rate"]
         mass = scene.contact_mass
         mass_i, mass_j = mass[pairs["i"]], mass[pairs["j"]]
@@ -126,15 +125,15 @@ class FrozenContacts:
 
     def corrections(self) -> FloatArray:
         """Return the corrections, in the units of the problem."""
-        walls = [np.maximum(sign * self._wall_dv, 0.0) for sign in self._signs]
-        return self._unit * np.concatenate([self._pair_dv[self._place], *walls])
+        walls = [np.maximum(sign * self._dv[self._wall], 0.0) for sign in self._signs]
+        return self._unit * np.concatenate([self._dv[self._place], *walls])
 
     def write(self, q: FloatArray) -> None:
         """Give the contacts other corrections."""
         first = len(self._place)
         pairs, *walls = np.split(q / self._unit, first + len(self._grain) * np.arange(len(self._signs)))
-        self._pair_dv[self._place] = pairs
-        self._wall_dv[:] = sum(sign * dv for sign, dv in zip(self._signs, walls, strict=True))
+        self._dv[self._place] = pairs
+        self._dv[self._wall] = sum(sign * dv for sign, dv in zip(self._signs, walls, strict=True))
 
 
 def _columns(grain: np.ndarray[Any, Any]) -> IndexArray:

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
@@ -103,8 +103,8 @@ class SceneRecords:
         for name in ("gravity", "drag", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
         for name in ("radius_in", "radius_out"):
-            host["walls"][name] = [getattr(scene, name) for scene in scenes]
-        host["walls"]["round"] = [scene.wall == "round" for scene in scenes]
+            host["walls"]["annulus"][name] = [getattr(scene, name) for scene in scenes]
+        host["walls"]["annulus"]["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
@@ -167,11 +167,16 @@ class SceneRecords:
 
     def wall_corrections(self, which: IndexArray) -> FloatArray:
         """Return what grains of some scenes, as many in each, carry at the walls [m/s], shape (m, n)."""
-        walls, count = self.stacked("contacts.walls", which), self.host["contacts"]["count"]["walls"][which]
-        correction = np.zeros(walls.shape)
-        scene, place = np.nonzero(np.arange(walls.shape[1]) < count[:, np.newaxis])
-        correction[scene, walls["i"][scene, place]] = walls["dv"][scene, place]
-        return correction
+        count = self.host["contacts"]["count"][which]
+        contact, dv = (self.together(f"contacts.{name}") for name in ("contact", "dv"))
+        if contact is None or dv is None:
+            each = zip(which.tolist(), count, strict=True)
+            return np.concatenate([self._wall_corrections(k, one) for k, one in each])
+        return _at_walls(contact[which]["i"], dv[which], count, int(self.sizes.grains[0]))
+
+    def _wall_corrections(self, k: int, count: np.ndarray[Any, Any]) -> FloatArray:
+        contact, dv = (self.array(k, f"contacts.{name}")[np.newaxis] for name in ("contact", "dv"))
+        return _at_walls(contact["i"], dv, count[np.newaxis], int(self.sizes.grains[k]))
 
     def _block(self, k: int) -> Block:
         block = self._blocks[k]
@@ -183,19 +188,19 @@ class SceneRecords:
         offset, count = _verlet_numbers()
         return np.ndarray(count, np.float64, self._bytes, k * self.host.itemsize + offset)
 
-    def make_room(self, k: int, pairs: int) -> None:
-        """Move scene k to where a list of so many pairs has room.
+    def make_room(self, k: int, contacts: int) -> None:
+        """Move scene k to where a list of so many contacts has room.
 
         Raises
         ------
         SimulationError
             There is not so much memory.
         """
-        if pairs <= self.sizes.pairs[k]:
+        if contacts <= self.sizes.contacts[k]:
             return
-        grown = self.sizes.pairs.copy()
-        grown[k] = pairs + pairs // 4
-        self._resize(k, replace(self.sizes, pairs=grown))
+        grown = self.sizes.contacts.copy()
+        grown[k] = contacts + contacts // 4
+        self._resize(k, replace(self.sizes, contacts=grown))
 
     def keep_history(self, k: int, iterations: int) -> None:
         """Let scene k keep zeta and residual of so many iterations of each step; 0: of none.
@@ -239,3 +244,12 @@ def _verlet_numbers() -> tuple[int, int]:
     dtype = np.dtype(SceneRecord.numpy_dtype())
     offset = dtype.fields["verlet"][1] + dtype["verlet"].fields["numbers"][1]
     return offset, VerletNumbers.numpy_dtype()["itemsize"] // 8
+
+
+def _at_walls(grain: IntArray, dv: FloatArray, count: np.ndarray[Any, Any], n: int) -> FloatArray:
+    """Return corrections at the walls by grain, shape (m, n), of grains and corrections by contact."""
+    correction = np.zeros((len(grain), n))
+    index, pairs = np.arange(grain.shape[1]), count["pairs"][:, np.newaxis]
+    scene, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
+    correction[scene, grain[scene, place]] = dv[scene, place]
+    return correction

@@ -47,25 +47,35 @@ class SceneMemory:
         return self._records.array(self._k, name)
 
     @property
-    def pairs(self) -> int:
-        """How many pairs are listed."""
-        return self.record["contacts"]["count"]["pairs"].item()
+    def contacts(self) -> int:
+        """Number of listed contacts."""
+        count = self.record["contacts"]["count"]
+        return int(count["pairs"] + count["walls"])
 
-    @property
-    def walls(self) -> int:
-        """How many grains are listed at the walls."""
-        return self.record["contacts"]["count"]["walls"].item()
-
-    def listed_pairs(self) -> IntArray:
-        """Return the listed pairs in lexicographic order, shape (m, 2)."""
+    def _listed(self) -> tuple[IntArray, IntArray]:
+        """Return grain and other body of the listed contacts, in lexicographic order, and their indices."""
         first = np.repeat(np.arange(self._scene.n, dtype=np.int32), np.diff(self.array("neighbors.start")))
-        return np.stack([first, self.array("neighbors.neighbor")[: len(first)]], axis=1)
+        body = np.stack([first, self.array("neighbors.neighbor")[: len(first)]], axis=1)
+        return body, self.array("workspace.sweep_index")[: len(first)]
+
+    def listed_pairs(self) -> tuple[IntArray, IntArray]:
+        """Return the listed pairs in lexicographic order, shape (m, 2), and their indices, shape (m,)."""
+        body, index = self._listed()
+        is_pair = body[:, 1] < self._scene.n
+        return body[is_pair], index[is_pair]
+
+    def listed_walls(self) -> tuple[IntArray, IntArray]:
+        """Return the listed grains at the walls, in ascending order, and the indices of their contacts."""
+        body, index = self._listed()
+        is_wall = body[:, 1] >= self._scene.n
+        return body[is_wall, 0], index[is_wall]
 
     def corrections(self) -> Corrections:
         """Return what the contacts carry after the last good step."""
-        dv = self.array("contacts.pair_dv")[self.array("workspace.sweep_index")[: self.pairs]]
+        pair, index = self.listed_pairs()
+        dv = self.array("contacts.dv")[index]
         active = dv != 0.0
-        return Corrections(self.listed_pairs()[active], dv[active], self.wall_correction())
+        return Corrections(pair[active], dv[active], self.wall_correction())
 
     def wall_correction(self) -> FloatArray:
         """Return what the grains carry at the walls [m/s], shape (n,)."""
@@ -75,8 +85,8 @@ class SceneMemory:
         """Return the exact state, after so many steps."""
         numbers = self._records.verlet_numbers(self._k).copy()
         lists = VerletList(
-            pair=self.listed_pairs(),
-            wall=np.sort(self.array("contacts.walls")["i"][: self.walls]),
+            pair=self.listed_pairs()[0],
+            wall=self.listed_walls()[0],
             **{name: self.array(f"verlet.{name}").copy() for name in VERLET},
             frame=numbers[:6].reshape(3, 2),
             scalar=numbers[6:],
@@ -118,36 +128,31 @@ class SceneMemory:
         self.record["verlet"]["numbers"]["base_skin"] = tuning.first_skin(self._scene)
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
-        """List pairs, in lexicographic order, and walls, as of before they were put in sweeping order."""
-        for rows in ("neighbors", "workspace.old"):
-            self.array(f"{rows}.start")[:] = 0
-        if len(pair) > 0:
-            self._list_pairs(pair, corrections)
-        walls = self.array("contacts.walls")[: len(wall)]
-        walls["i"], walls["dv"] = wall, corrections.wall_correction[wall]
-        self.array("contacts.wall_dv_start")[: len(wall)] = walls["dv"]
-        self.array("dealt.first_segment")[:] = 0
-        self.record["contacts"]["count"] = len(pair), 0, len(wall)
-
-    def _list_pairs(self, pair: IntArray, corrections: Corrections) -> None:
-        self._records.make_room(self._k, len(pair))
-        dv, key = np.zeros(len(pair)), np.array([self._scene.n, 1])
+        """List pairs in lexicographic order and grains at the walls, with what they carry."""
+        n = self._scene.n
+        body = np.concatenate([pair, np.stack([wall, np.full_like(wall, n)], axis=1)])
+        dv, key = np.zeros(len(body)), np.array([n, 1])
         dv[np.searchsorted(pair @ key, corrections.pair @ key)] = corrections.pair_correction
+        dv[len(pair) :] = corrections.wall_correction[wall]
+        self._records.make_room(self._k, len(body))
+        for name in ("dv", "dv_start"):
+            self.array(f"contacts.{name}")[: len(body)] = dv
+        contact = self.array("contacts.contact")[: len(body)]
+        contact["i"], contact["j"] = body.T
+        order = np.lexsort(body.T[::-1])
         for rows in ("neighbors", "workspace.old"):
-            self.array(f"{rows}.start")[:] = np.searchsorted(pair[:, 0], np.arange(self._scene.n + 1))
-            self.array(f"{rows}.neighbor")[: len(pair)] = pair[:, 1]
-        for name in ("contacts.pair_dv", "contacts.pair_dv_start"):
-            self.array(name)[: len(pair)] = dv
-        self.array("workspace.old_pair_dv")[: len(pair)] = dv[:, None]
-        for name in ("sweep_index", "old_index", "old_place"):
-            self.array(f"workspace.{name}")[: len(pair)] = np.arange(len(pair))
+            self.array(f"{rows}.start")[:] = np.searchsorted(body[order, 0], np.arange(n + 1))
+            self.array(f"{rows}.neighbor")[: len(body)] = body[order, 1]
+        self.array("workspace.sweep_index")[: len(body)] = order
+        self.array("workspace.old_place")[: len(body)] = np.arange(len(body))
+        self.array("workspace.old_dv")[: len(body)] = dv[order, np.newaxis]
+        self.array("dealt.first_segment")[:] = 0
+        self.record["contacts"]["count"] = len(pair), 0, len(wall), 0
 
     def give_up_step(self) -> None:
         """Take back what an unfinished step did; the next one makes a list anew if this one was about to."""
         self.record["control"]["corrected"] = 0
-        self.array("contacts.pair_dv")[: self.pairs] = self.array("contacts.pair_dv_start")[: self.pairs]
-        walls = self.array("contacts.walls")[: self.walls]
-        walls["dv"] = self.array("contacts.wall_dv_start")[: self.walls]
+        self.array("contacts.dv")[: self.contacts] = self.array("contacts.dv_start")[: self.contacts]
         if self.record["control"]["unlisted"] or self.record["control"]["recoloring"]:
             self.record["control"] = 0
             self.array("verlet.skin")[:] = tuning.NO_SKIN
@@ -163,7 +168,7 @@ class SceneMemory:
             converged=bool(step["converged"]),
             infeasible=infeasible,
             contacts=step["active"],
-            candidates=self.pairs + self.walls,
+            candidates=self.contacts,
             overlap=step["overlap"],
             rebuilds=step["rebuilds"],
             redos=step["redos"],

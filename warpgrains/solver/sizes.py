@@ -11,13 +11,14 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpgrains.kernels.cells import AT_ONCE
-from warpgrains.kernels.chunks import CHUNK
+from warpgrains.kernels.contacts import CHUNK
 from warpgrains.kernels.threads import GPU_PARTIALS, MOMENTS
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 Counts = NDArray[np.int64]
+WALL_BODIES = 1  # the annulus
 FEW = 40  # grains that are not worth a grid
 
 
@@ -27,8 +28,8 @@ class Sizes:
 
     Attributes
     ----------
-    grains, pairs : ndarray
-        Grains, and candidate pairs that there is room for.
+    grains, contacts : ndarray
+        Grains, and candidate contacts that there is capacity for.
     weighted : ndarray
         1 where masses differ, 0 elsewhere.
     accelerated : int
@@ -42,7 +43,7 @@ class Sizes:
     """
 
     grains: Counts
-    pairs: Counts
+    contacts: Counts
     weighted: Counts
     accelerated: int
     team: int
@@ -55,7 +56,7 @@ class Sizes:
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([not scene.has_equal_masses for scene in scenes], np.int64)
-        return cls(n, first_pairs(n), weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
+        return cls(n, first_contacts(n), weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
 
     @property
     def is_dealt(self) -> bool:
@@ -65,23 +66,24 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        return replace(self, grains=self.grains[one], pairs=self.pairs[one], weighted=self.weighted[one])
+        one_of = {name: getattr(self, name)[one] for name in ("grains", "contacts", "weighted")}
+        return replace(self, **one_of)
 
 
-def first_pairs(n: Counts) -> Counts:
-    """Return for how many pairs there is room at first: more than a list mostly needs, at most all."""
-    return np.maximum(1, np.minimum(n * (n - 1) // 2, 5 * n))
+def first_contacts(n: Counts) -> Counts:
+    """Return the capacity for contacts at first: more than a list mostly needs, at most all."""
+    return np.minimum(n * (n - 1) // 2, 5 * n) + n * WALL_BODIES
 
 
 def lengths(size: Sizes) -> dict[str, Any]:
     """Return the length of every array of a record, by struct and name: the one table of them."""
-    n, pairs = size.grains, size.pairs
+    n, contacts = size.grains, size.contacts
     cells = grid_width(n) ** 2 + 1
-    rows = {"start": n + 1, "neighbor": pairs}
-    search = {"firsts": n, "seconds": n, "found": pairs, "by_second": pairs, "total": 1}
+    rows = {"start": n + 1, "neighbor": contacts}
+    search = {"firsts": n, "seconds": n + WALL_BODIES, "found": contacts, "by_second": contacts, "total": 1}
     ahead, dealt = size.accelerated, int(size.is_dealt)
     threads = size.team * dealt
-    parts = pairs + pairs // CHUNK + 1
+    parts = contacts + contacts // CHUNK + 3
     return {
         "grains": {
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
@@ -89,25 +91,25 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("radius", "mass", "contact_mass"), n),
         },
         "contacts": {
-            **dict.fromkeys(("pairs", "pair_dv", "pair_dv_start"), pairs),
-            "weights": pairs * size.weighted,
-            "set_start": pairs + 2,
-            **dict.fromkeys(("walls", "wall_dv_start"), n),
+            **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
+            "weights": contacts * size.weighted,
+            "limits": n * WALL_BODIES,
+            "set_start": contacts + 3,
         },
         "verlet": {
             **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
             **dict.fromkeys(("reference_position", "reference_velocity"), n),
         },
         "momentum": {
-            "pair_last": ahead * pairs,
-            "pair_part": ahead * parts,
-            **dict.fromkeys(("wall_last", "wall_part", "last_velocity", "grain_part"), ahead * n),
+            "last_dv": ahead * contacts,
+            "contact_part": ahead * parts,
+            **dict.fromkeys(("last_velocity", "grain_part"), ahead * n),
         },
         "working": {
-            **dict.fromkeys(("pairs", "gap_rate", "pair", "pair_dv", "pair_last"), ahead * pairs),
-            "weights": ahead * pairs * size.weighted,
-            "pair_range": ahead * parts,
-            **dict.fromkeys(("walls", "wall", "wall_last", "wall_range"), ahead * n),
+            **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),
+            "weights": ahead * contacts * size.weighted,
+            "limits": ahead * n * WALL_BODIES,
+            "range": ahead * parts,
         },
         "grid": {
             "cell_start": cells,
@@ -117,18 +119,18 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "neighbors": rows | search,
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
-            **dict.fromkeys(("old_index", "old_pair_dv", "old_color", "old_place"), pairs),
-            **dict.fromkeys(("color", "sweep_index", "sequence"), pairs),
-            "group": pairs + 1,
-            **dict.fromkeys(("old_wall_dv", "was_at_wall", "row_sum", "next_level", "used_colors"), n),
+            **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "sweep_index"), contacts),
+            "sequence": contacts,
+            "group": contacts + 1,
+            **dict.fromkeys(("row_sum", "next_level", "used_colors"), n),
         },
         "dealt": {
             **dict.fromkeys(("first", "first_segment"), threads + dealt),
             "cursor": threads,
             "seen": threads**2,
             "last": n * dealt,
-            "begins": pairs * dealt,
-            "dependencies": (pairs + 1) * threads,
+            "begins": contacts * dealt,
+            "dependencies": (contacts + 1) * threads,
         },
         "partial": {
             **dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),

@@ -1,0 +1,84 @@
+"""Contacts by index: pairs, then contacts with walls; the parts over which sums are taken; one contact's law.
+
+Chunks have a fixed length, and sums are taken over each and then in order: they are the same for any number
+of threads. A chunk of pairs, or of contacts with walls, that lies in several sets is one part in each.
+"""
+
+import warp as wp
+
+from . import law
+from .access import at, first_of, gap_rate_of, normal_of, put, second_of
+from .record import Scene, grain_count, pair_count
+from .types import Vectors
+
+f64 = wp.float64
+CHUNK = wp.constant(128)
+
+
+@wp.func
+def contact_count(s: Scene) -> int:
+    """Return the number of listed contacts."""
+    return s.contacts.count.pairs + s.contacts.count.walls
+
+
+@wp.func
+def set_count(s: Scene) -> int:
+    """Return the number of sets, those of contacts with walls included."""
+    return s.contacts.count.sets + s.contacts.count.wall_sets
+
+
+@wp.func
+def is_wall_set(s: Scene, k: int) -> bool:
+    """Return whether a set is of contacts with walls."""
+    return k >= s.contacts.count.sets
+
+
+@wp.func
+def chunks_in(count: int) -> int:
+    """Return the number of chunks that hold so many elements."""
+    return (count + CHUNK - 1) // CHUNK
+
+
+@wp.func
+def part_count(s: Scene) -> int:
+    """Return the number of parts of the contacts."""
+    return chunks_in(pair_count(s)) + chunks_in(s.contacts.count.walls) + set_count(s)
+
+
+@wp.func
+def chunks_of_set(s: Scene, k: int):
+    """Return first chunk and end of a set, the contact that chunk 0 begins with, and the part of chunk 0."""
+    origin, part = int(0), int(k)
+    if is_wall_set(s, k):
+        origin = pair_count(s)
+        part = chunks_in(origin) + k
+    first = (at(s.contacts.set_start, k) - origin) // CHUNK
+    return first, chunks_in(at(s.contacts.set_start, k + 1) - origin), origin, part
+
+
+@wp.func
+def gap_rate_now(s: Scene, c: int, v: wp.vec2d) -> f64:
+    """Return gap / dt of a contact with a wall, of a grain of velocity v [m/s] (eq. 18)."""
+    limits = at(s.contacts.limits, c - pair_count(s))
+    along = law.speed_along(v, normal_of(s.contacts.contact, c))
+    return law.round_gap_rate(gap_rate_of(s.contacts.contact, c), along, limits[1])
+
+
+@wp.func
+def back_rate_of(s: Scene, c: int) -> f64:
+    """Return gap / dt on the other side of the wall of a contact [m/s]."""
+    return at(s.contacts.limits, c - pair_count(s))[0]
+
+
+@wp.func
+def apply(s: Scene, velocity: Vectors, c: int, impulse: wp.vec2d):
+    """Share a contact's dv n [m/s] out to its grains (eq. 7), or give it to the one at a wall."""
+    i, j = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c)
+    if j >= grain_count(s):
+        put(velocity, i, at(velocity, i) - impulse)
+        return
+    weight = wp.vec2d(f64(0.5), f64(0.5))
+    if s.contacts.weights.shape[0] > 0:
+        weight = at(s.contacts.weights, c)
+    put(velocity, i, at(velocity, i) - impulse * weight[0])
+    put(velocity, j, at(velocity, j) + impulse * weight[1])
