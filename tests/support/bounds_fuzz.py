@@ -1,9 +1,9 @@
 """Random steps of hard scenes in checked mode: every index that a kernel uses is tested (kernels/access.py).
 
-    python tests/support/bounds_fuzz.py STEPS [SEED]
+    python tests/support/bounds_fuzz.py STEPS [SEED [LONGEST]]
 
 Scenes are dense, jammed, huge, tiny or spread; methods, orders, schemes, walls, threads, restores and resumed
-checkpoints are drawn at random. It ends with status 1 at the first index that is outside of its array.
+checkpoints are drawn at random. Runs of one scene have up to LONGEST steps (60) before it changes. It ends with status 1 at the first index that is outside of its array.
 """
 
 import os
@@ -73,15 +73,15 @@ def moved(simulation: Simulation, rng: np.random.Generator, folder: Path) -> Sim
     return simulation
 
 
-def runs(rng: np.random.Generator, folder: Path) -> Iterator[tuple[Any, int]]:
+def runs(rng: np.random.Generator, folder: Path, longest: int) -> Iterator[tuple[Any, int]]:
     """Yield what is to be advanced, and how far, of one random scene, or of a batch of some."""
     if rng.random() < 0.1:
         scenes = [random_scene(rng) for _ in range(3)]
-        yield Batch(scenes, threads=int(rng.integers(1, 3))), 20
+        yield Batch(scenes, threads=int(rng.integers(1, 3))), longest // 3
         return
     simulation = Simulation(random_scene(rng), threads=int(rng.choice([1, 1, 1, 1, 2, 3])))
     for _ in range(6):
-        yield simulation, int(rng.integers(1, 60))
+        yield simulation, int(rng.integers(1, longest))
         simulation = moved(simulation, rng, folder)
 
 
@@ -98,13 +98,13 @@ def advanced(what: Any, steps: int) -> int:
     return steps
 
 
-def fuzz(steps: int, seed: int) -> int:
+def fuzz(steps: int, seed: int, longest: int = 60) -> int:
     """Take at least so many random steps; return how many."""
     done = scene = 0
     with tempfile.TemporaryDirectory() as folder:
         while done < steps:
             try:
-                for what, some in runs(np.random.default_rng((seed, scene)), Path(folder)):
+                for what, some in runs(np.random.default_rng((seed, scene)), Path(folder), longest):
                     done += advanced(what, some)
             except SimulationError as error:
                 sys.exit(f"scene {scene} of seed {seed}: {error}")

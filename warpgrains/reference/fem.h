@@ -14,6 +14,8 @@ typedef struct {
     double *x, *y, *vx, *vy, *r, *m, *dvBoundary, *dvContacts;
 #ifdef REFERENCE
     int leapfrog, staggered, round; /* not the text's: scheme, whether v is half a step behind, outer wall */
+    int nDiscs;                     /* fixed discs inside the annulus: */
+    double *discs, *dvDiscs;        /* center and radius of each, and corrections by grain and disc */
 #endif
 } femGrains;
 

@@ -18,6 +18,8 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->gravity[1] = -9.81;
     theGrains->gamma = 0.5;
     theGrains->leapfrog = theGrains->staggered = theGrains->round = 0;
+    theGrains->nDiscs = 0;
+    theGrains->discs = theGrains->dvDiscs = NULL;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
     theGrains->vx = calloc(n, sizeof(double));
@@ -110,14 +112,37 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
     return fabs(dv);
 }
 
+/* The contact of grain i with fixed disc d. Returns |dv|. */
+static double contactDisc(femGrains *g, int i, int d, double dt, int iter) {
+    const double *disc = &g->discs[3 * d];
+    double *dvd = &g->dvDiscs[i * g->nDiscs + d];
+    double dx = disc[0] - g->x[i];
+    double dy = disc[1] - g->y[i];
+    double r = sqrt(dx * dx + dy * dy);
+    double nx = dx / r;
+    double ny = dy / r;
+    double dv = *dvd;
+    if (iter > 0) {
+        double gap = r - (g->r[i] + disc[2]);
+        double vn = g->vx[i] * nx + g->vy[i] * ny;
+        dv = fmax(0.0, vn + *dvd - gap / dt) - *dvd;
+        *dvd += dv;
+    }
+    g->vx[i] -= dv * nx;
+    g->vy[i] -= dv * ny;
+    return fabs(dv);
+}
+
 double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
     int n = myGrains->n;
     double zeta = 0.0;
     double *dvc = myGrains->dvContacts;
     for (int i = 0; i < n; i++)
         for (int j = i + 1; j < n; j++) zeta = fmax(zeta, contactPair(myGrains, i, j, dvc++, dt, iter));
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < n; i++) {
         zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
+        for (int d = 0; d < myGrains->nDiscs; d++) zeta = fmax(zeta, contactDisc(myGrains, i, d, dt, iter));
+    }
     return zeta;
 }
 
@@ -128,7 +153,9 @@ double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, in
     for (int k = 0; k < nContacts; k++) {
         int i = contacts[k].i;
         int j = contacts[k].j;
-        if (j < 0) {
+        if (j < -1) {
+            zeta = fmax(zeta, contactDisc(myGrains, i, -2 - j, dt, iter));
+        } else if (j < 0) {
             zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
         } else {
             long pair = (long)i * (2 * n - i - 1) / 2 + (j - i - 1);

@@ -6,7 +6,7 @@
 #define REFERENCE
 #include "fem.h"
 
-/* A contact of grain i: with grain j > i, or with the walls where j < 0. */
+/* A contact of grain i: with grain j > i, with the annulus where j = -1, or with disc -2 - j. */
 typedef struct {
     int i, j;
 } femContact;

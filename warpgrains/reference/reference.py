@@ -33,7 +33,9 @@ class Grains(ctypes.Structure):
         ("gravity", ctypes.c_double * 2),
         ("gamma", ctypes.c_double),
         *((name, _Doubles) for name in (*_PER_GRAIN, "dvContacts")),
-        *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round")),
+        *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round", "nDiscs")),
+        ("discs", _Doubles),
+        ("dvDiscs", _Doubles),
     )
 
 
@@ -93,7 +95,8 @@ class Reference:
     def step(self, order: IntArray | None = None) -> tuple[int, float]:
         """Advance by one step, and return the iterations and the last zeta, which C keeps to itself.
 
-        `order`: contacts (i, j), or (i, -1) for the walls, if not in the text's order; shape (m, 2).
+        `order`: contacts (i, j), (i, -1) for the annulus, (i, -2 - d) for disc d, if not in the text's order;
+        shape (m, 2).
         """
         scene, arrays = self._scene, self._arrays
         free = free_velocity(scene, self.velocity, bool(self._grains.staggered))

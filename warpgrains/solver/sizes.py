@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 Counts = NDArray[np.int64]
-WALL_BODIES = 1  # the annulus
 FEW = 40  # grains that are not worth a grid
 
 
@@ -30,6 +29,8 @@ class Sizes:
     ----------
     grains, contacts : ndarray
         Grains, and candidate contacts that there is capacity for.
+    walls : ndarray
+        Bodies that are walls (kernels/walls.py).
     weighted : ndarray
         1 where masses differ, 0 elsewhere.
     accelerated : int
@@ -44,6 +45,7 @@ class Sizes:
 
     grains: Counts
     contacts: Counts
+    walls: Counts
     weighted: Counts
     accelerated: int
     team: int
@@ -56,7 +58,8 @@ class Sizes:
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([not scene.has_equal_masses for scene in scenes], np.int64)
-        return cls(n, first_contacts(n), weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
+        walls = np.array([1 + len(scene.discs) for scene in scenes])
+        return cls(n, first_pairs(n) + n * walls, walls, weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
 
     @property
     def is_dealt(self) -> bool:
@@ -66,13 +69,13 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        one_of = {name: getattr(self, name)[one] for name in ("grains", "contacts", "weighted")}
+        one_of = {name: getattr(self, name)[one] for name in ("grains", "contacts", "walls", "weighted")}
         return replace(self, **one_of)
 
 
-def first_contacts(n: Counts) -> Counts:
-    """Return the capacity for contacts at first: more than a list mostly needs, at most all."""
-    return np.minimum(n * (n - 1) // 2, 5 * n) + n * WALL_BODIES
+def first_pairs(n: Counts) -> Counts:
+    """Return the capacity for pairs at first: more than a list mostly needs, at most all."""
+    return np.minimum(n * (n - 1) // 2, 5 * n)
 
 
 def lengths(size: Sizes) -> dict[str, Any]:
@@ -80,10 +83,10 @@ def lengths(size: Sizes) -> dict[str, Any]:
     n, contacts = size.grains, size.contacts
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": contacts}
-    search = {"firsts": n, "seconds": n + WALL_BODIES, "found": contacts, "by_second": contacts, "total": 1}
+    search = {"firsts": n, "seconds": n + size.walls, "found": contacts, "by_second": contacts, "total": 1}
     ahead, dealt = size.accelerated, int(size.is_dealt)
     threads = size.team * dealt
-    parts = contacts + contacts // CHUNK + 3
+    parts = contacts + contacts // CHUNK + 2 + size.walls
     return {
         "grains": {
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
@@ -93,9 +96,10 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "contacts": {
             **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
             "weights": contacts * size.weighted,
-            "limits": n * WALL_BODIES,
-            "set_start": contacts + 3,
+            "limits": n * size.walls,
+            "set_start": contacts + 2 + size.walls,
         },
+        "walls": {"discs": size.walls - 1},
         "verlet": {
             **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
             **dict.fromkeys(("reference_position", "reference_velocity"), n),
@@ -108,7 +112,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "working": {
             **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),
             "weights": ahead * contacts * size.weighted,
-            "limits": ahead * n * WALL_BODIES,
+            "limits": ahead * n * size.walls,
             "range": ahead * parts,
         },
         "grid": {
