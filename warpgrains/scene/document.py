@@ -11,21 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.toml_text import require_toml_numbers, toml_text
-from warpgrains.scene.walls import Annulus
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 Table = dict[str, Any]
 
-SECTIONS = {
-    "domain": Annulus._fields,
-    "physics": ("gravity", "drag"),
-    "time": ("dt", "duration", "scheme"),
-    "solver": ("tolerance", "max_iterations", "order", "method", "stop", "on_unconverged"),
-}
-"""The sections of a scene, but for its grains, and their keys."""
 SHIPPED = {"scene": "", "sweep": "sweeps"}
 """Where the shipped files of each kind are, seen from the folder of the scenes."""
 

@@ -4,13 +4,13 @@ import inspect
 import re
 import textwrap
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING, fields
+from dataclasses import MISSING
 from typing import Any, NamedTuple
 
-from warpgrains.scene.document import SECTIONS, Table
+from warpgrains.scene.document import Table
+from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
 from warpgrains.scene.reader import PROPERTIES, SOURCES, own_parameters
-from warpgrains.scene.scene import Scene
 from warpgrains.scene.toml_text import toml_value
 
 REQUIRED = object()
@@ -44,12 +44,11 @@ class Key(NamedTuple):
 
 def keys(layout: str | None) -> Iterator[Key]:
     """Yield all keys of a scene file in their order, for one layout, or for grains of other sources."""
-    meanings = parameters_of(Scene)
-    defaults = {field.name: field.default for field in fields(Scene)}
     for section, names in SECTIONS.items():
         for name in names:
-            default = defaults[name]
-            yield Key(section, name, REQUIRED if default is MISSING else default, meanings[name])
+            field = FIELDS[name]
+            default = REQUIRED if field.default is MISSING else field.default
+            yield Key(section, name, default, field.metadata["meaning"])
     yield from (Key("grains", name, None, meaning) for name, meaning in SOURCES.items())
     if layout in LAYOUTS:
         own = {**COMMON, **parameters_of(LAYOUTS[layout])}

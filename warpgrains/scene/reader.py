@@ -1,19 +1,4 @@
-"""Scene files: TOML in, the fields of `Scene` out.
-
-======== ===================================== ====================================================
-section  keys                                  meaning
-======== ===================================== ====================================================
-domain   radius_in, radius_out, wall           walls [m], see `Scene`
-physics  gravity, drag                         [m/s2], [kg/s]
-time     dt, duration, scheme                  [s], see `Scene`
-solver   tolerance, max_iterations, order,     see `Scene`
-..       method, stop, on_unconverged
-grains   layout and the keys of that layout    see `layouts`
-..       or: position, radius                  see `SOURCES`
-..       or: file, radius                      see `grain_file`
-..       mass or density, velocity             see `PROPERTIES`
-======== ===================================== ====================================================
-"""
+"""Scene files: TOML in, the fields of `Scene` out. ``warpgrains scenes NAME`` lists their keys."""
 
 import inspect
 import os
@@ -26,7 +11,8 @@ import numpy as np
 
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.document import SECTIONS, Table, override_key, parse_toml, read_text
+from warpgrains.scene.document import Table, override_key, parse_toml, read_text
+from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.grain_file import read_grains, read_radii
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.walls import Annulus
