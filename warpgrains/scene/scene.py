@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
+from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -13,6 +14,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import documented
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import (
     FIELDS,
     SceneFields,
@@ -23,7 +25,7 @@ from warpgrains.scene.fields import (
     require_places,
 )
 from warpgrains.scene.geometry import overlapping_pairs
-from warpgrains.scene.reader import read_scene
+from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.walls import Annulus
 from warpgrains.shown import Shown
 
@@ -97,7 +99,8 @@ class Scene(SceneFields, Shown):
             given = checks.shown(overrides)
             raise SceneError(f"overrides is {given}: it must be texts such as 'physics.drag=0.1'")
         texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
-        return cls(**read_scene(checks.path("scene", name_or_path), texts))
+        path = Path(checks.path("scene", name_or_path))
+        return cls(**scene_fields(read_text(path, "scene"), path, texts))
 
     def replace(self, **changes: Any) -> Self:
         """Return the same scene with some fields changed, checked again; its text tells which ones.
