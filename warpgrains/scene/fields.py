@@ -1,7 +1,7 @@
 """The fields of a scene, each written once: key in scene files, check, default, unit and meaning."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import MISSING, dataclass
 from functools import partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, dataclass_transform
@@ -45,9 +45,16 @@ else:
     Array, OptionalArray, Vector = FloatArray, FloatArray | None, tuple[float, float]
 
 
-@dataclass_transform(
-    eq_default=False, frozen_default=True, kw_only_default=True, field_specifiers=(described,)
-)
+def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
+    """Return a field of a scene.
+
+    A field with a section is a key of that section of a scene file. The check is a function or a tuple of
+    names; those of grains and walls have none, because `checked_grains` checks them together.
+    """
+    return described(meaning, section=section, check=check, default=default)
+
+
+@dataclass_transform(eq_default=False, frozen_default=True, kw_only_default=True, field_specifiers=(_key,))
 def _record(kind: type[Kind]) -> type[Kind]:
     return dataclass(frozen=True, eq=False, kw_only=True, repr=False)(kind)
 
@@ -57,105 +64,89 @@ def frozen(kind: type[Kind]) -> type[Kind]:
     return _record(kind)
 
 
-def _names(*known: str) -> Callable[[str, Any], str]:
-    """Return the check of a field that is one of some names."""
-    return partial(checks.one_of, known=known)
-
-
 @_record
 class SceneFields:
-    """What a `Scene` holds.
+    """What a `Scene` holds."""
 
-    A field with a `section` is a key of that section of a scene file. A field with a `check` is of neither
-    grains nor walls, whose fields `checked_grains` checks together.
-    """
-
-    position: Array = described("Centres of the grains [m], shape (n, 2).")
-    velocity: OptionalArray = described(
+    position: Array = _key("Centres of the grains [m], shape (n, 2).")
+    velocity: OptionalArray = _key(
         "Velocities at the start [m/s], shape (n, 2); by default all grains rest.", default=None
     )
-    radius: Array = described("Radius of every grain [m], shape (n,), or one number for all.")
-    mass: Array = described("Mass of every grain [kg], shape (n,), or one number for all.")
-    radius_in: float = described(
-        "Radius of the inner wall [m]; 0 means that there is none.", section="domain", default=0.0
-    )
-    radius_out: float = described("Radius of the outer wall [m].", section="domain")
-    wall: str = described(
+    radius: Array = _key("Radius of every grain [m], shape (n,), or one number for all.")
+    mass: Array = _key("Mass of every grain [kg], shape (n,), or one number for all.")
+    radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
+    radius_out: float = _key("Radius of the outer wall [m].", "domain")
+    wall: str = _key(
         'What the outer wall is within a step: its "tangent", the text\'s, which a grain that slides along it'
         ' leaves by (v dt)^2 / (2 radius_out), or "round": it ends on the circle.',
-        section="domain",
+        "domain",
         default="tangent",
     )
-    gravity: Vector = described(
-        "Acceleration of gravity, two components [m/s2].",
-        section="physics",
-        check=checks.vector,
-        default=(0.0, -9.81),
+    gravity: Vector = _key(
+        "Acceleration of gravity, two components [m/s2].", "physics", checks.vector, default=(0.0, -9.81)
     )
-    drag: float = described(
-        "Linear drag coefficient [kg/s].", section="physics", check=checks.not_negative, default=0.0
-    )
-    dt: float = described("Time step [s].", section="time", check=checks.positive, default=0.01)
-    duration: float = described(
-        "Simulated time of a whole run [s].", section="time", check=checks.positive, default=1.0
-    )
-    scheme: str = described(
+    drag: float = _key("Linear drag coefficient [kg/s].", "physics", checks.not_negative, default=0.0)
+    dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)
+    duration: float = _key("Simulated time of a whole run [s].", "time", checks.positive, default=1.0)
+    scheme: str = _key(
         'How velocities go on in time: "text", of first order in dt, or "leapfrog", of second order, whose'
         " velocities are those of the middle of a step (see `State`).",
-        section="time",
-        check=_names(*SCHEMES),
+        "time",
+        SCHEMES,
         default="text",
     )
-    tolerance: float = described(
+    tolerance: float = _key(
         "The contact iteration stops when no correction changes by more than this [m/s] ...",
-        section="solver",
-        check=checks.not_negative,
+        "solver",
+        checks.not_negative,
         default=1e-6,
     )
-    max_iterations: int = described(
-        "... or after so many iterations.", section="solver", check=checks.whole_number, default=10_000
+    max_iterations: int = _key(
+        "... or after so many iterations.", "solver", checks.whole_number, default=10_000
     )
-    order: str = described(
+    order: str = _key(
         'Order in which an iteration visits the contacts: "sequential" or "color".',
-        section="solver",
-        check=_names(*ORDERS),
+        "solver",
+        ORDERS,
         default="sequential",
     )
-    method: str = described(
+    method: str = _key(
         'How the contact iteration proceeds: "gauss-seidel", the text\'s; "accelerated", with momentum; or'
         ' "exact", the same, and where that is slow an interior point method, with the extra ``[exact]``.',
-        section="solver",
-        check=_names(*METHODS),
+        "solver",
+        METHODS,
         default="gauss-seidel",
     )
-    stop: str = described(
+    stop: str = _key(
         'What the tolerance is on: "zeta", the text\'s, or "residual", the error (see `StepReport`). By'
         ' default it is zeta for "gauss-seidel" and the residual for the others; for "exact" it is always the'
         " residual.",
-        section="solver",
-        check=_names(*STOPS),
+        "solver",
+        STOPS,
         default="default",
     )
-    on_unconverged: str = described(
+    on_unconverged: str = _key(
         'What a step does that has not met its tolerance after `max_iterations`: "report" it and go on, or'
         ' "raise" `SimulationError` and leave the state as it was before the step.',
-        section="solver",
-        check=_names(*UNCONVERGED),
+        "solver",
+        UNCONVERGED,
         default="report",
     )
-    name: str = described("What the scene is called.", check=checks.text, default="scene")
-    text: str = described(
-        "The TOML text that the scene was read from, if any.", check=checks.text, default=""
-    )
+    name: str = _key("What the scene is called.", check=checks.text, default="scene")
+    text: str = _key("The TOML text that the scene was read from, if any.", check=checks.text, default="")
 
 
 FIELDS = described_fields(SceneFields)
 SECTIONS: dict[str, list[str]] = {}
 """The sections of a scene file, but for its grains, and their keys."""
 for _name, _field in FIELDS.items():
-    if "section" in _field.metadata:
+    if _field.metadata["section"]:
         SECTIONS.setdefault(_field.metadata["section"], []).append(_name)
-_SETTINGS = [name for name, field in FIELDS.items() if "check" in field.metadata]
+_SETTINGS = {
+    name: partial(checks.one_of, known=check) if isinstance(check, tuple) else check
+    for name, field in FIELDS.items()
+    if (check := field.metadata["check"]) is not None
+}
 
 
 def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> dict[str, Any]:
@@ -166,7 +157,7 @@ def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> di
     SceneError
         One is not what it must be.
     """
-    return {name: FIELDS[name].metadata["check"](name, getattr(scene, name)) for name in names}
+    return {name: _SETTINGS[name](name, getattr(scene, name)) for name in names}
 
 
 def checked_grains(scene: SceneFields) -> dict[str, Any]:

@@ -62,8 +62,7 @@ class RunOptions:
         flag="--output",
     )
     fps: float = _option(
-        "Frames per second of simulated time [1/s], at most one a step; recordings and films have exactly"
-        " this rate.",
+        "Frames per second of simulated time [1/s], exactly; at most one a step.",
         checks.positive,
         "F",
         default=DEFAULT_RATE,
