@@ -14,7 +14,7 @@ from sample_scenes import random_scene
 from warpgrains import Batch, Scene, SceneError, Simulation
 from warpgrains.batch import resident
 from warpgrains.reference.reference import Reference
-from warpgrains.scene.validity import ORDERS
+from warpgrains.scene.fields import ORDERS
 from warpgrains.solver import sizes, tuning
 
 LARGE = 9  # of the mixed scenes

@@ -15,7 +15,7 @@ import numpy as np
 
 from warpgrains import Scene, Simulation
 from warpgrains.console import start_warp
-from warpgrains.scene.validity import ORDERS
+from warpgrains.scene.fields import ORDERS
 
 from .rows import SPEEDUP, Subject, open_table, row
 from .timing import say

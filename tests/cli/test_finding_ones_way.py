@@ -8,8 +8,8 @@ import pytest
 from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation, console
+from warpgrains.cli.scenes import REQUIRED, keys, parameters_of
 from warpgrains.scene.document import shipped
-from warpgrains.scene.keys import REQUIRED, keys, parameters_of
 from warpgrains.scene.layouts import LAYOUTS
 
 

@@ -6,7 +6,7 @@ from residual_twin import free_velocity, twin_residual
 from schemes import SCHEMES
 
 from warpgrains import Scene, Simulation
-from warpgrains.scene.validity import ORDERS
+from warpgrains.scene.fields import ORDERS
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

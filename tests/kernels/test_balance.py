@@ -6,7 +6,7 @@ from schemes import SCHEMES
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.validity import METHODS
+from warpgrains.scene.fields import METHODS
 
 EPS = np.finfo(float).eps
 

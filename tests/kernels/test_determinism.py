@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, Simulation
-from warpgrains.scene.validity import ORDERS
+from warpgrains.scene.fields import ORDERS
 
 IN_A_FRESH_PROCESS = "import sys, test_determinism as t; print(*t.golden_hashes(int(sys.argv[1])))"
 

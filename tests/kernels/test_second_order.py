@@ -17,7 +17,7 @@ from swept_order import step_both
 from warpgrains import Batch, Scene, Simulation, SimulationError
 from warpgrains.arrays import FloatArray
 from warpgrains.reference.reference import Reference
-from warpgrains.scene.validity import METHODS, ORDERS
+from warpgrains.scene.fields import METHODS, ORDERS
 
 EPS = np.finfo(float).eps
 GRAVITY = 9.81

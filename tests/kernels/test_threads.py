@@ -10,7 +10,7 @@ import pytest
 from launched import launched_state
 
 from warpgrains import Scene, Simulation, State
-from warpgrains.scene.validity import METHODS, ORDERS
+from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.solver import tuning
 
 STEPS = 40

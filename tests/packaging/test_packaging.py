@@ -50,7 +50,14 @@ from warpgrains import analysis
 simulation = wg.Simulation("annulus")
 steps: int = simulation.run(steps=1).steps
 series: analysis.Series = analysis.Series("stress")
-wrong: str = simulation.steps
+text: str = simulation.steps  # wrong
+scene = wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, gravity=[0.0, -1.0], radius_out=2.0)
+shape: tuple[int, ...] = scene.position.shape
+vertical: float = scene.gravity[1]
+scene.replace(drag=0.1).drag = 0.5  # wrong
+wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, radius_out="wide")  # wrong
+wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1)  # wrong
+wg.Scene(position=[[0.0, 1.0]], radius=0.1, mass=1, radius_out=2.0, drug=0.5)  # wrong
 """
 CHECKERS = {
     "mypy": ["mypy", "--python-executable"],
@@ -76,14 +83,14 @@ def editable(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize("checker", CHECKERS.values(), ids=CHECKERS)
 def test_type_checkers_find_an_editable_installation(editable, tmp_path, checker):
-    """They know the types of what is returned: one line, the wrong one, is refused."""
+    """They know the types of what is taken and returned: the lines that end in "# wrong" are refused."""
     (tmp_path / "program.py").write_text(TYPED)
     command = [sys.executable, "-m", *checker, editable, "program.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
     errors = [line for line in done.stdout.splitlines() if "error:" in line]
-    assert len(errors) == 1, done.stdout
-    assert "program.py:8" in errors[0]
+    wrong = [k for k, line in enumerate(TYPED.splitlines(), 1) if line.endswith("# wrong")]
+    assert [int(line.partition("program.py:")[2].partition(":")[0]) for line in errors] == wrong, done.stdout
     assert '"int"' in errors[0]
 
 

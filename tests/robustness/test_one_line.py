@@ -18,7 +18,7 @@ from sweeps import batch, table
 
 from warpgrains import Scene, SceneError, Simulation
 from warpgrains.files import csv_line, read_table, table_text
-from warpgrains.scene.toml_text import toml_text, toml_value
+from warpgrains.scene.document import toml_text, toml_value
 from warpgrains.simulation.checkpoint import read_checkpoint
 
 SCENE = """

@@ -1,16 +1,14 @@
 """What a notebook shows: names, short texts with units, and nothing that nobody asked for."""
 
-import ast
 import copy
 import inspect
 import subprocess
 import sys
-from dataclasses import MISSING, fields
 
 import pytest
 
 import warpgrains as wg
-from warpgrains.scene import scene
+from warpgrains.cli.scenes import parameters_of
 
 
 def test_completion_lists_the_public_names():
@@ -55,17 +53,12 @@ def test_a_copy_is_still_frozen():
         again.dt = 1.0
 
 
-def test_what_types_promise_of_a_scene_is_what_it_takes():
-    tree = ast.parse(inspect.getsource(scene.Scene))
-    typed = next(
-        node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name == "__init__"
-    )
-    defaults = {
-        argument.arg: None if default is None else ast.literal_eval(default)
-        for argument, default in zip(typed.args.kwonlyargs, typed.args.kw_defaults, strict=True)
-    }
-    taken = {field.name: None if field.default is MISSING else field.default for field in fields(scene.Scene)}
-    assert defaults == taken
+@pytest.mark.parametrize("what", [wg.Scene, wg.Simulation.run])
+def test_help_tells_of_every_parameter(what):
+    told = parameters_of(what)
+    taken = inspect.signature(what).parameters.keys() - {"self"}
+    assert told.keys() == taken
+    assert all(meaning.endswith((".", "; or", "...")) for meaning in told.values())
 
 
 def test_a_library_user_sees_no_banner():

@@ -8,8 +8,8 @@ from sample_scenes import chain, crowd, ring
 
 from warpgrains import Scene, SceneError, Simulation
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.scene.state import Corrections
-from warpgrains.scene.validity import METHODS, ORDERS
 from warpgrains.solver import failures, infeasible, service
 from warpgrains.solver.infeasible import (
     UnilateralConstraints,

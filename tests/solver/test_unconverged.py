@@ -11,8 +11,8 @@ from sample_scenes import chain
 
 from warpgrains import Scene, Simulation, SimulationError
 from warpgrains.cli.main import main
+from warpgrains.scene.fields import METHODS
 from warpgrains.scene.state import first_state
-from warpgrains.scene.validity import METHODS
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.solver.statistics import RunStatistics, named
 

@@ -18,7 +18,7 @@ os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"  # before the kernels are imported
 import numpy as np
 
 from warpgrains import Batch, Scene, Simulation, SimulationError
-from warpgrains.scene.validity import METHODS, ORDERS
+from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.solver import service
 
 service.find_proof = lambda *_: None  # NumPy's, with indices of its own; it takes most of the time

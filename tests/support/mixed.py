@@ -5,7 +5,7 @@ from typing import NamedTuple
 from sample_scenes import SUDDEN, random_scene
 
 from warpgrains import Scene, Simulation, State, StepReport
-from warpgrains.scene.validity import METHODS, ORDERS
+from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.solver.statistics import RunStatistics
 
 STEPS = 25

@@ -12,7 +12,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -30,7 +30,7 @@ _BAD_INPUT, _NOT_WRITTEN = 2, 3
 
 
 def done_apart(function: str, path: str, **arguments: Any) -> Any:
-    """Call a function of this module with the path of a recording, in a process of its own.
+    """Call a function, such as "usd.check.inspect_recording", with a recording, in a process of its own.
 
     Raises
     ------
@@ -41,14 +41,8 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
     """
     size = Path(path).stat().st_size if Path(path).is_file() else 0
     given = json.dumps({"path": path, **arguments})
-    command = [
-        sys.executable,
-        "-m",
-        "warpgrains.cli.apart",
-        function,
-        str(BYTES + BYTES_A_BYTE * size),
-        given,
-    ]
+    most = str(BYTES + BYTES_A_BYTE * size)
+    command = [sys.executable, "-m", "warpgrains.cli.apart", function, most, given]
     seconds = SECONDS + SECONDS_A_BYTE * size
     with TemporaryFile() as remarks:
         try:
@@ -68,33 +62,12 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
     return json.loads(done.stdout)
 
 
-def inspect(path: str) -> list[str]:
-    """Return what is wrong with a recording."""
-    from warpgrains.usd.check import inspect_recording
-
-    return inspect_recording(path)
-
-
-def draw(path: str, output: str, frames: list[int] | None, curves: bool) -> list[int]:
-    """Draw a recording, and return which frames of it."""
-    from warpgrains.analysis.plots import plot
-
-    return plot(path, output, frames, curves)
-
-
 def film(path: str, output: str) -> list[int]:
     """Make a film of a recording, and return which frames it has."""
     from warpgrains.pictures.film import draw_film
     from warpgrains.usd.reader import RecordingReader
 
     return list(draw_film(RecordingReader(path), Path(output)))
-
-
-def export(path: str, output: str) -> int:
-    """Write a recording for ParaView, and return how many frames it has."""
-    from warpgrains.analysis.vtk import export
-
-    return export(path, output)
 
 
 def _end(code: int) -> str:
@@ -117,24 +90,20 @@ def _main(function: str, most: str, arguments: str) -> int:
     result = os.dup(1)
     os.dup2(2, 1)
     _limit_memory(int(most))
-    functions: dict[str, Callable[..., Any]] = {
-        "inspect": inspect,
-        "draw": draw,
-        "film": film,
-        "export": export,
-    }
+    module, _, name = function.rpartition(".")
     given, code = json.loads(arguments), 0
+    path = given.pop("path")
     try:
         from warpgrains.usd.reader import refusing_foreign_content
 
-        with refusing_foreign_content(given["path"]):
-            answer = functions[function](**given)
+        with refusing_foreign_content(path):
+            answer = getattr(import_module(f"warpgrains.{module}"), name)(path, **given)
     except SceneError as error:
         answer, code = str(error), _BAD_INPUT
     except (MemoryError, OSError) as error:
         answer, code = str(error), _NOT_WRITTEN
         if isinstance(error, MemoryError) or error.errno == errno.ENOMEM:
-            answer, code = f"recording '{given['path']}' takes more memory than its size allows", _BAD_INPUT
+            answer, code = f"recording '{path}' takes more memory than its size allows", _BAD_INPUT
     os.write(result, json.dumps(answer).encode())
     return code
 

@@ -9,11 +9,10 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
-from warpgrains.drawing.frame_times import DEFAULT_RATE
 from warpgrains.errors import OutputError, SceneError, missing_extra
 from warpgrains.files import make_folder
 from warpgrains.scene import checks
-from warpgrains.simulation.options import ExecutionOptions
+from warpgrains.simulation.options import DEFAULT_RATE, ExecutionOptions
 from warpgrains.simulation.until import rest_bounds
 from warpgrains.sweep.folder import SweepFolder, Tables
 from warpgrains.sweep.run_folder import RunFolder

@@ -4,10 +4,10 @@ import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from importlib import import_module
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from warpgrains.cli.run_options import add_run, add_set
 from warpgrains.console import interrupts_end_at_once
+from warpgrains.simulation.options import FLAGS, OPTIONS
 
 
 class Command(NamedTuple):
@@ -27,6 +27,67 @@ class Command(NamedTuple):
         with interrupts_end_at_once():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
         return int(do(arguments))
+
+
+def _add_run(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("scene", metavar="SCENE", nargs="?", help="a TOML file, or the name of a shipped scene")
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate in all")
+    length.add_argument(
+        "--duration", type=float, metavar="T", help="time to simulate in all [s] (default: the scene's)"
+    )
+    add("--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)")
+    add("--method", metavar="METHOD", help="gauss-seidel, accelerated or exact (default: the scene's)")
+    add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
+    add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)")
+    add("--check-bounds", action="store_true", help="test every array index in the kernels, to find defects")
+    _add_set(parser)
+    add("--json", action="store_true", help="print the summary as one JSON object")
+    _add_outputs(parser)
+    stepping = parser.add_argument_group("step by step").add_argument
+    keys = "one step per key press, with its report: N next, R run in real time, S stop, Q quit"
+    stepping("--step-by-step", action="store_true", help=keys)
+    stepping("--full-speed", action="store_true", help="let R run as fast as steps are computed")
+    each = "file for zeta and residual of every iteration, which plot draws"
+    stepping("--history", metavar="CSV", help=each)
+
+
+def _add_outputs(parser: ArgumentParser) -> None:
+    """Add the options of `RunOptions`, by what they need."""
+    titles = {"record": "recording", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
+    groups: dict[str, Any] = {title: parser.add_argument_group(title) for title in titles.values()}
+    for name, flag in FLAGS.items():
+        default, told = OPTIONS[name].default, OPTIONS[name].metadata
+        group = groups.get(titles.get(told["needs"] or name, ""), parser)
+        given: dict[str, Any] = {"dest": name, "help": told["meaning"][0].lower() + told["meaning"][1:-1]}
+        if default is False:
+            given["action"] = "store_true"
+        else:
+            given["metavar"] = told["metavar"]
+        if default:
+            given |= {"type": type(default), "help": f"{given['help']} (default: {default})"}
+        if name == "every":
+            given["help"] += f", and two rows of a series (default: {OPTIONS['measure_every'].default})"
+        if name == "draw_as":
+            group = group.add_mutually_exclusive_group()
+            for form in ("points", "spheres"):
+                same = {"action": "store_const", "const": form, "help": f"the same as {flag} {form}"}
+                group.add_argument(f"{flag}-{form}", dest=name, **same)
+        group.add_argument(*["-o"] * (name == "record"), flag, **given)
+    left = "continue the run that left this checkpoint, and what it recorded: instead of SCENE"
+    groups["checkpoints"].add_argument("--resume", metavar="FILE", help=left)
+
+
+def _add_set(parser: ArgumentParser) -> None:
+    """Add the option that changes a scene."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        dest="overrides",
+        metavar="SECTION.KEY=VALUE",
+        help="replace a value of the scene, such as physics.drag=0.1; may be repeated",
+    )
 
 
 def _add_scenes(parser: ArgumentParser) -> None:
@@ -107,7 +168,7 @@ def _add_view(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("what", metavar="WHAT", help="a scene, or a recording")
     add("--port", type=int, default=8080, metavar="P", help="where on 127.0.0.1 (default: 8080, or the next)")
-    add_set(parser)
+    _add_set(parser)
 
 
 def _add_report(parser: ArgumentParser) -> None:
@@ -135,7 +196,7 @@ def _whole_numbers(text: str) -> list[int]:
 
 
 COMMANDS = {
-    "run": Command("run.run", add_run, "simulate a scene", "Simulate a scene."),
+    "run": Command("run.run", _add_run, "simulate a scene", "Simulate a scene."),
     "scenes": Command(
         "scenes.scenes",
         _add_scenes,

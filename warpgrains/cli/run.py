@@ -10,7 +10,7 @@ import warnings
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,37 +18,23 @@ from tqdm import tqdm
 
 from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
-from warpgrains.cli.summary import results_of, summary_lines, true_rate
-from warpgrains.console import start_warp, stdout_kept_clean
+from warpgrains.console import in_columns, start_warp, stdout_kept_clean
+from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
+from warpgrains.kernels.access import CHECKED
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 from warpgrains.simulation import run as runs
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint
-from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.options import FLAGS, OPTIONS, RunOptions
 from warpgrains.simulation.until import criterion
-from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.statistics import RunStatistics, named
 
-# What a resumed run takes from its checkpoint: the option of each argument.
-KEPT = {
-    "scene": "SCENE",
-    "output": "--output",
-    "fps": "--fps",
-    "color_by": "--color-by",
-    "forces": "--forces",
-    "draw_as": "--as",
-    "order": "--order",
-    "method": "--method",
-    "overrides": "--set",
-    "measure": "--measure",
-    "series": "--series",
-    "until": "--until",
-}
-
-# What a run has that is not taken step by step.
-_RECORDED = ("output", "fps", "color_by", "forces", "draw_as", "measure", "series", "until")
-_NOT_STEP_BY_STEP = (*_RECORDED, "checkpoint", "every", "resume", "json")
+# What a resumed run takes from its checkpoint.
+KEPT = {"scene": "SCENE", "order": "--order", "method": "--method", "overrides": "--set"} | FLAGS
+for _name in ("checkpoint", "every"):
+    del KEPT[_name]
 
 
 def run(arguments: Namespace) -> bool:
@@ -73,9 +59,8 @@ def _step_by_step(arguments: Namespace) -> bool:
     """Take the steps of a scene one by one."""
     if arguments.scene is None:
         raise SceneError("SCENE is missing")
-    for name in _given(arguments, *_NOT_STEP_BY_STEP):
-        option = KEPT.get(name, f"--{name}")
-        raise SceneError(f"{option} cannot go with --step-by-step")
+    for name in _given(arguments, *FLAGS, "resume", "json"):
+        raise SceneError(f"{FLAGS.get(name, f'--{name}')} cannot go with --step-by-step")
     scene = _scene(arguments)
     step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
     return False
@@ -112,17 +97,11 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
     """Return the start of a new run, and what it is to do; its checkpoint is locked."""
     if arguments.scene is None:
         raise SceneError("SCENE is missing, or --resume FILE")
-    if arguments.output is None:
-        for name in _given(arguments, "fps", "color_by", "forces", "draw_as"):
-            raise SceneError(f"{KEPT[name]} needs --output")
-    if (arguments.measure is None) != (arguments.series is None):
-        raise SceneError("--measure and --series go together")
+    given = _given(arguments, *FLAGS)
+    _require_needed(given)
     scene = _scene(arguments)
-    given = _given(
-        arguments, "fps", "color_by", "forces", "draw_as", "checkpoint", "measure", "series", "until"
-    )
-    given |= _spacing(arguments, arguments.checkpoint, arguments.series)
-    options = RunOptions(steps=_steps(scene, arguments) or scene.steps, record=arguments.output, **given)
+    given |= _spacing(given.pop("every", None), arguments.checkpoint, arguments.series)
+    options = RunOptions(steps=_steps(scene, arguments) or scene.steps, **given)
     if "fps" in given:
         _warn_of_rate(scene, options.fps)
     if options.checkpoint is not None:
@@ -150,18 +129,29 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     if end < start.state.steps:
         raise SceneError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
     options = start.options or RunOptions(steps=planned)
-    spacing = _spacing(arguments, options.checkpoint or other, options.series)
+    spacing = _spacing(arguments.every, options.checkpoint or other, options.series)
     return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint"), **spacing)
 
 
-def _spacing(arguments: Namespace, checkpoint: str | None, series: str | None) -> dict[str, Any]:
+def _require_needed(given: dict[str, Any]) -> None:
+    """Raise SceneError if an option is given without one which it needs; `every` may be of two files."""
+    for name in given:
+        needed = OPTIONS[name].metadata["needs"]
+        if name == "every" or needed is None or needed in given:
+            continue
+        if OPTIONS[needed].metadata["needs"] == name:
+            raise SceneError("--measure and --series go together")
+        raise SceneError(f"{FLAGS[name]} needs {FLAGS[needed]}")
+
+
+def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
     """Return how many steps lie between two checkpoints, and two rows of a series, if it is told."""
-    if arguments.every is None:
+    if every is None:
         return {}
     if checkpoint is series is None:
         raise SceneError("--every needs --checkpoint or --measure")
     spaced = {"every": checkpoint, "measure_every": series}
-    return {name: arguments.every for name, file in spaced.items() if file is not None}
+    return {name: every for name, file in spaced.items() if file is not None}
 
 
 def _series(start: Checkpoint, options: RunOptions, arguments: Namespace) -> Series | None:
@@ -190,9 +180,9 @@ def _steps(scene: Scene, arguments: Namespace) -> int | None:
 def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arguments: Namespace) -> None:
     start_warp()
     from warpgrains.simulation.simulation import Simulation
+    from warpgrains.simulation.stepper import continued
 
-    simulation = Simulation(start.scene, arguments.device, arguments.threads)
-    simulation.restore(start.state)
+    simulation = continued(Simulation, start.scene, start.state, arguments.device, arguments.threads)
     if not simulation.is_compiled:
         print("compiling kernels for such a scene, this first time only ...", file=sys.stderr, flush=True)
     simulation.compile()
@@ -212,3 +202,63 @@ def _warn_of_rate(scene: Scene, fps: float) -> None:
     if rate != fps:
         steps = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
         _show_warning(f"--fps {fps:g} cannot be met: {steps}")
+
+
+def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> dict[str, Any]:
+    """Return what there is to tell of a run, by name."""
+    summary, overlaps = statistics.summary(options.record), scene.count_overlaps()
+    results = {
+        "scene": scene.name,
+        "grains": scene.n,
+        **asdict(summary),
+        "overlap_in_radii": summary.overlap / scene.radius.min().item(),
+        "overlaps_at_start": {"pairs": overlaps.pairs, "walls": overlaps.walls},
+    }
+    if CHECKED:
+        results["bounds_checked"] = True
+    if options.until is not None:
+        results["until"] = options.until
+    if options.record is not None and options.shows != "still":
+        results |= {"frames": statistics.frames, "fps": true_rate(scene, options.rate)}
+    return results
+
+
+def summary_lines(results: dict[str, Any]) -> str:
+    """Return the same in aligned lines."""
+    start = results["overlaps_at_start"]
+    rows = {
+        "scene": f"{results['scene']}, {results['grains']} grains",
+        "steps": f"{results['steps']}{_ended(results)}",
+        "iterations": f"mean {results['iterations_mean']:.1f}, max {results['iterations_max']}",
+        "not converged": f"{results['unconverged']} steps{_without_solution(results)}",
+        "worst residual": f"{results['residual']:.2e} m/s ({results['gap_error']:.2e} smallest radii a step)",
+        "worst overlap": f"{results['overlap']:.2e} m ({results['overlap_in_radii']:.2e} smallest radii)",
+        "overlaps at start": f"{start['pairs']} between grains, {start['walls']} with a wall",
+        "time": f"{results['seconds']:.2f} s, {results['steps'] / results['seconds']:.0f} steps/s",
+        **({"bounds": "every index within its array"} if "bounds_checked" in results else {}),
+        "output": "none (-o records one)" if results["output"] is None else _output(results),
+    }
+    return in_columns(rows)
+
+
+def _ended(results: dict[str, Any]) -> str:
+    if "until" not in results:
+        return ""
+    return f", {'at' if results['met'] else 'not at'} {results['until']}"
+
+
+def _output(results: dict[str, Any]) -> str:
+    if "frames" not in results:
+        return str(results["output"])
+    frames = results["frames"]
+    return f"{results['output']}, {frames} frame{'s' * (frames > 1)}, {results['fps']:.6g} a second"
+
+
+def _without_solution(results: dict[str, Any]) -> str:
+    grains = results["infeasible_grains"]
+    return f", {results['infeasible']} or more have no solution: {named(grains)} cannot fit" if grains else ""
+
+
+def true_rate(scene: Scene, fps: float) -> float:
+    """Return the true rate of a recording that is to have so many frames a second [1/s]."""
+    return FrameTimes.of(scene.dt, fps).rate

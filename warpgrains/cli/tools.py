@@ -12,7 +12,7 @@ from warpgrains.pictures.kinds import FILMS, require_drawing
 
 def check(arguments: Namespace) -> bool:
     """Print what is wrong with a recording, a line a problem."""
-    problems = done_apart("inspect", arguments.file)
+    problems = done_apart("usd.check.inspect_recording", arguments.file)
     for problem in problems or ["nothing is wrong"]:
         print(f"{arguments.file}: {problem}")
     return bool(problems)
@@ -42,11 +42,11 @@ def plot(arguments: Namespace) -> bool:
     if is_film:
         if arguments.frames is not None or not arguments.curves:
             raise SceneError("--frames and --no-curves have no effect on a film")
-        numbers = done_apart("film", arguments.file, output=output)
+        numbers = done_apart("cli.apart.film", arguments.file, output=output)
         print(f"{output}: {len(numbers)} frames")
         return False
     given = {"output": output, "frames": arguments.frames, "curves": arguments.curves}
-    numbers = done_apart("draw", arguments.file, **given)
+    numbers = done_apart("analysis.plots.plot", arguments.file, **given)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
 
@@ -54,7 +54,8 @@ def plot(arguments: Namespace) -> bool:
 def export(arguments: Namespace) -> bool:
     """Write a recording for ParaView."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".vtkhdf"))
-    print(f"{output}: {done_apart('export', arguments.file, output=output)} frames")
+    frames = done_apart("analysis.vtk.export", arguments.file, output=output)
+    print(f"{output}: {frames} frames")
     return False
 
 

@@ -15,9 +15,6 @@ from warpgrains.errors import SceneError
 if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
 
-DEFAULT_RATE = 24.0
-"""Frames per second [1/s] at which Blender plays unless it is told otherwise."""
-
 _NOTHING = Fraction(1, 10**9)  # of a step
 
 

@@ -17,9 +17,9 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference
 from warpgrains.report.rows import ACCURATE, SWEEPING, Budget, Configuration, StepRow
+from warpgrains.scene.fields import ORDERS
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
-from warpgrains.scene.validity import ORDERS
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import StepReport
 

@@ -1,16 +1,21 @@
-"""Checks of single values: each raises `SceneError` with one line that names the field and the value."""
+"""Checks of single values: each raises `SceneError` with one line that names the field and the value.
+
+NumPy is imported only where a value is an array: ``--help`` reads the table of options, and answers at once.
+"""
+
+from __future__ import annotations
 
 import os
 from collections.abc import Iterable
 from difflib import get_close_matches
 from math import isfinite
 from numbers import Integral, Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import SceneError
+
+if TYPE_CHECKING:
+    from warpgrains.arrays import BoolArray, FloatArray
 
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
 LONGEST_SHOWN = 100  # characters of a value in a message
@@ -25,7 +30,7 @@ def shown(value: Any) -> str:
 
 def number(field: str, value: Any) -> float:
     """Return a finite real number as a float."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
+    if isinstance(value, bool) or not isinstance(value, Real):
         raise SceneError(f"{field} is {shown(value)}: it must be a number")
     try:
         converted = float(value)
@@ -54,7 +59,7 @@ def not_negative(field: str, value: Any) -> float:
 
 def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE_NUMBER) -> int:
     """Return an integer between `least` and `most`."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
+    if isinstance(value, bool) or not isinstance(value, Integral):
         raise SceneError(f"{field} is {shown(value)}: it must be a whole number")
     converted = int(value)
     if not least <= converted <= most:
@@ -90,7 +95,7 @@ def function(field: str, value: Any) -> None:
 
 def truth(field: str, value: Any) -> bool:
     """Return True or False."""
-    if not isinstance(value, bool | np.bool_):
+    if type(value).__name__ not in ("bool", "bool_"):  # NumPy's own, too
         raise SceneError(f"{field} is {shown(value)}: it must be True or False")
     return bool(value)
 
@@ -123,7 +128,10 @@ def unknown(what: str, name: Any, known: Iterable[str]) -> SceneError:
 
 def vector(field: str, value: Any) -> tuple[float, float]:
     """Return two finite numbers as a pair."""
-    components = list(value) if np.iterable(value) and not isinstance(value, str) else []
+    try:
+        components = [] if isinstance(value, str) else list(value)
+    except TypeError:
+        components = []
     if len(components) != 2:
         raise SceneError(f"{field} is {shown(value)}: it must be two numbers")
     return number(f"{field}[0]", components[0]), number(f"{field}[1]", components[1])
@@ -140,6 +148,8 @@ def vectors(field: str, value: Any) -> FloatArray:
 
 def require_finite(field: str, array: FloatArray) -> None:
     """Raise SceneError unless all numbers of each grain are finite, shape (n,) or (n, 2)."""
+    import numpy as np
+
     if not np.isfinite(array).all():
         bad = np.logical_not(np.isfinite(array.reshape(len(array), -1)).all(axis=1))
         raise SceneError(f"{of_grain(field, array, bad)}: it must be finite")
@@ -147,6 +157,8 @@ def require_finite(field: str, array: FloatArray) -> None:
 
 def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
     """Return a read-only array of numbers greater than 0, shape (n,), from n of them or from one for all."""
+    import numpy as np
+
     array = _floats(field, value)
     if array.ndim == 0:
         array = np.full(n, positive(field, array[()]))
@@ -162,12 +174,14 @@ def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
 
 def of_grain(field: str, array: FloatArray, bad: BoolArray) -> str:
     """Name the first grain that is bad, and its value: the start of an error message."""
-    grain = int(np.argmax(bad))
+    grain = int(bad.argmax())
     value = array[grain].tolist()
     return f"{field} of grain {grain} is {tuple(value) if array.ndim > 1 else value}"
 
 
 def _floats(field: str, value: Any) -> FloatArray:
+    import numpy as np
+
     if np.ma.is_masked(value):
         raise SceneError(f"{field} holds masked values: it must hold real numbers")
     try:

@@ -13,8 +13,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.growing import grow
-from warpgrains.scene.placing import place_at_random
+from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, radii_given
 from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus

@@ -1,22 +1,6 @@
-"""Scene files: TOML in, the fields of `Scene` out.
-
-======== ===================================== ====================================================
-section  keys                                  meaning
-======== ===================================== ====================================================
-domain   radius_in, radius_out, wall           walls [m], see `Scene`
-physics  gravity, drag                         [m/s2], [kg/s]
-time     dt, duration, scheme                  [s], see `Scene`
-solver   tolerance, max_iterations, order,     see `Scene`
-..       method, stop, on_unconverged
-grains   layout and the keys of that layout    see `layouts`
-..       or: position, radius                  see `SOURCES`
-..       or: file, radius                      see `grain_file`
-..       mass or density, velocity             see `PROPERTIES`
-======== ===================================== ====================================================
-"""
+"""Scene files: TOML in, the fields of `Scene` out. ``warpgrains scenes NAME`` lists their keys."""
 
 import inspect
-import os
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -26,7 +10,8 @@ import numpy as np
 
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
-from warpgrains.scene.document import SECTIONS, Table, override_key, parse_toml, read_text
+from warpgrains.scene.document import Table, override_key, parse_toml
+from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.grain_file import read_grains, read_radii
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.walls import Annulus
@@ -43,12 +28,6 @@ PROPERTIES = {
     "velocity": "Velocity of all grains at the start, or a list [m/s]. By default all rest.",
 }
 """What grains have beside them."""
-
-
-def read_scene(name_or_path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Table:
-    """Return the fields of the scene in a file, or of a shipped scene; see `Scene.load`."""
-    path = Path(name_or_path)
-    return scene_fields(read_text(path, "scene"), path, overrides)
 
 
 def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
@@ -79,21 +58,7 @@ def document_fields(document: Table, folder: Path) -> Table:
     Raises
     ------
     SceneError
-        It is no scene.
-    """
-    fields = _settings(document)
-    walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
-    walls.require_size()
-    return fields | _grains(document["grains"], walls, folder)
-
-
-def _settings(document: Table) -> Table:
-    """Return the fields of the scene in a document, without those of its grains.
-
-    Raises
-    ------
-    SceneError
-        A section or a key is not known, or one that is needed is missing.
+        A section or a key is unknown or missing, or grains do not fit.
     """
     for section, table in document.items():
         _require_section(section)
@@ -101,14 +66,15 @@ def _settings(document: Table) -> Table:
             raise SceneError(f"{section} is {table!r}: it must be a section, [{section}]")
     fields: Table = {}
     for section, known in SECTIONS.items():
-        table = document.get(section, {})
-        _refuse_unknown_keys(section, table, known)
-        fields |= table
+        _refuse_unknown_keys(section, document.get(section, {}), known)
+        fields |= document.get(section, {})
     if "radius_out" not in fields:
         raise SceneError("domain.radius_out is missing")
     if "grains" not in document:
         raise SceneError("section [grains] is missing")
-    return fields
+    walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
+    walls.require_size()
+    return fields | _grains(document["grains"], walls, folder)
 
 
 def _grains(table: Table, walls: Annulus, folder: Path) -> Table:

@@ -1,21 +1,31 @@
 """`Scene`: what is simulated, checked once and never changed."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from pathlib import Path
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
+from warpgrains.described import documented
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.document import read_text
+from warpgrains.scene.fields import (
+    FIELDS,
+    SceneFields,
+    checked_grains,
+    checked_settings,
+    frozen,
+    require_agreement,
+    require_places,
+)
 from warpgrains.scene.geometry import overlapping_pairs
-from warpgrains.scene.reader import read_scene
-from warpgrains.scene.validity import checked_grains, checked_settings, require_agreement, require_places
+from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.walls import Annulus
 from warpgrains.shown import Shown
 
@@ -29,55 +39,16 @@ class Overlaps(NamedTuple):
     """Grains that overlap a wall."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Scene(Shown):
+@documented(FIELDS.values())
+@frozen
+class Scene(SceneFields, Shown):
     """Rigid discs in an annulus centred on the origin, and how to simulate them.
 
     Arrays are copied and cannot be written to afterwards.
 
     Parameters
     ----------
-    position
-        Centres of the grains [m], shape (n, 2).
-    velocity
-        Velocities at the start [m/s], shape (n, 2); by default all grains rest.
-    radius, mass
-        Radius [m] and mass [kg] of every grain, shape (n,), or one number for all.
-    radius_in, radius_out
-        Radii of the two walls [m]; `radius_in` 0 means that there is no inner wall.
-    wall
-        What the outer wall is within a step: its "tangent", the text's, which a grain that slides along it
-        leaves by (v dt)^2 / (2 radius_out), or "round": it ends on the circle.
-    gravity
-        Acceleration of gravity, two components [m/s2].
-    drag
-        Linear drag coefficient [kg/s].
-    dt
-        Time step [s].
-    scheme
-        How velocities go on in time: "text", of first order in dt, or "leapfrog", of second order, whose
-        velocities are those of the middle of a step (see `State`).
-    duration
-        Simulated time of a whole run [s].
-    tolerance
-        The contact iteration stops when no correction changes by more than this [m/s] ...
-    max_iterations
-        ... or after so many iterations.
-    order
-        Order in which an iteration visits the contacts: "sequential" or "color".
-    method
-        How the contact iteration proceeds: "gauss-seidel", the text's; "accelerated", with momentum; or
-        "exact", the same, and where that is slow an interior point method, with the extra ``[exact]``.
-    stop
-        What the tolerance is on: "zeta", the text's, or "residual", the error (see `StepReport`). By default
-        it is zeta for "gauss-seidel" and the residual for the others; for "exact" it is always the residual.
-    on_unconverged
-        What a step does that has not met its tolerance after `max_iterations`: "report" it and go on, or
-        "raise" `SimulationError` and leave the state as it was before the step.
-    name
-        What the scene is called.
-    text
-        The TOML text that the scene was read from, if any.
+    {fields}
 
     Raises
     ------
@@ -95,54 +66,6 @@ class Scene(Shown):
     0.1
     """
 
-    position: FloatArray
-    velocity: FloatArray = None  # type: ignore[assignment]  # never None once it is checked
-    radius: FloatArray
-    mass: FloatArray
-    radius_in: float = 0.0
-    radius_out: float
-    wall: str = "tangent"
-    gravity: tuple[float, float] = (0.0, -9.81)
-    drag: float = 0.0
-    dt: float = 0.01
-    scheme: str = "text"
-    duration: float = 1.0
-    tolerance: float = 1e-6
-    max_iterations: int = 10_000
-    order: str = "sequential"
-    method: str = "gauss-seidel"
-    stop: str = "default"
-    on_unconverged: str = "report"
-    name: str = "scene"
-    text: str = ""
-
-    if TYPE_CHECKING:  # whatever makes an array is taken, and kept as one
-
-        def __init__(
-            self,
-            *,
-            position: ArrayLike,
-            velocity: ArrayLike | None = None,
-            radius: ArrayLike,
-            mass: ArrayLike,
-            radius_in: float = 0.0,
-            radius_out: float,
-            wall: str = "tangent",
-            gravity: Sequence[float] | FloatArray = (0.0, -9.81),
-            drag: float = 0.0,
-            dt: float = 0.01,
-            scheme: str = "text",
-            duration: float = 1.0,
-            tolerance: float = 1e-6,
-            max_iterations: int = 10_000,
-            order: str = "sequential",
-            method: str = "gauss-seidel",
-            stop: str = "default",
-            on_unconverged: str = "report",
-            name: str = "scene",
-            text: str = "",
-        ) -> None: ...
-
     def __post_init__(self) -> None:
         vars(self).update(checked_grains(self))
         vars(self).update(checked_settings(self))
@@ -150,7 +73,7 @@ class Scene(Shown):
         require_agreement(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        own = {field.name: getattr(self, field.name) for field in fields(self)}
+        own = {name: getattr(self, name) for name in FIELDS}
         return partial(type(self), **own), ()  # so that copies are checked and cannot be written to
 
     @classmethod
@@ -176,7 +99,8 @@ class Scene(Shown):
             given = checks.shown(overrides)
             raise SceneError(f"overrides is {given}: it must be texts such as 'physics.drag=0.1'")
         texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
-        return cls(**read_scene(checks.path("scene", name_or_path), texts))
+        path = Path(checks.path("scene", name_or_path))
+        return cls(**scene_fields(read_text(path, "scene"), path, texts))
 
     def replace(self, **changes: Any) -> Self:
         """Return the same scene with some fields changed, checked again; its text tells which ones.
@@ -186,9 +110,8 @@ class Scene(Shown):
         SceneError
             There is no such field, or a value is not what it must be.
         """
-        known = [field.name for field in fields(self)]
         for name in changes:
-            checks.one_of("field of a scene", name, known)
+            checks.one_of("field of a scene", name, FIELDS)
         if self.text and changes:
             changes = {"text": f"{self.text}\n# changed afterwards: {', '.join(changes)}", **changes}
         return replace(self, **changes)

@@ -92,7 +92,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
     Raises
     ------
     SceneError
-        There is none, it is damaged, of a newer version, or something else.
+        There is none, it is damaged, of another version, or something else.
     """
     path = followed(path)
     if not path.is_file():
@@ -101,10 +101,10 @@ def read_checkpoint(path: Path) -> Checkpoint:
         header, arrays = _read(path)
     except _DAMAGE:
         raise SceneError(f"'{path}' is no checkpoint of warpgrains, or it is damaged") from None
-    if header["version"] > VERSION:
+    if header["version"] != VERSION:
         raise SceneError(
             f"checkpoint '{path}' has version {header['version']}, of warpgrains {header.get('warpgrains')};"
-            f" warpgrains {__version__} reads versions up to {VERSION}"
+            f" warpgrains {__version__} reads version {VERSION}"
         )
     try:
         return _checkpoint(header, arrays, path)
@@ -183,8 +183,6 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
     lists = None
     if "lists" in header:
         stored = part("lists")
-        if header["version"] < 5:
-            stored["scalar"] = stored["scalar"][:-1]  # nothing ever read the last
         lists = VerletList(**{name: stored[own] for name, own in _stored_names(VerletList).items()})
     state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
     require_state(state, scene.n)

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from warpgrains.drawing.frame_times import DEFAULT_RATE
+from warpgrains.described import described, described_fields
 from warpgrains.errors import SceneError
 from warpgrains.files import followed
 from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
@@ -20,15 +20,26 @@ if TYPE_CHECKING:
 OnProgress = Callable[[float], None]
 """Hears of progress, in runs."""
 
-NEEDS = dict.fromkeys(("fps", "color_by", "forces", "draw_as"), "record") | {
-    "every": "checkpoint",
-    "measure": "series",
-    "measure_every": "series",
-    "series": "measure",
-}
-"""What options are of no effect without."""
+DEFAULT_RATE = 24.0
+"""Frames per second [1/s] at which Blender plays unless it is told otherwise."""
 FILES = ("record", "series")
 """What a run writes beside its checkpoint."""
+
+
+def _file(field: str, name: Any) -> str:
+    """Return the name of a file: of that to which it leads, if it is a symbolic link."""
+    if checks.text(field, name) == "" or "\0" in name:
+        raise SceneError(f"{field} is {name!r}: it must be the name of a file")
+    return str(followed(Path(name))) if os.path.islink(name) else name
+
+
+def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
+    """Return an option of runs.
+
+    It may have a `default`, another `flag` than its name, and an option which it `needs` to have an effect.
+    One without metavar is on or off, or no option of the command line, where its flag is None.
+    """
+    return described(meaning, **({"default": None, "needs": None} | more), check=check, metavar=metavar)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,47 +54,73 @@ class RunOptions:
 
     steps: int
     """Time steps in all."""
-    record: str | None = None
-    """USD file or film to write the frames to, or picture of the end."""
-    fps: float = DEFAULT_RATE
-    """Wanted frames per second of simulated time [1/s]."""
-    color_by: str = "speed"
-    forces: bool = False
-    draw_as: str = "points"
-    """These three say what the frames show, see `Recorder`."""
-    checkpoint: str | None = None
-    """File that is to hold the state, and all that it takes to resume the run."""
-    every: int = 1000
-    """Steps between two checkpoints; the start and the end of a run have one anyway."""
-    until: str | None = None
-    """What ends the run before its last step, see `criterion`."""
-    measure: str | None = None
-    """Quantities that a series is of, by name, with commas between them."""
-    series: str | None = None
-    """CSV file to write it to."""
-    measure_every: int = 10
-    """Steps between two of its rows."""
+    record: str | None = _option(
+        "A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present"
+        " state first; or a picture of the end (.png, .pdf, .svg).",
+        _file,
+        "OUT",
+        flag="--output",
+    )
+    fps: float = _option(
+        "Frames per second of simulated time [1/s], exactly; at most one a step.",
+        checks.positive,
+        "F",
+        default=DEFAULT_RATE,
+        needs="record",
+    )
+    color_by: str = _option(
+        "Color of the grains: speed, pressure, radius, or palette, which tells neighbors apart.",
+        checks.text,
+        "WHAT",
+        default="speed",
+        needs="record",
+    )
+    forces: bool = _option("Draw force chains.", checks.truth, default=False, needs="record")
+    draw_as: str = _option(
+        "What grains of a USD file are: points, discs or spheres.",
+        checks.text,
+        "FORM",
+        flag="--as",
+        default="points",
+        needs="record",
+    )
+    checkpoint: str | None = _option(
+        "An .npz file to save the run to as it goes, from which it can be resumed.", _file, "FILE"
+    )
+    every: int = _option(
+        "Steps between two checkpoints; a run begins and ends with one anyway.",
+        checks.whole_number,
+        "K",
+        default=1000,
+        needs="checkpoint",
+    )
+    until: str | None = _option(
+        "What ends the run earlier: rest[,speed=V][,energy=E][,time=T], see simulation/until.py.",
+        checks.text,
+        "rest",
+    )
+    measure: str | None = _option(
+        "Quantities to measure as the run goes, such as energy,stress.",
+        checks.text,
+        "WHAT,...",
+        needs="series",
+    )
+    series: str | None = _option(
+        "A CSV file for what is measured, a row every K steps.", _file, "CSV", needs="measure"
+    )
+    measure_every: int = _option(
+        "Steps between two rows of a series.", checks.whole_number, default=10, needs="series", flag=None
+    )
 
     def __post_init__(self) -> None:
-        checked: dict[str, Any] = {
-            "steps": checks.whole_number("steps", self.steps, least=0),
-            "every": checks.whole_number("every", self.every),
-            "fps": checks.positive("fps", self.fps),
-            "color_by": checks.text("color_by", self.color_by),
-            "forces": checks.truth("forces", self.forces),
-            "draw_as": checks.text("draw_as", self.draw_as),
-            "measure_every": checks.whole_number("measure_every", self.measure_every),
-            **{
-                name: None if value is None else checks.text(name, value)
-                for name, value in (("measure", self.measure), ("until", self.until))
-            },
-            **{name: _file(name, getattr(self, name)) for name in FILES},
-            "checkpoint": _file("checkpoint", self.checkpoint),
-        }
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
-        for name, needed in NEEDS.items():
-            if checked[needed] is None and checked[name] != getattr(type(self), name):
+        checks.whole_number("steps", self.steps, least=0)
+        for name, option in OPTIONS.items():
+            value = getattr(self, name)
+            if value is not None or option.default is not None:
+                object.__setattr__(self, name, option.metadata["check"](name, value))
+        for name, option in OPTIONS.items():
+            needed = option.metadata["needs"]
+            if needed is not None and getattr(self, needed) is None and getattr(self, name) != option.default:
                 raise SceneError(f"{name} has no effect without {needed}")
         if self.shows is not None:
             self._require_no_recording(self.shows)
@@ -124,11 +161,7 @@ class RunOptions:
     @classmethod
     def restored(cls, stored: dict[str, Any], checkpoint: Path) -> Self:
         """Return the options that a checkpoint keeps; the next checkpoints are to replace it."""
-        if stored.pop("as_spheres", False):  # of earlier releases
-            stored = {**stored, "draw_as": "spheres"}
-        if stored["record"] is None:  # what earlier releases kept beside it has no effect
-            stored = {name: value for name, value in stored.items() if NEEDS.get(name) != "record"}
-        files = {name: _seen_from(checkpoint, name, stored.get(name)) for name in FILES}
+        files = {name: _seen_from(checkpoint, name, stored[name]) for name in FILES}
         return cls(**{**stored, **files, "checkpoint": str(checkpoint)})
 
 
@@ -143,19 +176,22 @@ def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
 
 def _seen_from(checkpoint: Path, field: str, stored: Any) -> str | None:
     """Return the name of a file, if there is one, that a checkpoint keeps."""
-    name = _file(field, stored)
-    if name is not None and os.path.isabs(name):
-        raise SceneError(f"{field} is {name!r}: it must be where it is as seen from the checkpoint")
-    return name and os.path.normpath(checkpoint.parent / name)
-
-
-def _file(field: str, name: Any) -> str | None:
-    """Return the name of a file, if there is one: that to which it leads, if it is a symbolic link."""
-    if name is None:
+    if stored is None:
         return None
-    if checks.text(field, name) == "" or "\0" in name:
-        raise SceneError(f"{field} is {name!r}: it must be the name of a file")
-    return str(followed(Path(name))) if os.path.islink(name) else name
+    name = _file(field, stored)
+    if os.path.isabs(name):
+        raise SceneError(f"{field} is {name!r}: it must be where it is as seen from the checkpoint")
+    return os.path.normpath(checkpoint.parent / name)
+
+
+OPTIONS = described_fields(RunOptions)
+"""All that a run can be asked for beside its length, by name."""
+FLAGS: dict[str, str] = {
+    name: flag
+    for name, option in OPTIONS.items()
+    if (flag := option.metadata.get("flag", f"--{name.replace('_', '-')}")) is not None
+}
+"""What the command line calls them."""
 
 
 @dataclass(frozen=True)

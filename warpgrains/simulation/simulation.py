@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from warpgrains.drawing.frame_times import DEFAULT_RATE
+from warpgrains.described import documented
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
 from warpgrains.scene import checks
@@ -15,15 +15,18 @@ from warpgrains.simulation.checkpoint import (
     read_checkpoint,
     write_checkpoint,
 )
-from warpgrains.simulation.options import RunOptions, steps_of
+from warpgrains.simulation.options import OPTIONS, RunOptions, steps_of
 from warpgrains.simulation.run import Observer, Outputs, require_observer, run
-from warpgrains.simulation.stepper import Stepper
+from warpgrains.simulation.stepper import Stepper, continued
 from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.statistics import RunStatistics, Summary
 
 if TYPE_CHECKING:
     from warpgrains.pictures.still import Picture
     from warpgrains.view.page import Page
+
+
+_WRITTEN = ("record", "fps", "color_by", "forces", "draw_as", "checkpoint", "every")
 
 
 class Simulation(Stepper):
@@ -71,18 +74,19 @@ class Simulation(Stepper):
     True
     """
 
+    @documented(option for name, option in OPTIONS.items() if name in _WRITTEN)
     def run(
         self,
         steps: int | None = None,
         duration: float | None = None,
         until: str | Question | None = None,
         record: str | Path | None = None,
-        fps: float = DEFAULT_RATE,
-        color_by: str = "speed",
-        forces: bool = False,
-        draw_as: str = "points",
+        fps: float = RunOptions.fps,
+        color_by: str = RunOptions.color_by,
+        forces: bool = RunOptions.forces,
+        draw_as: str = RunOptions.draw_as,
         checkpoint: str | Path | None = None,
-        every: int = 1000,
+        every: int = RunOptions.every,
         observer: Observer | None = None,
         progress: bool = False,
     ) -> Summary:
@@ -97,23 +101,7 @@ class Simulation(Stepper):
         until : str or callable, optional
             What ends the run earlier: "rest", or a callable that is asked every 10 steps whether the
             simulation that it is given is to stop, see `warpgrains.simulation.until.criterion`.
-        record : str or Path, optional
-            A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present
-            state first; or a picture of the end (.png, .pdf, .svg). If it is a symbolic link, the file that
-            it leads to is written, as for all outputs.
-        fps : float
-            Frames per second of simulated time [1/s], at most one a step; recordings and films have exactly
-            this rate. A frame within a step shows positions on the straight path of that step.
-        color_by : str
-            Color of the grains: "speed", "pressure", "radius", or "palette", which tells neighbors apart.
-        forces : bool
-            Whether to draw force chains.
-        draw_as : str
-            What grains of a USD file are: "points", "discs" or "spheres".
-        checkpoint : str or Path, optional
-            An .npz file to save the state to now and then, for `load` or ``warpgrains run --resume``.
-        every : int
-            Steps between two checkpoints.
+        {fields}
         observer : object, optional
             Measures during the run, such as a `warpgrains.analysis.Series`. Its ``observe(simulation)`` is
             called at multiples of its ``every`` steps, its ``flush()`` before a checkpoint and at the end.
@@ -127,6 +115,11 @@ class Simulation(Stepper):
             an `OutputError`, if another run does so at the same time.
         SimulationError
             A step failed, or another thread advances this simulation.
+
+        Notes
+        -----
+        A frame within a step shows positions on the straight path of that step. Where the name of an output
+        is a symbolic link, the file that it leads to is written.
         """
         options = RunOptions(
             steps=steps_of(self.scene, steps, duration),
@@ -215,6 +208,4 @@ class Simulation(Stepper):
             The checkpoint cannot be read.
         """
         kept = read_checkpoint(Path(checks.path("path", path)))
-        simulation = cls(kept.scene, device, threads)
-        simulation.restore(kept.state)
-        return simulation
+        return continued(cls, kept.scene, kept.state, device, threads)

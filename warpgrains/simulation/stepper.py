@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SimulationError
@@ -16,6 +16,8 @@ from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, 
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import find_device, threads_for
 from warpgrains.turns import Driver
+
+Begun = TypeVar("Begun", bound="Stepper")
 
 
 class StepStart(NamedTuple):
@@ -41,23 +43,28 @@ class Stepper(Shown):
     """What a `Simulation` is before anything is written, read or drawn: an engine of one scene."""
 
     def __init__(self, scene: SceneLike, device: str = "cpu", threads: int | None = None, **overrides: Any):
+        scene = as_scene("scene", scene)
+        self._open(scene.replace(**overrides) if overrides else scene, device, threads)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return continued, (type(self), self.scene, self.state(), self._device.alias, self._threads_wanted)
+
+    def _open(self, scene: Scene, device: str, threads: int | None, state: State | None = None) -> None:
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
         self._driver = Driver("simulation")
-        scene = as_scene("scene", scene)
-        self._begin(scene.replace(**overrides) if overrides else scene)
-        self._engine.begin()
+        self._begin(scene, state)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        given = self.scene, self._device.alias, self._threads_wanted, self.state()
-        return _continued, (type(self), *given)
-
-    def _begin(self, scene: Scene) -> None:
+    def _begin(self, scene: Scene, state: State | None) -> None:
         self.scene = scene
         self._threads = threads_for(scene, self._device, self._threads_wanted)
         self._engine = Engine([scene], self._device, self._threads)
         self._stepped = False
+        if state is None:
+            self._engine.begin()
+        else:
+            self._engine.load(0, state)
 
     def facts(self) -> dict[str, str]:
         """Return what there is to tell of it in a line."""
@@ -148,8 +155,7 @@ class Stepper(Shown):
             state = self.state()
             scene = self.scene.replace(**fields)
             require_state(state, scene.n)
-            self._begin(scene)
-            self._engine.load(0, state)
+            self._begin(scene, state)
 
     @property
     def steps(self) -> int:
@@ -217,8 +223,11 @@ class Stepper(Shown):
             self._engine.load(0, state)
 
 
-def _continued(kind: type[Stepper], scene: Scene, device: str, threads: int | None, state: State) -> Stepper:
-    """Return a simulation that continues from a state: what a copy is, or one that is unpickled."""
-    simulation = kind(scene, device, threads)
-    simulation.restore(state)
+def continued(
+    kind: type[Begun], scene: Scene, state: State, device: str = "cpu", threads: int | None = None
+) -> Begun:
+    """Return a simulation that continues from a state of its scene, such as a checkpoint holds."""
+    require_state(state, scene.n)
+    simulation = kind.__new__(kind)
+    simulation._open(scene, device, threads, state)
     return simulation

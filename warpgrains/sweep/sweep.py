@@ -26,10 +26,17 @@ from typing import Any, Self
 from warpgrains.errors import SceneError
 from warpgrains.files import Row
 from warpgrains.scene import checks
-from warpgrains.scene.document import Table, parse_toml, read_document, read_text, shipped_scenes
+from warpgrains.scene.document import (
+    Table,
+    parse_toml,
+    read_document,
+    read_text,
+    shipped_scenes,
+    toml_text,
+    toml_value,
+)
 from warpgrains.scene.grain_file import read_radii
 from warpgrains.scene.reader import require_key
-from warpgrains.scene.toml_text import toml_text, toml_value
 from warpgrains.sweep.axes import axis_values
 
 KEYS = ("scene", "folder", "combine", "set", "axes")
