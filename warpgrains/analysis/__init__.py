@@ -7,7 +7,6 @@ Every function takes a simulation, or the `snapshot` of one, of a state or of a 
 are SI; in the plane, stress is a force by length.
 """
 
-from warpgrains.analysis.cells import cell_areas, local_packing_fractions
 from warpgrains.analysis.contacts import (
     contact_numbers,
     coordination_number,
@@ -28,7 +27,14 @@ from warpgrains.analysis.energy import (
     potential_energy,
     step_energy_balance,
 )
-from warpgrains.analysis.packing import global_packing_fraction, heights, packing_fraction, pile_height
+from warpgrains.analysis.packing import (
+    cell_areas,
+    global_packing_fraction,
+    heights,
+    local_packing_fractions,
+    packing_fraction,
+    pile_height,
+)
 from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, quantities
 from warpgrains.analysis.series import Series

@@ -60,7 +60,7 @@ def certify(simulation: Simulation) -> ErrorBound:
     True
     """
     try:
-        from warpgrains.analysis.exact import StepProblem, own_witness, solve_exactly
+        from warpgrains.analysis.exact_step import StepProblem, own_witness, solve_exactly
     except ModuleNotFoundError as error:
         raise missing_extra("certify", error) from error
     velocity = simulation.velocity

@@ -8,7 +8,7 @@ plane a stress is a force by length [N/m]. Contacts carry no friction, so it is 
 
 import numpy as np
 
-from warpgrains.analysis.cells import cell_areas
+from warpgrains.analysis.packing import cell_areas
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.analysis.plots import save_figure
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder, table_text, write_whole
+from warpgrains.pictures.canvas import save_figure
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
 from warpgrains.report.rows import (

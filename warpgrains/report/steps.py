@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from warpgrains.analysis.exact import StepProblem, solve_exactly
+from warpgrains.analysis.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference

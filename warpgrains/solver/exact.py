@@ -7,20 +7,21 @@ kernels then rebuild velocities, measure the residual and check the list (kernel
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.arrays import FloatArray
 from warpgrains.solver import active_set, interior_point
-from warpgrains.solver.projection import NormalMatrix, Projection, Solution
+from warpgrains.solver.constraints import StepConstraints
+from warpgrains.solver.projection import NormalMatrix, Projection, Solution, projection_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.scene_memory import SceneMemory
 
 ASKED = 0.5  # of the tolerance, so that the kernels' rounding does not undo it
+NO_PAIRS = np.zeros((0, 2), np.int32)
 BETTER = 0.01  # of the sweeps' residual: what an answer must come to
 
 
@@ -55,15 +56,15 @@ class ExactSolver:
         until it satisfies its own.
         """
         contacts, record = FrozenContacts(self._scene, self._memory), self._memory.record
-        if self._matrix is None or not self._matrix.fits(contacts.rows):
-            self._matrix = NormalMatrix(contacts.rows)
+        if self._matrix is None or not self._matrix.fits(contacts.problem.rows):
+            self._matrix = NormalMatrix(contacts.problem.rows)
         tolerance, q = ASKED * self._scene.tolerance, contacts.corrections()
-        problem = contacts.problem(q)
+        problem = contacts.problem_at(q)
         before = left = problem.residual(q)
         while left > tolerance:
             found = solve(problem, self._matrix, q, tolerance)
             record["step"]["factorizations"] += found.factorizations
-            problem = contacts.problem(found.q)
+            problem = contacts.problem_at(found.q)
             last, residual = left, problem.residual(found.q)
             if residual < left:
                 q, left = found.q, residual
@@ -82,61 +83,37 @@ class FrozenContacts:
 
     Attributes
     ----------
-    rows : csr_array
-        Of (v_i - v_j) . n or v_i . n, in the units of a `Projection`.
+    problem : Projection
+        The step's problem, with the gaps of grains that do not move.
     """
 
     def __init__(self, scene: Scene, memory: SceneMemory):
-        self._scene, self._place = scene, memory.array("workspace.sweep_index")[: memory.pairs]
-        self._pair_dv = memory.array("contacts.pair_dv")
-        self._wall_dv = memory.array("contacts.walls")["dv"][: memory.walls]
-        self._grain = memory.array("contacts.walls")["i"][: memory.walls]
-        self._position = memory.array("grains.position")[self._grain]
-        pairs = memory.array("contacts.pairs")[self._place]
-        self._gap_rate = pairs["gap_rate"]
-        mass = scene.contact_mass
-        mass_i, mass_j = mass[pairs["i"]], mass[pairs["j"]]
-        share_i, share_j = (np.sqrt(other / (mass_i + mass_j))[:, np.newaxis] for other in (mass_j, mass_i))
-        walls = scene.walls.seen_from(self._position, scene.radius[self._grain])
-        values = [np.hstack([share_i * pairs["n"], -share_j * pairs["n"]]), *(wall.normal for wall in walls)]
-        columns = [
-            np.hstack([_columns(pairs["i"]), _columns(pairs["j"])]),
-            *[_columns(self._grain)] * len(walls),
-        ]
-        units = [
-            np.sqrt(mass_i / (mass_i + mass_j) * mass_j),
-            *[np.sqrt(mass[self._grain])] * len(walls),
-        ]
-        lengths = np.repeat([4, *[2] * len(walls)], [len(rows) for rows in values])
-        entries = [np.concatenate([part.ravel() for part in parts]) for parts in (values, columns)]
-        self._unit, self._root = np.concatenate(units), np.sqrt(mass)[:, np.newaxis]
-        self._free = (self._root * memory.array("grains.free_velocity")).ravel()
-        start = np.concatenate([[0], np.cumsum(lengths)])
-        self._signs = [wall.sign for wall in walls]
-        self.rows = sparse.csr_array((*entries, start), shape=(len(lengths), 2 * scene.n))
+        walls, self._place = memory.array("contacts.walls"), memory.array("workspace.sweep_index")
+        self._wall, self._place = walls[: memory.walls], self._place[: memory.pairs]
+        self._pair_dv, pairs = memory.array("contacts.pair_dv"), memory.array("contacts.pairs")[self._place]
+        self._scene, self._position = scene, memory.array("grains.position")
+        pair = np.stack([pairs["i"], pairs["j"]], axis=1)
+        self._constraints = StepConstraints.at(scene, self._position, pair, self._wall["i"])
+        self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
 
-    def problem(self, q: FloatArray) -> Projection:
+    def problem_at(self, q: FloatArray) -> Projection:
         """Return the step's problem, with the gaps that the walls have for the velocities of corrections."""
-        scene = self._scene
-        velocity = (self._free - self.rows.T @ q).reshape(-1, 2) / self._root
-        move = scene.dt * velocity[self._grain]
-        walls = scene.walls.seen_from(self._position, scene.radius[self._grain], move)
-        gap_rate = np.concatenate([self._gap_rate, *(wall.gap / scene.dt for wall in walls)])
-        return Projection(self.rows, self._unit * gap_rate, self._free, self._unit)
+        scene, free, pairs = self._scene, self.problem.free, self._constraints.gap_rate[: len(self._place)]
+        root = np.sqrt(scene.contact_mass)[:, np.newaxis]
+        move = scene.dt * ((free - self.problem.rows.T @ q).reshape(-1, 2) / root)
+        walls = StepConstraints.at(scene, self._position, NO_PAIRS, self._wall["i"], move)
+        gap_rate = np.concatenate([pairs, walls.gap_rate])
+        return self.problem._replace(bound=self.problem.unit * gap_rate)
 
     def corrections(self) -> FloatArray:
         """Return the corrections, in the units of the problem."""
-        walls = [np.maximum(sign * self._wall_dv, 0.0) for sign in self._signs]
-        return self._unit * np.concatenate([self._pair_dv[self._place], *walls])
+        sign = self._constraints.sign
+        walls = np.maximum(sign * np.resize(self._wall["dv"], len(sign)), 0.0)
+        return self.problem.unit * np.concatenate([self._pair_dv[self._place], walls])
 
     def write(self, q: FloatArray) -> None:
         """Give the contacts other corrections."""
-        first = len(self._place)
-        pairs, *walls = np.split(q / self._unit, first + len(self._grain) * np.arange(len(self._signs)))
+        pairs, walls = np.split(q / self.problem.unit, [len(self._place)])
         self._pair_dv[self._place] = pairs
-        self._wall_dv[:] = sum(sign * dv for sign, dv in zip(self._signs, walls, strict=True))
-
-
-def _columns(grain: np.ndarray[Any, Any]) -> IndexArray:
-    """Return where the velocities of grains are among all, shape (m, 2)."""
-    return np.stack([2 * grain, 2 * grain + 1], axis=1)
+        if len(self._wall):
+            self._wall["dv"] = (self._constraints.sign * walls).reshape(-1, len(self._wall)).sum(axis=0)
