@@ -24,7 +24,7 @@ def test_stops_steps_and_looks_change_no_bit(simulation):
     live, plain = Live(simulation), Simulation(Scene.load("annulus"))
     for steps in (1, 1, 30, 1, 7):
         live.advance(steps)
-        live.dress("pressure", forces=True)
+        live.set_style("pressure", forces=True)
         assert live.shot().chains is not None
         assert live.readout()["steps"] == str(live.steps)
         live.curves()
@@ -82,7 +82,7 @@ def test_recording_ends_with_its_last_frame(tmp_path):
     assert np.allclose(played.shot().position, frames[2, 0], atol=1e-6)  # float32
     played.advance(7)
     assert (played.steps, played.is_over) == (3, True)
-    played.dress("speed", forces=False)
+    played.set_style("speed", forces=False)
     assert played.shot().chains is None
     played.restart()
     assert played.readout() == {"time": "0 s", "frame": "0 of 3", "contacts": "5"}

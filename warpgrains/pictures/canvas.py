@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import ColorScale
-from warpgrains.drawing.rings import WALL_COLOR
+from warpgrains.drawing.shapes import WALL_COLOR
 from warpgrains.files import draft_of
 from warpgrains.pictures.shots import Setting, Shot
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import ColorScale, Frame, GrainColors
-from warpgrains.drawing.rings import rings
+from warpgrains.drawing.shapes import rings
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
