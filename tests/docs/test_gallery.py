@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from pages import PAGES, ROOT
 
 from warpgrains.drawing.colors import COLORMAPS, colormap
-from warpgrains.pictures.canvas import FrameArtists
+from warpgrains.pictures.still import FrameArtists
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.scenes import gallery
 

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure, SubFigure
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.files import read_table, require_place
-from warpgrains.pictures.canvas import FrameArtists, add_color_bar, save_figure
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
+from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
 from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
 
 _FRAMES_IN_A_ROW = 5

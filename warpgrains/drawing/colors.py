@@ -24,7 +24,7 @@ LEVELS = 64
 """Colors between the ends of a scale."""
 
 # Matplotlib's perceptually uniform colormaps, safe for color-blind eyes, at 32 shares of the range, for where
-# it is not installed. Colors between are interpolated in sRGB (tests/usd/test_appearance.py bounds the error).
+# it is missing. Colors between are interpolated in sRGB; tests/usd/test_appearance.py bounds the error.
 _COLORS = {
     "viridis": """
         440154 470d60 48186a 482374 472e7c 453882 424186 3e4a89 3a548c 365d8d 32658e 2e6d8e 2b758e 287d8e

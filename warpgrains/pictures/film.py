@@ -22,9 +22,9 @@ from warpgrains.arrays import FloatArray
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.files import draft_of, require_place
 from warpgrains.locks import Lock
-from warpgrains.pictures.canvas import Canvas
 from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
+from warpgrains.pictures.still import Canvas
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

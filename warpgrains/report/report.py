@@ -12,7 +12,7 @@ from warpgrains import __version__
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder, table_text, write_whole
-from warpgrains.pictures.canvas import save_figure
+from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
 from warpgrains.report.rows import (

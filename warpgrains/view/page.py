@@ -104,18 +104,9 @@ class Page:
     def _resume(self) -> None:
         self.is_playing = not self._player.is_over
 
-    def _stop(self) -> None:
+    def _pause(self, then: Callable[[], None] = lambda: None) -> None:
         self.is_playing = False
-        self._show(texts=True)
-
-    def _step(self) -> None:
-        self.is_playing = False
-        self._player.advance(1)
-        self._show(texts=True)
-
-    def _restart(self) -> None:
-        self.is_playing = False
-        self._player.restart()
+        then()
         self._show(texts=True)
 
     def _go_to(self, frame: int) -> None:
@@ -154,7 +145,13 @@ class Page:
 
     def _add_controls(self) -> None:
         gui = self._server.gui
-        actions = (self._resume, self._stop, self._step, self._restart)
+        player = self._player
+        actions: tuple[Callable[[], None], ...] = (
+            self._resume,
+            self._pause,
+            lambda: self._pause(lambda: player.advance(1)),
+            lambda: self._pause(player.restart),
+        )
         buttons = []
         for (key, name), action in zip(KEYS.items(), actions, strict=True):
             buttons.append(gui.add_button(f"{name} ({key})"))
@@ -166,19 +163,19 @@ class Page:
             "playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time: a second takes a second"
         )
         speed.on_update(lambda _: setattr(self, "_speed", _value(speed)))
-        if self._player.colorings:
-            colors = gui.add_dropdown("color by", self._player.colorings, initial_value="speed")
+        if player.colorings:
+            colors = gui.add_dropdown("color by", player.colorings, initial_value="speed")
             colors.on_update(self._ask(lambda: self._set_style(color_by=str(colors.value))))
-        if self._player.has_chains:
+        if player.has_chains:
             chains = gui.add_checkbox("force chains", self._style["forces"])
             chains.on_update(self._ask(lambda: self._set_style(forces=bool(chains.value))))
-        if isinstance(self._player, Live):
-            self._add_physics(self._player)
-        if isinstance(self._player, Recorded):
-            frame = gui.add_slider("frame", 0, max(self._player.last, 1), 1, 0)
+        if isinstance(player, Live):
+            self._add_physics(player)
+        if isinstance(player, Recorded):
+            frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
             frame.on_update(self._ask(lambda: self._go_to(round(_value(frame)))))
         self._legend = gui.add_html("")  # below the sliders, which stay where they are when it grows
-        self._curves = {title: self._add_curve(title) for title in self._player.curves()}
+        self._curves = {title: self._add_curve(title) for title in player.curves()}
 
     def _add_physics(self, player: Live) -> None:
         """Add sliders of drag, gravity and tolerance; each begins at the scene's value."""
