@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, SceneError, Simulation, analysis
-from warpgrains.analysis.structure import share_inside
+from warpgrains.analysis.profiles import share_inside
 from warpgrains.scene.layouts import random
 from warpgrains.scene.region import region_of
 from warpgrains.scene.state import first_state

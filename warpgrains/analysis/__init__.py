@@ -13,6 +13,9 @@ from warpgrains.analysis.contacts import (
     fabric_tensor,
     force_distribution,
     force_statistics,
+    grain_stresses,
+    mean_stress,
+    pressure,
     rattlers,
     wall_forces,
 )
@@ -35,12 +38,10 @@ from warpgrains.analysis.packing import (
     packing_fraction,
     pile_height,
 )
-from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
+from warpgrains.analysis.profiles import Profile, height_profile, radial_distribution, radial_profile
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, quantities
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import Snapshot, snapshot
-from warpgrains.analysis.stress import grain_stresses, mean_stress, pressure
-from warpgrains.analysis.structure import radial_distribution
 
 __all__ = [
     "GROUPS",

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis import contacts, energy, packing, stress
+from warpgrains.analysis import contacts, energy, packing
 from warpgrains.analysis.energy import EnergyBalance, step_energy_balance
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
@@ -34,7 +34,7 @@ def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray]) -> Quantity:
 
 
 def _stress(a: int, b: int) -> Quantity:
-    return Quantity("N/m", stress.mean_stress, lambda found: float(found[a, b]))
+    return Quantity("N/m", contacts.mean_stress, lambda found: float(found[a, b]))
 
 
 def _powers(moment: Snapshot) -> EnergyBalance:
@@ -53,7 +53,7 @@ QUANTITIES = {
     "packing_fraction": _of_runs("", packing.packing_fractions),
     "coordination_number": Quantity("", contacts.coordination_number),
     "rattlers": Quantity("", contacts.rattlers, lambda found: float(np.count_nonzero(found))),
-    "pressure": Quantity("N/m", stress.pressure),
+    "pressure": Quantity("N/m", contacts.pressure),
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
     "stress_yy": _stress(1, 1),

@@ -167,18 +167,12 @@ class GrainColors:
         if self.scale is None or self.still is not None:
             assert self.still is not None
             return self.still
-        return self.scale.levels(quantity(self.scale.quantity, frame, self._radius))
+        is_speed = self.scale.quantity == "speed"
+        return self.scale.levels(np.hypot(*frame.velocity.T) if is_speed else pressure(frame, self._radius))
 
     def of(self, frame: Frame) -> FloatArray:
         """Return the colors of a frame (sRGB), shape (n, 3)."""
         return self.colors[self.levels(frame)]
-
-
-def quantity(name: str, frame: Frame, radius: FloatArray) -> FloatArray:
-    """Return one of the quantities in `UNITS` of each grain, shape (n,)."""
-    if name == "radius":
-        return radius
-    return np.hypot(*frame.velocity.T) if name == "speed" else pressure(frame, radius)
 
 
 def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
