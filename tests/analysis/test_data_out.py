@@ -5,7 +5,7 @@ from dataclasses import asdict, fields
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
+from command import exit_code
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
@@ -135,21 +135,6 @@ def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
         assert np.hypot(*feet.T) == pytest.approx(
             np.where(to_inner, scene.radius_in, scene.radius_out), abs=1e-3
         )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["no.usdc"], "does not exist"),
-        (["run.usdc", "-o", "run.vtk"], "must end in .vtkhdf"),
-    ],
-)
-def test_bad_export_is_one_line(recorded, tmp_path, monkeypatch, capfd, arguments, complaint):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "run.usdc").write_bytes(recorded[0].read_bytes())
-    assert exit_code("export", *arguments) == 2
-    require_refusal(capfd, complaint)
-    assert [path.name for path in tmp_path.iterdir()] == ["run.usdc"]
 
 
 def test_contacts_and_reports_as_frames():

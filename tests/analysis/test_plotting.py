@@ -190,40 +190,6 @@ class TestCommand:
         assert capsys.readouterr().out == f"{tmp_path / 'a.svg'}: frame 1\n"
         assert "mean height" not in (tmp_path / "a.svg").read_text()
 
-    @pytest.mark.parametrize(
-        ("arguments", "complaint"),
-        [
-            (["missing.usdc"], "'missing.usdc' does not exist"),
-            (["{text}"], "is not a USD file that can be read"),
-            (["{empty}"], "holds no grains"),
-            (["{run}", "--frames", "0,x"], "'0,x' is not a list of whole numbers"),
-            (["{run}", "--frames", "7"], "there is no frame 7"),
-            (["{run}", "-o", "picture.bmp"], "must end in .png, .pdf, .svg"),
-        ],
-    )
-    def test_bad_input_is_one_line(self, recording, tmp_path, capsys, arguments, complaint):
-        files = {"run": recording, "text": tmp_path / "text.usdc", "empty": tmp_path / "empty.usda"}
-        files["text"].write_text("no stage")
-        files["empty"].write_text("#usda 1.0\n")
-        self.require_one_line(["plot", *(word.format(**files) for word in arguments)], capsys, complaint)
-
-    def test_without_matplotlib(self, recording, monkeypatch, capsys):
-        monkeypatch.delitem(sys.modules, "warpgrains.analysis.plots")
-        monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
-        complaint = "plot needs matplotlib.axes: pip install 'warpgrains[report]'"
-        self.require_one_line(["plot", str(recording)], capsys, complaint)
-
-    def require_one_line(self, arguments, capsys, complaint):
-        try:
-            code = main(arguments)
-        except SystemExit as exit:
-            code = exit.code
-        printed = capsys.readouterr()
-        assert (code, printed.out) == (2, "")
-        assert printed.err.startswith("warpgrains: error: ")
-        assert printed.err.count("\n") == 1
-        assert complaint in printed.err
-
     def test_needs_no_window_system(self, recording):
         script = (
             "import sys\nfrom warpgrains.cli.main import main\n"

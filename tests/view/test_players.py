@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
 from recordings import make_frames, record
 from same_bits import contents
 
@@ -110,26 +109,6 @@ class TestChange:
         with pytest.raises(SceneError, match="drag"):
             simulation.change(drag=-1.0)
         assert simulation.scene.drag == 0.5
-
-
-def test_without_viser_it_is_refused_in_one_line(monkeypatch, capfd):
-    monkeypatch.setitem(sys.modules, "viser", None)
-    assert exit_code("view", "annulus") == 2
-    require_refusal(capfd, "view needs viser: pip install 'warpgrains[view]'")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["nothing"], "nothing"),
-        (["no.usdc"], "'no.usdc' does not exist"),
-        (["no.usdc", "--set", "time.dt=1"], "--set has no effect on a recording"),
-        (["annulus", "--port", "0"], "--port"),
-    ],
-)
-def test_bad_input_is_one_line(arguments, complaint, capfd):
-    assert exit_code("view", *arguments) == 2
-    require_refusal(capfd, complaint)
 
 
 def test_an_interrupt_ends_it_cleanly():
