@@ -1,4 +1,4 @@
-"""Commands of pictures, pages, reports, exports and series refuse bad input in one line; they write nothing."""
+"""Commands of pictures, pages, reports, exports and series refuse bad input in one line, writing nothing."""
 
 import shlex
 import sys
