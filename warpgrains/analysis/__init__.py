@@ -1,4 +1,4 @@
-"""What a state, a step or a recording amounts to, and how exact it is.
+"""Quantities of a state, a step or a recording.
 
 >>> from warpgrains import analysis
 >>> analysis.coordination_number(simulation)

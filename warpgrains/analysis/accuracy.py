@@ -10,7 +10,7 @@ from warpgrains.simulation.simulation import Simulation
 
 @dataclass(frozen=True)
 class ErrorBound:
-    """How far the velocities of a step are from the exact ones.
+    """Distance of a step's velocities from the exact ones.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How grains are held: contacts of each, rattlers, fabric, forces, and stress after Love and Weber.
+"""Contacts: their numbers, rattlers, fabric, forces, and stress after Love and Weber.
 
 Stress is positive in compression,
 
@@ -107,7 +107,7 @@ def fabric_tensor(of: Snapshot | HasState) -> FloatArray:
 
 
 class ForceStatistics(NamedTuple):
-    """How large the forces between grains are; NaN without contacts."""
+    """Sizes of the forces between grains; NaN without contacts."""
 
     contacts: int
     """Contacts between grains."""

@@ -82,7 +82,7 @@ def largest_speed(of: Snapshot | HasState) -> float:
 
 
 class EnergyBalance(NamedTuple):
-    """What became of energy [J] over a step, or many.
+    """Energy [J] that gravity, drag and contacts add or take over a step, or many.
 
     The kinetic energy has changed by gravity_work - drag_loss - contact_loss, up to rounding.
 

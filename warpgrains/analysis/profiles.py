@@ -1,4 +1,4 @@
-"""How grains are distributed: profiles by height and by distance from the origin, and distances of pairs."""
+"""Distributions of grains: profiles by height and by distance from the origin, and distances of pairs."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from warpgrains.scene.walls import Annulus, outward
 
 
 class Profile(NamedTuple):
-    """Means over slices; a grain counts in each by how much of its area is there. NaN where there is none.
+    """Means over slices; a grain counts in each by how much of its area is inside; NaN without grains.
 
     Examples
     --------

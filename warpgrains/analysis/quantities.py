@@ -1,4 +1,4 @@
-"""What a state amounts to, in numbers by name: in series of a run, and in the tables of sweeps."""
+"""Numbers of a state, by name: for series of a run, and for the tables of sweeps."""
 
 from collections.abc import Callable, Iterable
 from operator import attrgetter
@@ -82,7 +82,7 @@ OF_A_SWEEP = {name: found.of_runs for name, found in QUANTITIES.items() if found
 
 
 def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
-    """Return the quantities that some names stand for, each once, in the order they are asked for.
+    """Return the quantities of some names and groups, each once, in the given order.
 
     Raises
     ------

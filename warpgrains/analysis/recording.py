@@ -59,7 +59,7 @@ class Recording(Shown):
         self.time, self.radius = self._reader.time, self._reader.radius
 
     def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+        """Return its size, times and forces, by name, as texts."""
         return {
             self.path.name: f"of {len(self.radius)} grains",
             "frames": f"{len(self)}",
@@ -88,7 +88,7 @@ class Recording(Shown):
 
     @cached_property
     def scene(self) -> Scene:
-        """What was simulated, with the grains where the first frame has them.
+        """Scene of the run, with the grains of the first frame.
 
         Raises
         ------

@@ -96,7 +96,7 @@ class Series:
             self.rows.append({"step": simulation.steps, "time": simulation.time, **found})
 
     def flush(self) -> None:
-        """Have all rows so far in the file, if there is one."""
+        """Write all rows so far to the file, if there is one."""
         if self._path is not None and len(self.rows) > self._written:
             write_whole(self._path, table_text(self.rows).encode())
             self._written = len(self.rows)
@@ -127,12 +127,12 @@ class Series:
         )
 
     def close(self) -> None:
-        """Let others write the file."""
+        """Release the lock on the file."""
         if self._lock is not None:
             self._lock.release()
 
     def _take_up(self, path: Path, resume_at: int | None) -> None:
-        """Replace nothing that is no series, and go on with the rows of one."""
+        """Refuse to replace a file that is no series; read the rows to continue."""
         if not path.exists():
             rows: list[Row] = []
         else:

@@ -1,4 +1,4 @@
-"""Grains and what they carry at one moment: what all analysis is of."""
+"""Grains and their contacts at one time, the input of all analysis."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 class HasState(Protocol):
-    """What has a scene and a state of it, such as a `Simulation`."""
+    """Anything with a scene and a state, such as a `Simulation`."""
 
     @property
     def scene(self) -> Scene:
-        """What is simulated."""
+        """Scene of the state."""
 
     def state(self) -> State:
-        """Return how far it is."""
+        """Return the present state."""
 
 
 class Loads(NamedTuple):

@@ -101,7 +101,7 @@ def _polydata(source: Recording, k: int) -> Any:
 
 
 def _cells(corners: Any) -> Any:
-    """Return cells of so many corners each, shape (c, k)."""
+    """Return c cells of k corners each, from corners of shape (c, k)."""
     from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonDataModel import vtkCellArray
 

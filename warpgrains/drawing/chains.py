@@ -47,7 +47,7 @@ class Chains:
 
 @dataclass(frozen=True)
 class ChainScale:
-    """How wide a force is drawn."""
+    """Scale from forces to widths."""
 
     force: float
     """The force that has the full width, and all beyond it [N]."""

@@ -1,4 +1,4 @@
-"""Colors of grains, and the range of numbers that they stand for."""
+"""Colors of grains, and the range of numbers that they represent."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class ColorScale:
-    """Which colors a quantity has: one colormap a quantity, in recordings, pictures, films and windows."""
+    """Colors of a quantity: one colormap a quantity, in recordings, pictures, films and windows."""
 
     quantity: str
     """One of `UNITS`."""
@@ -89,7 +89,7 @@ class ColorScale:
 
     @property
     def label(self) -> str:
-        """What to write beside it."""
+        """Name and unit of the quantity."""
         return f"{self.quantity} [{UNITS[self.quantity]}]"
 
     @property
@@ -119,7 +119,7 @@ class ColorScale:
 
 
 class GrainColors:
-    """Which of a few colors each grain has.
+    """Colors of the grains of a scene, by a quantity.
 
     Scales are fixed by the scene, so that a color means the same in every frame and after a restart:
     speed against `speed_scale`, pressure against `pressure_scale`, radius between smallest and largest.
@@ -134,7 +134,7 @@ class GrainColors:
     Attributes
     ----------
     scale : ColorScale or None
-        What the colors stand for; None for the palette.
+        Range of the colors; None for the palette.
     colors : ndarray
         All there are (sRGB), shape (k, 3).
     still : ndarray or None

@@ -1,4 +1,4 @@
-"""Meshes that stand for a grain of radius 1 m, and walls as they are drawn: flat rings about the origin."""
+"""Meshes of a grain of radius 1 m, and of walls: flat rings about the origin."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ class Shape:
 
     @property
     def height(self) -> float:
-        """How far it reaches towards the viewer [m]."""
+        """Height towards the viewer [m]."""
         return float(self.points[:, 2].max())
 
 

@@ -119,7 +119,7 @@ def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Enc
 
 
 class FilmWriter:
-    """A film of shots, so many a second [1/s], in the file `path`; it is whole when a ``with`` block ends.
+    """A film of shots in the file `path`, `rate` a second [1/s]; it is complete when a ``with`` block ends.
 
     Raises
     ------

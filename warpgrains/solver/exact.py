@@ -50,7 +50,7 @@ class ExactSolver:
         self._matrix: NormalMatrix | None = None
 
     def solve(self) -> None:
-        """Replace the corrections of the step, unless no better ones are found, and let the kernels go on.
+        """Replace the corrections of the step, unless no better ones are found, and let the kernels continue.
 
         The gaps of a round wall depend on velocities (MODEL.md, eq. 18): they are those of the last answer,
         until it satisfies its own.

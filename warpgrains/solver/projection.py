@@ -106,7 +106,7 @@ class NormalMatrix:
         self._factors: Any = None
 
     def fits(self, rows: sparse.csr_array) -> bool:
-        """Whether another A has its nonzeros in the same places."""
+        """Return whether another A has its nonzeros at the same indices."""
         return np.array_equal(rows.indices, self._columns) and np.array_equal(rows.indptr, self._starts)
 
     def take(self, rows: sparse.csr_array) -> None:

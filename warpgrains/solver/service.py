@@ -1,4 +1,4 @@
-"""What scenes wait for: room for a list, the exact solution of a step, a proof that grains cannot fit."""
+"""Requests of scenes to the host: memory for a list, the exact solution of a step, proofs, and errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ REFUSED = -1  # outcome of a step whose list finds no memory
 
 
 def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
-    """Return what makes a solver of steps for a scene; None where the method needs none.
+    """Return the class that solves steps for a scene; None if the method needs none.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
 
 
 class Service:
-    """What the host does for scenes that are amid a step, and what it has found.
+    """Answers requests of scenes during a step, and keeps the proofs and errors found.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ class Service:
         self.forget()
 
     def forget(self) -> None:
-        """Begin to count proofs and errors anew."""
+        """Clear proofs and errors."""
         self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in self._scenes]
         self.errors: dict[int, str] = {}
 
     def make_room(self, k: int) -> bool:
-        """Make room for the list of scene k; return whether there is memory."""
+        """Reserve memory for the list of scene k; return whether there is enough."""
         try:
             self._records.make_room(k, int(self._memory[k].array("neighbors.total")[0]))
         except SimulationError as error:
@@ -92,19 +92,19 @@ class Service:
             self.proofs[k].append((step, proof.grains))
 
     def explain(self, k: int, outcome: int, done: int) -> None:
-        """Say why the step of scene k that follows on so many failed."""
+        """Keep why the step of scene k after `done` steps failed."""
         scene = self._scenes[k]
         why = self.errors[k] if outcome == REFUSED else _reason(scene, self._memory[k], outcome)
         self.errors[k] = f"step {done + 1}, from t = {done * scene.dt} s: {why}"
 
     def give_up(self, k: int) -> None:
-        """Take back what the unfinished step of scene k did."""
+        """Undo the unfinished step of scene k."""
         self._memory[k].give_up_step()
         self._records.push(k)
 
 
 def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
-    """Say why the step that a scene is amid failed with such an outcome."""
+    """Return why the step of a scene failed with such an outcome."""
     if outcome == NOT_CONVERGED:
         return _not_converged(scene, memory)
     grain = int(memory.record["verlet"]["flags"]["bad_grain"])
@@ -120,7 +120,7 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
 
 
 def _excess(scene: Scene, velocity: list[float]) -> str:
-    """Say why a step cannot move a grain with such a velocity [m/s]."""
+    """Return why a step cannot move a grain with such a velocity [m/s]."""
     if not all(map(isfinite, velocity)):
         return "it is not finite"
     path = scene.dt * max(map(abs, velocity))

@@ -1,4 +1,4 @@
-"""The page: keys and buttons, sliders, numbers and curves beside the grains, and the loop that plays."""
+"""The page: keys and buttons, sliders, numbers and curves next to the grains, and the loop that plays."""
 
 from __future__ import annotations
 
@@ -29,10 +29,9 @@ _MOST_SPEED = 10.0
 
 
 class Page:
-    """A page of this machine alone; what it does is done by `run`, in one thread, between two steps.
+    """A page for this machine alone, whose actions `run` performs in one thread, between two steps.
 
-    The server hears keys in threads of its own and puts them in a queue: however slow a step is, the page
-    answers, and what was asked for is done after it.
+    The threads of the server receive keys and queue actions, so that the page answers however slow a step is.
 
     Parameters
     ----------
@@ -57,7 +56,7 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Where a browser finds it."""
+        """Address of the page."""
         return f"http://{HOST}:{self._server.get_port()}"
 
     def run(self, announce: Callable[[str], None] = lambda url: None) -> None:
@@ -77,7 +76,7 @@ class Page:
                 self._server.stop()
 
     def _play(self) -> None:
-        """Go on by a frame, as long as it is to be seen."""
+        """Advance by a frame, and wait for the rest of its time."""
         start = time.perf_counter()
         self._player.advance(max(1, round(self._speed / _FRAMES / self._player.dt)))
         self.is_playing = not self._player.is_over
@@ -85,7 +84,7 @@ class Page:
         time.sleep(max(0.0, 1.0 / _FRAMES - (time.perf_counter() - start)))
 
     def start(self) -> Self:
-        """Play in a thread of its own."""
+        """Play in a new thread."""
         self._thread = Thread(target=self.run, daemon=True)
         self._thread.start()
         return self
@@ -98,7 +97,7 @@ class Page:
         return f'<iframe src="{self.url}" width="100%" height="600"></iframe>'
 
     def _ask(self, what: Callable[[], None]) -> Callable[[Any], None]:
-        """Return what a key does: it has `what` done between two steps."""
+        """Return the callback of a key: it queues `what`."""
         return lambda _: self._asked.put(what)
 
     def _resume(self) -> None:

@@ -1,4 +1,4 @@
-"""What the window plays: a simulation, step by step, or the frames of a recording."""
+"""Players for the page: a simulation, step by step, or the frames of a recording."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Live:
 
     @property
     def scene(self) -> Scene:
-        """What is simulated."""
+        """Scene of the simulation."""
         return self._simulation.scene
 
     @property
@@ -64,7 +64,7 @@ class Live:
         return self.error is not None
 
     def advance(self, steps: int) -> None:
-        """Take some steps; the last is told of."""
+        """Take some steps, and keep the report of the last."""
         try:
             if steps > 1:
                 self._simulation.advance(steps - 1)

@@ -1,4 +1,4 @@
-"""What the page draws: walls, grains as discs of their true radii, force chains."""
+"""The drawing of the page: walls, grains as discs of their true radii, force chains."""
 
 import numpy as np
 import viser
