@@ -70,6 +70,7 @@ def test_what_is_not_recorded_is_not_made_up(tmp_path):
     assert analysis.kinetic_energy(found.frame(0, contacts=False)) == 0.0
     with pytest.raises(SceneError, match="there is no frame 99"):
         found.frame(99)
+    assert "contact" not in found.to_xarray().sizes
 
 
 def test_recording_as_dataset(recorded):
@@ -100,11 +101,6 @@ def test_contacts_of_a_dataset_are_those_of_the_frames(recorded):
         assert here.contact_normal.values[~between] == pytest.approx(sign[:, np.newaxis] * outward, abs=1e-15)
     assert dataset.contact_force.attrs["units"] == "N"
     assert dataset.contact_frame[-1] == 6
-
-
-def test_a_dataset_without_forces_has_no_contacts(tmp_path):
-    Simulation(Scene.load("annulus")).run(steps=10, record=tmp_path / "bare.usdc")
-    assert "contact" not in wg.Recording(tmp_path / "bare.usdc").to_xarray().sizes
 
 
 def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):

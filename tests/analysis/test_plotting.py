@@ -108,16 +108,18 @@ class TestFrame:
 
 
 class TestStrip:
-    def test_five_frames_evenly_spaced(self, tmp_path):
-        recording = record(tmp_path / "run.usdc", make_frames(41))
-        assert plot(recording, tmp_path / "run.png") == [0, 10, 20, 30, 40]
-
-    def test_all_frames_of_a_short_recording(self, tmp_path):
-        assert plot(record(tmp_path / "a.usdc", make_frames(3)), tmp_path / "a.png") == [0, 1, 2]
-        assert plot(record(tmp_path / "b.usdc", make_frames(1)), tmp_path / "b.png") == [0]
-
-    def test_frames_asked_for(self, recording, tmp_path):
-        assert plot(recording, tmp_path / "run.png", [-1, 0, 1, -3, 2, 2, 0]) == [2, 0, 1, 0, 2, 2, 0]
+    @pytest.mark.parametrize(
+        ("count", "frames", "expected"),
+        [
+            (41, None, [0, 10, 20, 30, 40]),
+            (3, None, [0, 1, 2]),
+            (1, None, [0]),
+            (3, [-1, 0, 1, -3, 2, 2, 0], [2, 0, 1, 0, 2, 2, 0]),
+        ],
+    )
+    def test_frames(self, tmp_path, count, frames, expected):
+        recording = record(tmp_path / "run.usdc", make_frames(count))
+        assert plot(recording, tmp_path / "run.png", frames) == expected
 
     @pytest.mark.parametrize("frame", [3, -4])
     def test_frames_that_are_not_there(self, recording, tmp_path, frame):
