@@ -175,20 +175,12 @@ def wall_forces(of: Snapshot | HasState) -> tuple[float, float]:
     (14.154, 0.0)
     """
     grains = snapshot(of).grains
-    return outer_wall_forces(grains).item(), inner_wall_forces(grains).item()
+    return wall_force_sums(grains, 1.0).item(), wall_force_sums(grains, -1.0).item()
 
 
-def outer_wall_forces(grains: Grains) -> FloatArray:
-    """Return the sums of the forces on the outer wall of many runs [N], shape (m,)."""
-    return _sums_of_positive(grains.wall_force)
-
-
-def inner_wall_forces(grains: Grains) -> FloatArray:
-    """Return the sums of the forces on the inner wall of many runs [N], shape (m,)."""
-    return _sums_of_positive(-grains.wall_force)
-
-
-def _sums_of_positive(force: FloatArray) -> FloatArray:
+def wall_force_sums(grains: Grains, sign: float) -> FloatArray:
+    """Return the sums of the forces on the wall whose forces have this sign, of many runs [N], shape (m,)."""
+    force = sign * grains.wall_force
     sums, is_positive = np.zeros(len(force)), force > 0.0
     for k in np.flatnonzero(is_positive.any(axis=-1)):
         sums[k] = force[k][is_positive[k]].sum()

@@ -1,6 +1,7 @@
 """Numbers of a state, by name: for series of a run, and for the tables of sweeps."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -47,8 +48,8 @@ QUANTITIES = {
     "potential_energy": _of_runs("J", energy.potential_energies),
     "contact_power": Quantity("W", _powers, attrgetter("contact_loss")),
     "drag_power": Quantity("W", _powers, attrgetter("drag_loss")),
-    "outer_wall_force": _of_runs("N", contacts.outer_wall_forces),
-    "inner_wall_force": _of_runs("N", contacts.inner_wall_forces),
+    "outer_wall_force": _of_runs("N", partial(contacts.wall_force_sums, sign=1.0)),
+    "inner_wall_force": _of_runs("N", partial(contacts.wall_force_sums, sign=-1.0)),
     "pile_height": _of_runs("m", packing.pile_heights),
     "packing_fraction": _of_runs("", packing.packing_fractions),
     "coordination_number": Quantity("", contacts.coordination_number),
