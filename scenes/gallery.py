@@ -38,8 +38,8 @@ class Row:
 
     def show(self, simulation: wg.Simulation, color_by: str = "speed", largest: float | None = None) -> None:
         """Draw the present state in the next panel; `largest` is that of `Painter`."""
-        from warpgrains.pictures.canvas import FrameArtists, add_color_bar
         from warpgrains.pictures.shots import Painter
+        from warpgrains.pictures.still import FrameArtists, add_color_bar
 
         painter = Painter(simulation.scene, color_by, forces=True, largest=largest)
         FrameArtists(self._axes[self._shown], painter.setting).show(painter.shot_of(simulation))

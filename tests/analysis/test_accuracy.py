@@ -12,7 +12,7 @@ from schemes import SECOND_ORDER
 
 from warpgrains import Scene, SceneError, Simulation, SimulationError
 from warpgrains.accuracy import certify
-from warpgrains.analysis.exact import ExactStep, StepProblem, pairs_within, solve_exactly
+from warpgrains.analysis.exact_step import ExactStep, StepProblem, pairs_within, solve_exactly
 
 DT = 0.01
 
@@ -253,7 +253,7 @@ class TestCertify:
         simulation = Simulation(column(2))
         simulation.step()
         monkeypatch.setitem(sys.modules, "clarabel", None)
-        monkeypatch.delitem(sys.modules, "warpgrains.analysis.exact")
+        monkeypatch.delitem(sys.modules, "warpgrains.analysis.exact_step")
         with pytest.raises(SceneError, match=r"certify needs clarabel: pip install 'warpgrains\[report\]'"):
             certify(simulation)
 

@@ -20,13 +20,9 @@ def scene_of(placement, walls=Annulus(0.3, 1.0)):  # noqa: B008
 
 
 def areas(scene):
-    found = analysis.cell_areas(analysis.snapshot(scene, _state(scene)))
+    found = analysis.cell_areas(analysis.snapshot(scene, first_state(scene)))
     assert found.shape == (scene.n,)
     return found
-
-
-def _state(scene):
-    return first_state(scene)
 
 
 @pytest.mark.parametrize("radius_in", [0.0, 0.3])
@@ -65,12 +61,7 @@ def test_cells_of_unequal_discs_are_where_the_power_is_least():
 def test_cells_of_a_lattice_are_hexagons():
     walls = Annulus(0.0, 1.0)
     scene = scene_of(lattice(walls, radius=0.05, spacing=2.0), walls)
-    found = analysis.local_packing_fractions(analysis.snapshot(scene, _state(scene)))
+    found = analysis.local_packing_fractions(analysis.snapshot(scene, first_state(scene)))
     inner = np.hypot(*scene.position.T) < 0.8
     assert inner.sum() > 100
     assert found[inner] == pytest.approx(np.pi / np.sqrt(12.0), rel=HULL / 0.05**2)
-
-
-def test_a_grain_alone_has_all():
-    scene = scene_of((np.array([[0.4, 0.1]]), np.array([0.05])))
-    assert areas(scene) == pytest.approx(np.pi * (1.0 - 0.3**2), rel=HULL)

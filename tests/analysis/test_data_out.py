@@ -5,7 +5,7 @@ from dataclasses import asdict, fields
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
+from command import exit_code
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
@@ -70,6 +70,7 @@ def test_what_is_not_recorded_is_not_made_up(tmp_path):
     assert analysis.kinetic_energy(found.frame(0, contacts=False)) == 0.0
     with pytest.raises(SceneError, match="there is no frame 99"):
         found.frame(99)
+    assert "contact" not in found.to_xarray().sizes
 
 
 def test_recording_as_dataset(recorded):
@@ -102,11 +103,6 @@ def test_contacts_of_a_dataset_are_those_of_the_frames(recorded):
     assert dataset.contact_frame[-1] == 6
 
 
-def test_a_dataset_without_forces_has_no_contacts(tmp_path):
-    Simulation(Scene.load("annulus")).run(steps=10, record=tmp_path / "bare.usdc")
-    assert "contact" not in wg.Recording(tmp_path / "bare.usdc").to_xarray().sizes
-
-
 def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
     path, output = recorded[0], tmp_path / "run.vtkhdf"
     assert exit_code("export", path, "-o", output) == 0
@@ -135,21 +131,6 @@ def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
         assert np.hypot(*feet.T) == pytest.approx(
             np.where(to_inner, scene.radius_in, scene.radius_out), abs=1e-3
         )
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["no.usdc"], "does not exist"),
-        (["run.usdc", "-o", "run.vtk"], "must end in .vtkhdf"),
-    ],
-)
-def test_bad_export_is_one_line(recorded, tmp_path, monkeypatch, capfd, arguments, complaint):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "run.usdc").write_bytes(recorded[0].read_bytes())
-    assert exit_code("export", *arguments) == 2
-    require_refusal(capfd, complaint)
-    assert [path.name for path in tmp_path.iterdir()] == ["run.usdc"]
 
 
 def test_contacts_and_reports_as_frames():

@@ -108,16 +108,18 @@ class TestFrame:
 
 
 class TestStrip:
-    def test_five_frames_evenly_spaced(self, tmp_path):
-        recording = record(tmp_path / "run.usdc", make_frames(41))
-        assert plot(recording, tmp_path / "run.png") == [0, 10, 20, 30, 40]
-
-    def test_all_frames_of_a_short_recording(self, tmp_path):
-        assert plot(record(tmp_path / "a.usdc", make_frames(3)), tmp_path / "a.png") == [0, 1, 2]
-        assert plot(record(tmp_path / "b.usdc", make_frames(1)), tmp_path / "b.png") == [0]
-
-    def test_frames_asked_for(self, recording, tmp_path):
-        assert plot(recording, tmp_path / "run.png", [-1, 0, 1, -3, 2, 2, 0]) == [2, 0, 1, 0, 2, 2, 0]
+    @pytest.mark.parametrize(
+        ("count", "frames", "expected"),
+        [
+            (41, None, [0, 10, 20, 30, 40]),
+            (3, None, [0, 1, 2]),
+            (1, None, [0]),
+            (3, [-1, 0, 1, -3, 2, 2, 0], [2, 0, 1, 0, 2, 2, 0]),
+        ],
+    )
+    def test_frames(self, tmp_path, count, frames, expected):
+        recording = record(tmp_path / "run.usdc", make_frames(count))
+        assert plot(recording, tmp_path / "run.png", frames) == expected
 
     @pytest.mark.parametrize("frame", [3, -4])
     def test_frames_that_are_not_there(self, recording, tmp_path, frame):
@@ -189,40 +191,6 @@ class TestCommand:
         )
         assert capsys.readouterr().out == f"{tmp_path / 'a.svg'}: frame 1\n"
         assert "mean height" not in (tmp_path / "a.svg").read_text()
-
-    @pytest.mark.parametrize(
-        ("arguments", "complaint"),
-        [
-            (["missing.usdc"], "'missing.usdc' does not exist"),
-            (["{text}"], "is not a USD file that can be read"),
-            (["{empty}"], "holds no grains"),
-            (["{run}", "--frames", "0,x"], "'0,x' is not a list of whole numbers"),
-            (["{run}", "--frames", "7"], "there is no frame 7"),
-            (["{run}", "-o", "picture.bmp"], "must end in .png, .pdf, .svg"),
-        ],
-    )
-    def test_bad_input_is_one_line(self, recording, tmp_path, capsys, arguments, complaint):
-        files = {"run": recording, "text": tmp_path / "text.usdc", "empty": tmp_path / "empty.usda"}
-        files["text"].write_text("no stage")
-        files["empty"].write_text("#usda 1.0\n")
-        self.require_one_line(["plot", *(word.format(**files) for word in arguments)], capsys, complaint)
-
-    def test_without_matplotlib(self, recording, monkeypatch, capsys):
-        monkeypatch.delitem(sys.modules, "warpgrains.analysis.plots")
-        monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
-        complaint = "plot needs matplotlib.axes: pip install 'warpgrains[report]'"
-        self.require_one_line(["plot", str(recording)], capsys, complaint)
-
-    def require_one_line(self, arguments, capsys, complaint):
-        try:
-            code = main(arguments)
-        except SystemExit as exit:
-            code = exit.code
-        printed = capsys.readouterr()
-        assert (code, printed.out) == (2, "")
-        assert printed.err.startswith("warpgrains: error: ")
-        assert printed.err.count("\n") == 1
-        assert complaint in printed.err
 
     def test_needs_no_window_system(self, recording):
         script = (

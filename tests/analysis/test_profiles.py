@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpgrains import Scene, SceneError, Simulation, analysis
-from warpgrains.analysis.structure import share_inside
+from warpgrains.analysis.profiles import share_inside
 from warpgrains.scene.layouts import random
 from warpgrains.scene.region import region_of
 from warpgrains.scene.state import first_state
@@ -173,25 +173,20 @@ def test_ring_of_half_a_grain():
     assert area / (np.pi * 0.04) == pytest.approx(share, abs=5.0 * 0.5 / np.sqrt(len(places)))
 
 
-def test_rigid_rotation_has_no_radial_velocity_and_no_temperature():
-    position, radius = random(Annulus(0.3, 1.0), count=2000, radius=0.005, seed=5)
-    omega = 2.0
-    velocity = omega * np.stack([-position[:, 1], position[:, 0]], axis=1)
-    found = analysis.radial_profile(moment_of(position, radius, velocity=velocity), bins=10)
-    middle = 0.5 * (found.edges[1:] + found.edges[:-1])
-    assert np.abs(found.velocity[:, 0]).max() < 64 * EPS
-    half = np.diff(found.edges)[0] / 2.0 + 0.005  # where in the ring the grains are, or reach into it from
-    assert np.abs(found.velocity[:, 1] - omega * middle).max() < omega * half
-    assert found.temperature.max() < 0.5 * (omega * half) ** 2
-
-
-def test_shear_by_height():
+@pytest.mark.parametrize("profile", [analysis.height_profile, analysis.radial_profile])
+def test_velocity_of_a_shear_and_of_a_rigid_rotation(profile):
+    """Which have none along the profile; a rotation has no temperature."""
     position, radius = random(Annulus(0.3, 1.0), count=2000, radius=0.005, seed=5)
     velocity = np.column_stack([3.0 * position[:, 1], np.zeros(len(position))])
-    found = analysis.height_profile(moment_of(position, radius, velocity=velocity), bins=10)
+    if rotates := profile is analysis.radial_profile:
+        velocity = 3.0 * np.stack([-position[:, 1], position[:, 0]], axis=1)
+    found = profile(moment_of(position, radius, velocity=velocity), bins=10)
     middle = 0.5 * (found.edges[1:] + found.edges[:-1])
-    assert np.abs(found.velocity[:, 0]).max() == 0.0
-    assert np.abs(found.velocity[:, 1] + 3.0 * middle).max() < 3.0 * 0.105
+    assert np.abs(found.velocity[:, 0]).max() <= (64 * EPS if rotates else 0.0)
+    half = np.diff(found.edges)[0] / 2.0 + 0.005  # where in the slice the grains are, or reach into it from
+    across = found.velocity[:, 1] * (1.0 if rotates else -1.0)
+    assert np.abs(across - 3.0 * middle).max() < 3.0 * half
+    assert not rotates or found.temperature.max() < 0.5 * (3.0 * half) ** 2
 
 
 def test_temperature_of_random_velocities(scattered):

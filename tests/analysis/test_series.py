@@ -65,25 +65,6 @@ def test_a_series_that_is_gone_is_not_continued(tmp_path, capfd):
     require_refusal(capfd, "does not hold the rows before step 40")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["--measure", "energy"], "go together"),
-        (["--series", "run.csv"], "go together"),
-        (["--measure", "energi", "--series", "run.csv"], "did you mean 'energy'"),
-        (["--measure", "", "--series", "run.csv"], "unknown quantity ''"),
-        (["--measure", "energy", "--series", "run.txt"], "must end in .csv"),
-        (["--measure", "energy", "--series", "run.csv", "--every", "0"], "every is 0"),
-        (["--every", "3"], "--every needs --checkpoint or --measure"),
-    ],
-)
-def test_bad_options_are_one_line(tmp_path, monkeypatch, capfd, arguments, complaint):
-    monkeypatch.chdir(tmp_path)
-    assert exit_code("run", "annulus", *arguments) == 2
-    require_refusal(capfd, complaint)
-    assert not list(tmp_path.iterdir())
-
-
 def test_nothing_else_is_replaced(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text("x,y\n1,2\n")

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains import Scene, Simulation, State
-from warpgrains.analysis.exact import StepProblem, solve_exactly
+from warpgrains.analysis.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
 from warpgrains.scene.document import shipped_scenes

@@ -10,9 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pages import PAGES, ROOT
 
-from warpgrains.drawing.colormaps import colormap
-from warpgrains.drawing.colors import COLORMAPS
-from warpgrains.pictures.canvas import FrameArtists
+from warpgrains.drawing.colors import COLORMAPS, colormap
+from warpgrains.pictures.still import FrameArtists
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.scenes import gallery
 

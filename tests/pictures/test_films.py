@@ -1,7 +1,6 @@
 """Films and stills of runs and recordings, held against the state pixel by pixel."""
 
 import re
-import sys
 
 import imageio_ffmpeg
 import numpy as np
@@ -155,16 +154,3 @@ def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch, options, complai
     with pytest.raises(SceneError, match=complaint):
         Simulation(Scene.load("annulus")).run(steps=1, **options)
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(("module", "extra"), [("imageio_ffmpeg", "film"), ("matplotlib.axes", "film")])
-def test_without_its_libraries_a_film_is_refused_in_one_line(tmp_path, monkeypatch, capfd, module, extra):
-    monkeypatch.setitem(sys.modules, module, None)
-    assert exit_code("run", "annulus", "-o", tmp_path / "run.mp4") == 2
-    require_refusal(capfd, f"needs {module}: pip install 'warpgrains[{extra}]'")
-
-
-def test_frames_of_a_film_cannot_be_chosen(tmp_path, capfd):
-    for option in (["--frames", "1"], ["--no-curves"]):
-        assert exit_code("plot", tmp_path / "run.usdc", "-o", tmp_path / "run.mp4", *option) == 2
-        require_refusal(capfd, "have no effect on a film")

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from warpgrains.pictures.encoding import encoding_of_frames
+from warpgrains.pictures.film import encoding_of_frames
 
 COMMAND = [sys.executable, "-m", "warpgrains"]
 SWEEP = """

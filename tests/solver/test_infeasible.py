@@ -10,7 +10,7 @@ from warpgrains import Scene, SceneError, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.scene.state import Corrections
-from warpgrains.solver import failures, infeasible, service
+from warpgrains.solver import infeasible, service
 from warpgrains.solver.infeasible import (
     UnilateralConstraints,
     find_infeasibility_proof,
@@ -151,7 +151,7 @@ def exact_least_speed(scene: Scene, contacts: UnilateralConstraints, weight: Flo
             nx, ny = xj - xi, yj - yi
             gap = length(nx, ny) - radius - Decimal(scene.radius[j].item())
         else:
-            outer = (contacts.normal[c] * np.conj(complex(xi, yi))).real > 0.0
+            outer = (contacts.direction[c] * np.conj(complex(xi, yi))).real > 0.0
             nx, ny = (xi, yi) if outer else (-xi, -yi)
             rho = length(xi, yi)
             gap = Decimal(scene.radius_out) - rho if outer else rho - Decimal(scene.radius_in)
@@ -231,7 +231,7 @@ def test_searches_are_as_rare_as_they_must_be(monkeypatch: pytest.MonkeyPatch) -
         searches.append(arguments)
         return infeasible.find_infeasibility_proof(*arguments)
 
-    monkeypatch.setattr(failures, "find_infeasibility_proof", count)
+    monkeypatch.setattr(service, "find_infeasibility_proof", count)
     scene = Scene.load("polydisperse").replace(tolerance=1e-12, max_iterations=400)
     simulation = Simulation(scene)
     unconverged = sum(not simulation.step().converged for _ in range(700))

@@ -16,7 +16,7 @@ from scipy import sparse
 
 from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError
 from warpgrains.accuracy import certify
-from warpgrains.analysis.exact import StepProblem
+from warpgrains.analysis.exact_step import StepProblem
 from warpgrains.solver import active_set, exact, interior_point
 from warpgrains.solver.projection import NormalMatrix, Projection, Solution
 

@@ -3,7 +3,8 @@
     python tests/support/bounds_fuzz.py STEPS [SEED [LONGEST]]
 
 Scenes are dense, jammed, huge, tiny or spread; methods, orders, schemes, walls, threads, restores and resumed
-checkpoints are drawn at random. Runs of one scene have up to LONGEST steps (60) before it changes. It ends with status 1 at the first index that is outside of its array.
+checkpoints are drawn at random. Runs of one scene have up to LONGEST steps (60) before something changes. It
+ends with status 1 at the first index that is outside of its array.
 """
 
 import os
@@ -73,7 +74,7 @@ def moved(simulation: Simulation, rng: np.random.Generator, folder: Path) -> Sim
     return simulation
 
 
-def runs(rng: np.random.Generator, folder: Path, longest: int) -> Iterator[tuple[Any, int]]:
+def runs(rng: np.random.Generator, folder: Path, longest: int = 60) -> Iterator[tuple[Any, int]]:
     """Yield what is to be advanced, and how far, of one random scene, or of a batch of some."""
     if rng.random() < 0.1:
         scenes = [random_scene(rng) for _ in range(3)]

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import label
 
-from warpgrains.drawing.rings import WALL_COLOR
+from warpgrains.drawing.shapes import WALL_COLOR
 
 
 class View:

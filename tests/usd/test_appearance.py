@@ -16,12 +16,15 @@ from recordings import (
 )
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
-from warpgrains.drawing.colormaps import PALETTE, colormap, encoded, linear
 from warpgrains.drawing.colors import (
     COLORMAPS,
     LEVELS,
+    PALETTE,
     Frame,
     GrainColors,
+    colormap,
+    encoded,
+    linear,
     pressure,
     pressure_scale,
     speed_scale,

@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
 from recordings import make_frames, record
 from same_bits import contents
 
@@ -24,7 +23,7 @@ def test_stops_steps_and_looks_change_no_bit(simulation):
     live, plain = Live(simulation), Simulation(Scene.load("annulus"))
     for steps in (1, 1, 30, 1, 7):
         live.advance(steps)
-        live.dress("pressure", forces=True)
+        live.set_style("pressure", forces=True)
         assert live.shot().chains is not None
         assert live.readout()["steps"] == str(live.steps)
         live.curves()
@@ -82,7 +81,7 @@ def test_recording_ends_with_its_last_frame(tmp_path):
     assert np.allclose(played.shot().position, frames[2, 0], atol=1e-6)  # float32
     played.advance(7)
     assert (played.steps, played.is_over) == (3, True)
-    played.dress("speed", forces=False)
+    played.set_style("speed", forces=False)
     assert played.shot().chains is None
     played.restart()
     assert played.readout() == {"time": "0 s", "frame": "0 of 3", "contacts": "5"}
@@ -110,26 +109,6 @@ class TestChange:
         with pytest.raises(SceneError, match="drag"):
             simulation.change(drag=-1.0)
         assert simulation.scene.drag == 0.5
-
-
-def test_without_viser_it_is_refused_in_one_line(monkeypatch, capfd):
-    monkeypatch.setitem(sys.modules, "viser", None)
-    assert exit_code("view", "annulus") == 2
-    require_refusal(capfd, "view needs viser: pip install 'warpgrains[view]'")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (["nothing"], "nothing"),
-        (["no.usdc"], "'no.usdc' does not exist"),
-        (["no.usdc", "--set", "time.dt=1"], "--set has no effect on a recording"),
-        (["annulus", "--port", "0"], "--port"),
-    ],
-)
-def test_bad_input_is_one_line(arguments, complaint, capfd):
-    assert exit_code("view", *arguments) == 2
-    require_refusal(capfd, complaint)
 
 
 def test_an_interrupt_ends_it_cleanly():

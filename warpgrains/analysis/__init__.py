@@ -1,4 +1,4 @@
-"""What a state, a step or a recording amounts to, and how exact it is.
+"""Quantities of a state, a step or a recording.
 
 >>> from warpgrains import analysis
 >>> analysis.coordination_number(simulation)
@@ -7,13 +7,15 @@ Every function takes a simulation, or the `snapshot` of one, of a state or of a 
 are SI; in the plane, stress is a force by length.
 """
 
-from warpgrains.analysis.cells import cell_areas, local_packing_fractions
 from warpgrains.analysis.contacts import (
     contact_numbers,
     coordination_number,
     fabric_tensor,
     force_distribution,
     force_statistics,
+    grain_stresses,
+    mean_stress,
+    pressure,
     rattlers,
     wall_forces,
 )
@@ -28,13 +30,18 @@ from warpgrains.analysis.energy import (
     potential_energy,
     step_energy_balance,
 )
-from warpgrains.analysis.packing import global_packing_fraction, heights, packing_fraction, pile_height
-from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
+from warpgrains.analysis.packing import (
+    cell_areas,
+    global_packing_fraction,
+    heights,
+    local_packing_fractions,
+    packing_fraction,
+    pile_height,
+)
+from warpgrains.analysis.profiles import Profile, height_profile, radial_distribution, radial_profile
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, quantities
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import Snapshot, snapshot
-from warpgrains.analysis.stress import grain_stresses, mean_stress, pressure
-from warpgrains.analysis.structure import radial_distribution
 
 __all__ = [
     "GROUPS",

@@ -10,7 +10,7 @@ from warpgrains.simulation.simulation import Simulation
 
 @dataclass(frozen=True)
 class ErrorBound:
-    """How far the velocities of a step are from the exact ones.
+    """Distance of a step's velocities from the exact ones.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def certify(simulation: Simulation) -> ErrorBound:
     True
     """
     try:
-        from warpgrains.analysis.exact import StepProblem, own_witness, solve_exactly
+        from warpgrains.analysis.exact_step import StepProblem, own_witness, solve_exactly
     except ModuleNotFoundError as error:
         raise missing_extra("certify", error) from error
     velocity = simulation.velocity

@@ -1,6 +1,8 @@
 """Energies, what a step does to them, and how agitated the grains are."""
 
-from typing import NamedTuple, Protocol
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -8,6 +10,9 @@ from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.scheme import kick_of
 from warpgrains.solver.ends import Grains
+
+if TYPE_CHECKING:
+    from warpgrains.simulation.simulation import Simulation
 
 
 def kinetic_energy(of: Snapshot | HasState) -> float:
@@ -77,7 +82,7 @@ def largest_speed(of: Snapshot | HasState) -> float:
 
 
 class EnergyBalance(NamedTuple):
-    """What became of energy [J] over a step, or many.
+    """Energy [J] that gravity, drag and contacts add or take over a step, or many.
 
     The kinetic energy has changed by gravity_work - drag_loss - contact_loss, up to rounding.
 
@@ -126,14 +131,7 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     )
 
 
-class Steps(HasState, Protocol):
-    """What has a scene and a state, and takes steps: a `Simulation`."""
-
-    def step(self) -> object:
-        """Advance by one time step."""
-
-
-def energy_balance(simulation: Steps, steps: int) -> EnergyBalance:
+def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
     """Advance a simulation by some steps, and return what became of energy in all of them [J].
 
     Examples

@@ -1,12 +1,22 @@
-"""How high and how densely grains are packed."""
+"""Heights and packing fractions, and the space of each grain: radical Voronoi cells, cut at the walls.
+
+A point belongs to the grain from which |x - x_i|^2 - r_i^2 is least: for equal radii the Voronoi cell, for
+unequal ones a cell that no other grain reaches into. These cells are dual to the lower convex hull of the
+points (x, y, |x|^2 - r^2) (Aurenhammer, Power diagrams, 1987): a facet z = 2 c . x + d of the hull is a
+corner c of the cells of its three grains.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
-from warpgrains.arrays import FloatArray
-from warpgrains.scene.geometry import area_below
+from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.errors import missing_extra
+from warpgrains.scene.geometry import area_below, area_in_disc
+from warpgrains.scene.walls import Annulus
 from warpgrains.solver.ends import Grains
+
+BEYOND = 10.0  # radii of the outer wall: three places there close the cells at the border
 
 
 def upwards(gravity: ArrayLike) -> FloatArray:
@@ -84,3 +94,68 @@ def global_packing_fraction(of: Snapshot | HasState) -> float:
     """
     scene = snapshot(of).scene
     return float(np.pi * (scene.radius**2).sum() / scene.walls.area)
+
+
+def cell_areas(of: Snapshot | HasState) -> FloatArray:
+    """Return the area of each grain's radical Voronoi cell between the walls [m2], shape (n,).
+
+    Raises
+    ------
+    SceneError
+        scipy is not installed; it comes with the extra ``[report]``.
+
+    Examples
+    --------
+    >>> bool(np.isclose(analysis.cell_areas(simulation).sum(), simulation.scene.walls.area))
+    True
+    """
+    moment = snapshot(of)
+    return radical_cell_areas(moment.position, moment.scene.radius, moment.scene.walls)
+
+
+def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
+    """Return which share of its cell each grain fills, shape (n,); see `cell_areas`.
+
+    Examples
+    --------
+    >>> analysis.local_packing_fractions(simulation).shape
+    (15,)
+    """
+    moment = snapshot(of)
+    return np.pi * moment.scene.radius**2 / cell_areas(moment)
+
+
+def radical_cell_areas(position: FloatArray, radius: FloatArray, walls: Annulus) -> FloatArray:
+    """Return the areas of the cells of discs between the walls [m2], shape (n,)."""
+    grain, corner = _corners(position / walls.radius_out, radius / walls.radius_out)
+    _, first, count = np.unique(grain, return_index=True, return_counts=True)
+    middle = np.repeat(np.add.reduceat(corner, first) / count[:, np.newaxis], count, axis=0)
+    around = np.arctan2(*(corner - middle).T[::-1])
+    corner = corner[np.lexsort((around, grain))]  # each cell is convex
+    onward = np.arange(1, len(grain) + 1)
+    onward[first + count - 1] = first
+    inner = walls.radius_in / walls.radius_out
+    area = area_in_disc(corner, corner[onward], 1.0) - area_in_disc(corner, corner[onward], inner)
+    return np.asarray(walls.radius_out**2 * np.bincount(grain, area, len(position)), np.float64)
+
+
+def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:
+    """Return the corners of all cells, shape (c, 2), and before them, in order, the grains they are of.
+
+    The outer wall is at 1.
+    """
+    try:
+        from scipy.spatial import ConvexHull
+    except ModuleNotFoundError as error:
+        raise missing_extra("cell areas", error) from error
+    n, angle = len(position), 2.0 * np.pi * np.arange(3) / 3.0
+    places = np.concatenate([position, BEYOND * np.stack([np.cos(angle), np.sin(angle)], axis=1)])
+    height = (places**2).sum(axis=1)
+    height[:n] -= radius**2
+    hull = ConvexHull(np.column_stack([places, height]))
+    below = hull.equations[:, 2] < 0.0
+    a, b, c, _ = hull.equations[below].T
+    corner = np.repeat(np.stack([a, b], axis=1) / (-2.0 * c[:, np.newaxis]), 3, axis=0)
+    grain = hull.simplices[below].ravel().astype(np.int64)
+    order = np.argsort(grain, kind="stable")[: np.count_nonzero(grain < n)]
+    return grain[order], corner[order]

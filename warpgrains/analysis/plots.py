@@ -1,21 +1,21 @@
-"""Pictures of a recording: frames side by side with true radii, and curves over time below them.
-
-Nothing here opens a window or knows of a display: the figure is drawn by Matplotlib's Agg.
-"""
+"""Pictures of a recording and of a history of steps, drawn by Matplotlib's Agg: no window is opened."""
 
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.files import require_place
-from warpgrains.pictures.canvas import FrameArtists, add_color_bar, save_figure
+from warpgrains.files import read_table, require_place
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
+from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
 from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
 
 _FRAMES_IN_A_ROW = 5
@@ -23,6 +23,9 @@ _FRAME_SIZE = 2.4  # inches, and more where there are less than three
 _CURVES_HEIGHT = 1.7  # inches
 _LINE_WIDTH = 1.0  # points
 _MARK_COLOR = "0.75"
+_LABELS = {"zeta": "zeta: largest change [m/s]", "residual": "residual: error that is left [m/s]"}
+_HISTORY_SIZE = (9.0, 3.8)  # inches
+_STEPS_MAP = "viridis"
 
 
 def plot(
@@ -92,13 +95,13 @@ def _draw(reader: RecordingReader, numbers: list[int], curves: bool) -> Figure:
 
 
 def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: FloatArray) -> None:
-    """Draw kinetic energy, height and number of contacts over time, and mark some moments [s]."""
+    """Draw kinetic energy, height and number of contacts over time, and mark some times [s]."""
     curves = measure(reader)
     for axes, (label, values) in zip(
         figure.subplots(1, len(curves), squeeze=False).flat, curves.items(), strict=True
     ):
-        for moment in marked:
-            axes.axvline(moment, color=_MARK_COLOR, linewidth=_LINE_WIDTH)
+        for time in marked:
+            axes.axvline(time, color=_MARK_COLOR, linewidth=_LINE_WIDTH)
         axes.plot(reader.time, values, color="black", linewidth=_LINE_WIDTH)
         axes.set_title(label, fontsize="small")
         axes.tick_params(labelsize="small")
@@ -107,10 +110,7 @@ def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: FloatArray)
 
 
 def measure(reader: RecordingReader) -> dict[str, FloatArray]:
-    """Return each curve by its title, shape (f,).
-
-    A recording holds no masses: energy and height are means over the grains, each counted alike.
-    """
+    """Return each curve by its title, shape (f,); energy and height are means, each grain counted alike."""
     frames = range(len(reader.time))
     energies = [0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames]
     curves: dict[str, list[float]] = {"kinetic energy per mass [J/kg]": energies}
@@ -118,3 +118,56 @@ def measure(reader: RecordingReader) -> dict[str, FloatArray]:
     if reader.chain_scale is not None:
         curves["contacts that push"] = [len(reader.chains(frame).width) for frame in frames]
     return {title: np.array(values, dtype=np.float64) for title, values in curves.items()}
+
+
+def plot_history(table: str | Path, output: str | Path) -> list[int]:
+    """Draw zeta and residual against the iteration, a line a step.
+
+    Parameters
+    ----------
+    table : str or Path
+        A .csv file of ``warpgrains run --step-by-step --history``.
+    output : str or Path
+        The picture, a .png, .pdf or .svg file.
+
+    Returns
+    -------
+    list of int
+        The steps drawn.
+
+    Raises
+    ------
+    SceneError
+        The table cannot be read, or the picture cannot be written there.
+    """
+    output = Path(output)
+    require_place("picture", output, *STILLS)
+    step, iteration, *values = _columns(Path(table))
+    steps = np.unique(step)
+    figure = Figure(_HISTORY_SIZE, layout="constrained")
+    colors = ScalarMappable(Normalize(steps[0], max(steps[-1], steps[0] + 1)), colormaps[_STEPS_MAP])
+    all_axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axes, name, value in zip(all_axes, _LABELS, values, strict=True):
+        for number in steps:
+            of_step = step == number
+            drawn = np.where(value[of_step] > 0.0, value[of_step], np.nan)  # there is no logarithm of 0
+            marker = "." if of_step.sum() < 3 else ""
+            axes.semilogy(
+                iteration[of_step], drawn, color=colors.to_rgba(number), linewidth=0.8, marker=marker
+            )
+        axes.set(xlabel="iteration", title=_LABELS[name])
+        axes.grid(alpha=0.3)
+    figure.colorbar(colors, ax=all_axes, label="step")
+    save_figure(figure, output)
+    return [int(number) for number in steps]
+
+
+def _columns(table: Path) -> list[FloatArray]:
+    rows = read_table(table)
+    try:
+        columns = [np.array([float(row[name]) for row in rows]) for name in ("step", "iteration", *_LABELS)]
+    except (KeyError, TypeError, ValueError):
+        columns = []
+    if not columns or not len(rows) or not all(np.isfinite(column).all() for column in columns):
+        raise SceneError(f"'{table}' is no history of `warpgrains run --step-by-step --history`")
+    return columns

@@ -1,11 +1,14 @@
-"""What a state amounts to, in numbers by name: in series of a run, and in the tables of sweeps."""
+"""Numbers of a state, by name: for series of a run, and for the tables of sweeps."""
 
 from collections.abc import Callable, Iterable
-from typing import NamedTuple
+from functools import partial
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis import contacts, energy, packing, stress
+from warpgrains.analysis import contacts, energy, packing
+from warpgrains.analysis.energy import EnergyBalance, step_energy_balance
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene import checks
@@ -13,46 +16,51 @@ from warpgrains.solver.ends import Grains
 
 
 class Quantity(NamedTuple):
-    """A number that a snapshot has."""
+    """A number that a snapshot has: a part of what a function returns, which is called once for all parts."""
 
     unit: str
     """Empty for a pure number."""
-    of: Callable[[Snapshot], float]
+    function: Callable[[Snapshot], Any]
+    part: Callable[[Any], float] = float
     of_runs: Callable[[Grains], FloatArray] | None = None
     """The same of many runs at once, shape (m,), where it is a column of every sweep's results."""
 
+    def of(self, moment: Snapshot) -> float:
+        """Return it alone."""
+        return self.part(self.function(moment))
+
 
 def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray]) -> Quantity:
-    return Quantity(unit, lambda moment: of_runs(moment.grains).item(), of_runs)
+    return Quantity(unit, lambda moment: of_runs(moment.grains).item(), of_runs=of_runs)
 
 
 def _stress(a: int, b: int) -> Quantity:
-    return Quantity("N/m", lambda moment: float(stress.mean_stress(moment)[a, b]))
+    return Quantity("N/m", contacts.mean_stress, lambda found: float(found[a, b]))
 
 
-def _power(loss: str) -> Quantity:
-    """Return what a step loses, over its time."""
-    return Quantity("W", lambda moment: getattr(energy.step_energy_balance(moment), loss) / moment.scene.dt)
+def _powers(moment: Snapshot) -> EnergyBalance:
+    """Return what a step loses, over its time [W]."""
+    return EnergyBalance(*(energy / moment.scene.dt for energy in step_energy_balance(moment)))
 
 
 QUANTITIES = {
     "kinetic_energy": _of_runs("J", energy.kinetic_energies),
     "potential_energy": _of_runs("J", energy.potential_energies),
-    "contact_power": _power("contact_loss"),
-    "drag_power": _power("drag_loss"),
-    "outer_wall_force": _of_runs("N", contacts.outer_wall_forces),
-    "inner_wall_force": _of_runs("N", contacts.inner_wall_forces),
+    "contact_power": Quantity("W", _powers, attrgetter("contact_loss")),
+    "drag_power": Quantity("W", _powers, attrgetter("drag_loss")),
+    "outer_wall_force": _of_runs("N", partial(contacts.wall_force_sums, sign=1.0)),
+    "inner_wall_force": _of_runs("N", partial(contacts.wall_force_sums, sign=-1.0)),
     "pile_height": _of_runs("m", packing.pile_heights),
     "packing_fraction": _of_runs("", packing.packing_fractions),
     "coordination_number": Quantity("", contacts.coordination_number),
-    "rattlers": Quantity("", lambda moment: float(np.count_nonzero(contacts.rattlers(moment)))),
-    "pressure": Quantity("N/m", stress.pressure),
+    "rattlers": Quantity("", contacts.rattlers, lambda found: float(np.count_nonzero(found))),
+    "pressure": Quantity("N/m", contacts.pressure),
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
     "stress_yy": _stress(1, 1),
-    "mean_force": Quantity("N", lambda moment: contacts.force_statistics(moment).mean),
-    "largest_force": Quantity("N", lambda moment: contacts.force_statistics(moment).largest),
-    "force_deviation": Quantity("N", lambda moment: contacts.force_statistics(moment).deviation),
+    "mean_force": Quantity("N", contacts.force_statistics, attrgetter("mean")),
+    "largest_force": Quantity("N", contacts.force_statistics, attrgetter("largest")),
+    "force_deviation": Quantity("N", contacts.force_statistics, attrgetter("deviation")),
     "mean_speed": Quantity("m/s", energy.mean_speed),
     "largest_speed": Quantity("m/s", energy.largest_speed),
     "granular_temperature": Quantity("m2/s2", energy.granular_temperature),
@@ -75,7 +83,7 @@ OF_A_SWEEP = {name: found.of_runs for name, found in QUANTITIES.items() if found
 
 
 def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
-    """Return the quantities that some names stand for, each once, in the order they are asked for.
+    """Return the quantities of some names and groups, each once, in the given order.
 
     Raises
     ------
@@ -109,4 +117,6 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
     3.0
     """
     moment = snapshot(of)
-    return {name: QUANTITIES[name].of(moment) for name in names_of(names)}
+    wanted = {name: QUANTITIES[name] for name in names_of(names)}
+    found = {function: function(moment) for function in {one.function for one in wanted.values()}}
+    return {name: one.part(found[one.function]) for name, one in wanted.items()}

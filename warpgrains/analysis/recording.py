@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.arrays import FloatArray
+from warpgrains.drawing.chains import OUTER, contact_normals
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
-from warpgrains.scene.geometry import pair_normals
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.walls import outward
 from warpgrains.shown import Shown
 from warpgrains.tables import library
 from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
@@ -60,7 +59,7 @@ class Recording(Shown):
         self.time, self.radius = self._reader.time, self._reader.radius
 
     def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+        """Return its size, times and forces, by name, as texts."""
         return {
             self.path.name: f"of {len(self.radius)} grains",
             "frames": f"{len(self)}",
@@ -89,7 +88,7 @@ class Recording(Shown):
 
     @cached_property
     def scene(self) -> Scene:
-        """What was simulated, with the grains where the first frame has them.
+        """Scene of the run, with the grains of the first frame.
 
         Raises
         ------
@@ -128,7 +127,7 @@ class Recording(Shown):
             between = chains.pair[:, 1] >= 0
             pair, force = chains.pair[between], chains.force[between]
             grain, wall = chains.pair[~between].T
-            wall_force[grain] = np.where(wall == -1, 1.0, -1.0) * chains.force[~between]
+            wall_force[grain] = np.where(wall == OUTER, 1.0, -1.0) * chains.force[~between]
         return Snapshot(
             scene=self.scene,
             steps=FrameTimes(self.scene.dt, self._reader.rate).step(k),
@@ -169,7 +168,7 @@ class Recording(Shown):
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames, as `to_xarray` names them."""
         chains = [self._reader.chains(k) for k in range(len(self))]
-        normal = [_normals(self.position[k], of.pair) for k, of in enumerate(chains)]
+        normal = [contact_normals(self.position[k], of.pair) for k, of in enumerate(chains)]
         frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])
         pair = np.concatenate([of.pair for of in chains])
         force = np.concatenate([of.force for of in chains])
@@ -180,14 +179,3 @@ class Recording(Shown):
             "contact_normal": (("contact", "component"), np.concatenate(normal)),
             "contact_force": ("contact", force, {"units": "N"}),
         }
-
-
-def _normals(position: FloatArray, pair: IntArray) -> FloatArray:
-    """Return unit vectors from each grain to the other, or to the wall -1 or -2, shape (m, 2)."""
-    i, j = pair.T
-    between = j >= 0
-    normal = np.zeros(pair.shape)
-    normal[between] = pair_normals(position, i[between], j[between])
-    sign = np.where(j[~between] == -1, 1.0, -1.0)
-    normal[~between] = sign[:, np.newaxis] * outward(position[i[~between]])
-    return normal

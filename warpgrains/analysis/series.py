@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Self
 
 from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
-from warpgrains.analysis.snapshot import HasState, Snapshot
+from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.files import Row, read_table, require_place, table_text, write_whole
 from warpgrains.locks import Lock
@@ -18,19 +18,9 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+    from warpgrains.simulation.simulation import Simulation
+
 FIRST = ("step", "time")
-
-
-class Measured(HasState, Protocol):
-    """What a series is of: a `Simulation`."""
-
-    @property
-    def steps(self) -> int:
-        """Time steps since the start."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
 
 
 class Series:
@@ -99,14 +89,14 @@ class Series:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def observe(self, simulation: Measured | Snapshot) -> None:
+    def observe(self, simulation: Simulation | Snapshot) -> None:
         """Measure, unless this step is measured already."""
         if not self.rows or self.rows[-1]["step"] < simulation.steps:
             found = quantities(simulation, self.names)
             self.rows.append({"step": simulation.steps, "time": simulation.time, **found})
 
     def flush(self) -> None:
-        """Have all rows so far in the file, if there is one."""
+        """Write all rows so far to the file, if there is one."""
         if self._path is not None and len(self.rows) > self._written:
             write_whole(self._path, table_text(self.rows).encode())
             self._written = len(self.rows)
@@ -137,12 +127,12 @@ class Series:
         )
 
     def close(self) -> None:
-        """Let others write the file."""
+        """Release the lock on the file."""
         if self._lock is not None:
             self._lock.release()
 
     def _take_up(self, path: Path, resume_at: int | None) -> None:
-        """Replace nothing that is no series, and go on with the rows of one."""
+        """Refuse to replace a file that is no series; read the rows to continue."""
         if not path.exists():
             rows: list[Row] = []
         else:

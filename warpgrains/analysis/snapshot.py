@@ -1,4 +1,4 @@
-"""Grains and what they carry at one moment: what all analysis is of."""
+"""Grains and their contacts at one time, the input of all analysis."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.scene.geometry import pair_normals
-from warpgrains.scene.walls import Annulus, outward
+from warpgrains.drawing.chains import contact_normals, with_walls
+from warpgrains.scene.walls import Annulus
 from warpgrains.solver.ends import Grains
 from warpgrains.solver.forces import pair_contacts, wall_contacts
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 class HasState(Protocol):
-    """What has a scene and a state of it, such as a `Simulation`."""
+    """Anything with a scene and a state, such as a `Simulation`."""
 
     @property
     def scene(self) -> Scene:
-        """What is simulated."""
+        """Scene of the state."""
 
     def state(self) -> State:
-        """Return how far it is."""
+        """Return the present state."""
 
 
 class Loads(NamedTuple):
@@ -104,23 +104,21 @@ class Snapshot:
             walls=Annulus(*radii),
         )
 
-    @cached_property
+    @property
     def normal(self) -> FloatArray:
         """Unit vectors from grain i to grain j of each pair, shape (m, 2)."""
-        i, j = self.pair.T
-        return pair_normals(self.start, i, j)
+        return self.loads.normal[: len(self.pair)]
 
     @cached_property
     def loads(self) -> Loads:
         """All contacts as the grains see them."""
-        i, j = self.pair.astype(np.int64).T
-        wall = np.flatnonzero(self.wall_force)
-        force = self.wall_force[wall]
-        to_wall = np.sign(force)[:, np.newaxis] * outward(self.start[wall])
+        m = len(self.pair)
+        pair, force = with_walls(self.pair, self.force, self.wall_force)
+        (i, j), normal = pair.astype(np.int64).T, contact_normals(self.start, pair)
         return Loads(
-            np.concatenate([i, j, wall]),
-            np.concatenate([self.normal, -self.normal, to_wall]),
-            np.concatenate([self.force, self.force, np.abs(force)]),
+            np.concatenate([i[:m], j[:m], i[m:]]),
+            np.concatenate([normal[:m], -normal[:m], normal[m:]]),
+            np.concatenate([force[:m], force]),
         )
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from warpgrains.analysis.recording import Recording
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.chains import contact_ends, with_walls
 from warpgrains.errors import missing_extra
 from warpgrains.files import draft_of, require_place
-from warpgrains.scene.walls import outward
 
 SUFFIX = ".vtkhdf"
 
@@ -77,17 +77,17 @@ def _polydata(source: Recording, k: int) -> Any:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
     frame = source.frame(k, contacts=source.has_forces)
-    wall = np.flatnonzero(frame.wall_force)
-    reach = np.sign(frame.wall_force[wall]) * source.radius[wall]
-    touched = frame.position[wall] + reach[:, np.newaxis] * outward(frame.position[wall])
-    n, feet = frame.n, np.arange(len(wall)) + frame.n
-    lines = np.concatenate([frame.pair, np.stack([wall, feet], axis=1)])
+    pair, pushes = with_walls(frame.pair, frame.force, frame.wall_force)
+    n, between = frame.n, pair[:, 1] >= 0
+    wall = pair[~between, 0]
+    touched = contact_ends(frame.position, source.radius, pair[~between])[:, 1]
+    pair[~between, 1] = n + np.arange(len(wall))
     points, data = vtkPoints(), vtkPolyData()
     points.SetData(numpy_to_vtk(_in_space(np.concatenate([frame.position, touched])), deep=True))
     data.SetPoints(points)
     data.SetVerts(_cells(np.arange(n)[:, np.newaxis]))
-    data.SetLines(_cells(lines))
-    force = np.concatenate([np.zeros(n), frame.force, np.abs(frame.wall_force[wall])])
+    data.SetLines(_cells(pair))
+    force = np.concatenate([np.zeros(n), pushes])
     still = np.zeros((len(wall), 2))
     arrays = {
         "radius": np.append(source.radius, np.zeros(len(wall))),
@@ -101,7 +101,7 @@ def _polydata(source: Recording, k: int) -> Any:
 
 
 def _cells(corners: Any) -> Any:
-    """Return cells of so many corners each, shape (c, k)."""
+    """Return c cells of k corners each, from corners of shape (c, k)."""
     from vtkmodules.util.numpy_support import numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonDataModel import vtkCellArray
 

@@ -35,7 +35,7 @@ def plot(arguments: Namespace) -> bool:
     if Path(arguments.file).suffix == ".csv":
         if arguments.frames is not None or not arguments.curves:
             raise SceneError("--frames and --no-curves have no effect on a history")
-        from warpgrains.analysis.convergence import plot_history
+        from warpgrains.analysis.plots import plot_history
 
         print(f"{output}: {len(plot_history(arguments.file, output))} steps")
         return False

@@ -1,1 +1,1 @@
-"""What a picture shows, whichever program draws it: colors, force chains, walls and times of frames."""
+"""Contents of pictures, whichever program draws them: colors, force chains, walls and times of frames."""

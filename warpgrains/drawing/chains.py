@@ -10,6 +10,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.drawing.colors import Frame, pressure_scale
+from warpgrains.scene.geometry import pair_normals
 from warpgrains.scene.walls import outward
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 CHAIN_COLOR = (0.78, 0.10, 0.12)
 """sRGB; no color of a scale is near it."""
+OUTER, INNER = -1, -2
+"""The walls, where a contact names the other grain."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Chains:
 
 @dataclass(frozen=True)
 class ChainScale:
-    """How wide a force is drawn."""
+    """Scale from forces to widths."""
 
     force: float
     """The force that has the full width, and all beyond it [N]."""
@@ -70,14 +73,34 @@ def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
     """Return a band from centre to centre, and from centre to wall, for each contact that pushes."""
     contacts, wall_contacts = frame.forces()
     pushes = contacts.force > 0.0
-    between = frame.position[contacts.pair[pushes]]
-    leaning = np.flatnonzero(wall_contacts.force)
-    wall_force = wall_contacts.force[leaning]
-    centre = frame.position[leaning]
-    reach = np.sign(wall_force) * scene.radius[leaning]
-    foot = centre + reach[:, np.newaxis] * outward(centre)
-    force = np.concatenate([contacts.force[pushes], np.abs(wall_force)])
-    ends = np.concatenate([between, np.stack([centre, foot], axis=1)])
-    at_wall = np.stack([leaning, np.where(wall_force > 0.0, -1, -2)], axis=1)
-    pair = np.concatenate([contacts.pair[pushes], at_wall]).astype(np.int32)
+    pair, force = with_walls(contacts.pair[pushes], contacts.force[pushes], wall_contacts.force)
+    ends = contact_ends(frame.position, scene.radius, pair)
     return Chains(ends, np.minimum(force / scale.force, 1.0) * scale.width, force, pair)
+
+
+def with_walls(pair: IntArray, force: FloatArray, wall_force: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return contacts as `Chains.pair` has them, and their forces: of pairs, then of grains with walls.
+
+    The forces with walls [N], shape (n,), are > 0 of the outer wall and < 0 of the inner one.
+    """
+    grain = np.flatnonzero(wall_force)
+    at_wall = np.stack([grain, np.where(wall_force[grain] > 0.0, OUTER, INNER)], axis=1)
+    every = np.concatenate([pair, at_wall]).astype(np.int32)
+    return every, np.concatenate([force, np.abs(wall_force[grain])])
+
+
+def contact_normals(position: FloatArray, pair: IntArray) -> FloatArray:
+    """Return unit vectors from each grain to the other, or to its wall, shape (m, 2)."""
+    (i, j), normal = pair.T, np.zeros(pair.shape)
+    between = j >= 0
+    normal[between] = pair_normals(position, i[between], j[between])
+    sign = np.where(j[~between] == OUTER, 1.0, -1.0)
+    normal[~between] = sign[:, np.newaxis] * outward(position[i[~between]])
+    return normal
+
+
+def contact_ends(position: FloatArray, radius: FloatArray, pair: IntArray) -> FloatArray:
+    """Return the centre of each grain, and that of the other or the point at its wall [m], (m, 2, 2)."""
+    i, j = pair.T
+    foot = position[i] + radius[i, np.newaxis] * contact_normals(position, pair)
+    return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[j], foot)], axis=1)

@@ -1,4 +1,4 @@
-"""When the frames of a recording or film are, and what they show of the states after whole steps."""
+"""Times of the frames of a recording or film, and positions at these from the states after whole steps."""
 
 from __future__ import annotations
 

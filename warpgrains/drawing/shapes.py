@@ -1,4 +1,4 @@
-"""Meshes that stand for a grain of radius 1 m, and for a wall."""
+"""Meshes of a grain of radius 1 m, and of walls: flat rings about the origin."""
 
 from dataclasses import dataclass
 
@@ -6,9 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.walls import Annulus
+
+WALL_COLOR = (0.35, 0.35, 0.35)
+"""sRGB."""
 
 _SEGMENTS = 64  # of a circle about z: its polygon lacks 0.16 % of the disc
 _WALL_SEGMENTS = 256
+_THICKNESS = 0.02  # of a wall, in radius_out
 _RINGS = 16  # of a sphere, from pole to pole
 _RIM = 0.88  # where the rim of a disc begins, in radii
 _SLOPE = 2.0  # of the rim: shading draws a line between grains that touch
@@ -29,7 +34,7 @@ class Shape:
 
     @property
     def height(self) -> float:
-        """How far it reaches towards the viewer [m]."""
+        """Height towards the viewer [m]."""
         return float(self.points[:, 2].max())
 
 
@@ -68,6 +73,16 @@ def ring(inner: float, outer: float) -> Shape:
     points = np.concatenate([_circle(_WALL_SEGMENTS, radius, 0.0) for radius in (inner, outer)])
     bands = _bands(np.arange(2 * _WALL_SEGMENTS).reshape(2, _WALL_SEGMENTS))
     return Shape(points, np.full(len(bands), 4), bands.ravel(), np.tile([0.0, 0.0, 1.0], (len(points), 1)))
+
+
+def rings(walls: Annulus) -> dict[str, tuple[float, float]]:
+    """Return inner and outer radius of each wall [m], outside the space that they leave to the grains."""
+    radius_in, radius_out = walls.radius_in, walls.radius_out
+    thickness = _THICKNESS * radius_out
+    drawn = {"Outer": (radius_out, radius_out + thickness)}
+    if radius_in > 0:
+        drawn["Inner"] = (max(radius_in - thickness, radius_in / 2), radius_in)
+    return drawn
 
 
 def _circle(segments: int, radius: float, height: float) -> FloatArray:

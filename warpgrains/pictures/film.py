@@ -2,36 +2,124 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import re
+import subprocess
+from collections.abc import Sequence
+from contextlib import ExitStack, suppress
+from errno import EIO
+from fractions import Fraction
 from math import ceil
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, TemporaryFile
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+import imageio_ffmpeg
 import numpy as np
+from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.files import draft_of, require_place
 from warpgrains.locks import Lock
-from warpgrains.pictures.canvas import Canvas
-from warpgrains.pictures.encoding import Encoding, encoding_of_frames
 from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
+from warpgrains.pictures.still import Canvas
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
     from warpgrains.usd.reader import RecordingReader
 
+_FORMATS = {".mp4": "mp4", ".webp": "webp", ".gif": "gif", ".mkv": "matroska", ".png": "image2"}
+"""What ffmpeg calls the kinds of files; left to itself it takes %d in a name for a number of images."""
+_CODECS = {
+    ".mp4": ("libx264", "yuv420p", ["-crf", "18", "-preset", "fast", "-movflags", "+faststart"]),
+    ".webp": ("libwebp_anim", "yuv420p", ["-lossless", "0", "-q:v", "80", "-loop", "0"]),
+    ".mkv": ("libx264rgb", "rgb24", ["-crf", "0", "-preset", "ultrafast"]),
+}
+_SOURCE = re.compile(r"^(\[[^]]*\] )+")  # of a complaint: the part of ffmpeg that it is from
 _HEIGHTS = {".mp4": 720, ".gif": 400, ".webp": 400}  # pixels
 _PALETTE = "palettegen=stats_mode=full"
 _WITH_PALETTE = "paletteuse=dither=none:diff_mode=rectangle"
 
 
+class Encoding:
+    """A process of ffmpeg that writes a file.
+
+    Parameters
+    ----------
+    arguments
+        Inputs and filters.
+    output
+        The file.
+    """
+
+    def __init__(self, arguments: Sequence[str | Path], output: Path) -> None:
+        self._complaints = TemporaryFile()  # noqa: SIM115  # as long as the process
+        program = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error"]
+        self._process = subprocess.Popen(
+            [*program, *arguments, "-f", _FORMATS[output.suffix], f"file:{output}"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=self._complaints,
+            process_group=0,  # Ctrl-C ends the run, which ends the process
+        )
+
+    def write(self, pixels: NDArray[np.uint8]) -> None:
+        """Encode a frame (sRGB), shape (height, width, 3).
+
+        Raises
+        ------
+        OSError
+            The process has ended.
+        """
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(pixels.data)
+        except BrokenPipeError:
+            self.finish()
+            raise
+
+    def finish(self) -> None:
+        """Wait until the file is whole.
+
+        Raises
+        ------
+        OSError
+            It cannot be written: the message is the first line that ffmpeg says of it.
+        """
+        self._wait()
+        if self._process.returncode:
+            self._complaints.seek(0)
+            complaint = _SOURCE.sub("", self._complaints.readline().decode(errors="replace").strip())
+            raise OSError(EIO, complaint or f"ffmpeg ended with code {self._process.returncode}")
+
+    def stop(self) -> None:
+        """End the process, and leave the file as it is."""
+        self._process.kill()
+        self._wait()
+
+    def _wait(self) -> None:
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError):
+            self._process.stdin.close()
+        self._process.wait()
+
+
+def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Encoding:
+    """Return an encoding of frames of shape (height, width, 3); `rate` is in frames per second [1/s]."""
+    codec, colors, options = _CODECS[output.suffix]
+    height, width = shape[:2]
+    frames = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
+    # codecs need even widths and heights
+    even = ["-vf", f"scale={width + width % 2}:{height + height % 2}"] if width % 2 or height % 2 else []
+    frames += ["-r", str(Fraction(rate).limit_denominator()), "-i", "-"]
+    return Encoding([*frames, "-an", "-vcodec", codec, "-pix_fmt", colors, *even, *options], output)
+
+
 class FilmWriter:
-    """A film of shots, so many a second [1/s], in the file `path`; it is whole when a ``with`` block ends.
+    """A film of shots in the file `path`, `rate` a second [1/s]; it is complete when a ``with`` block ends.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a picture shows: of a simulation, or of a frame of a recording."""
+"""Contents of a picture of a simulation, or of a frame of a recording."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import ColorScale, Frame, GrainColors
-from warpgrains.drawing.rings import rings
+from warpgrains.drawing.shapes import rings
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Setting:
-    """What stands still."""
+    """Everything that no frame changes."""
 
     radius: FloatArray
     """[m], shape (n,)."""
@@ -29,13 +29,13 @@ class Setting:
 
     @property
     def reach(self) -> float:
-        """How far from the origin there is something [m]."""
+        """Outer radius of the outermost wall as drawn [m]."""
         return max(outer for _, outer in self.walls)
 
 
 @dataclass(frozen=True)
 class Shot:
-    """One moment."""
+    """A frame."""
 
     time: float
     """[s]."""
@@ -91,7 +91,7 @@ class Painter:
 
 
 def setting_of(reader: RecordingReader) -> Setting:
-    """Return what stands still in a recording."""
+    """Return everything that no frame of a recording changes."""
     return Setting(reader.radius, reader.walls, reader.scale, reader.chain_scale)
 
 

@@ -1,20 +1,146 @@
-"""Pictures of the present state of a simulation."""
+"""Still pictures: frames drawn on axes, one metre as long everywhere, with legends and the time."""
 
 from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from warpgrains.files import require_place
-from warpgrains.pictures.canvas import Canvas, save_figure
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import EllipseCollection, PolyCollection
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import Annulus, Rectangle
+from numpy.typing import NDArray
+
+from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
+from warpgrains.drawing.colors import ColorScale
+from warpgrains.drawing.shapes import WALL_COLOR
+from warpgrains.files import draft_of, require_place
 from warpgrains.pictures.kinds import STILLS
-from warpgrains.pictures.shots import Painter
+from warpgrains.pictures.shots import Painter, Setting, Shot
 
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation
 
-_HEIGHT = 600  # pixels
+_MARGIN = 0.02  # of the outer wall
+_OUTLINE = 0.3  # points, and less for small grains
+_CASING = 0.15  # of white around a force chain, in its width
+_DOTS_PER_INCH = 120
+_HEIGHT = 600  # pixels of a picture of a simulation
+_INCHES = 5.0  # height of a single frame: text grows with the picture
+_BAR: dict[str, Any] = {"fraction": 0.046, "pad": 0.02, "aspect": 30}
+
+
+class FrameArtists:
+    """Draws shots on axes, one after the other."""
+
+    def __init__(self, axes: Axes, setting: Setting) -> None:
+        self._axes = axes
+        reach = (1.0 + _MARGIN) * setting.reach
+        axes.set_axis_off()
+        axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        for inner, outer in setting.walls:
+            axes.add_patch(Annulus((0.0, 0.0), outer, outer - inner, color=WALL_COLOR, linewidth=0.0))
+        diameter = 2.0 * setting.radius
+        self._grains = EllipseCollection(
+            diameter,
+            diameter,
+            np.zeros_like(diameter),
+            units="xy",
+            offsets=np.zeros((len(diameter), 2)),
+            offset_transform=axes.transData,
+            edgecolors="black",
+            linewidths=np.minimum(_OUTLINE, 3.0 * diameter / reach),
+        )
+        self._chains = PolyCollection([], facecolors=[CHAIN_COLOR], edgecolors="white")
+        self._points = 72.0 * axes.get_window_extent().height / axes.figure.dpi / (2.0 * reach)
+        self._time = axes.text(0.0, 1.0, "", transform=axes.transAxes, va="top", fontsize="small")
+        for collection in (self._grains, self._chains):
+            axes.add_collection(collection, autolim=False)
+        if setting.chain_scale is not None:
+            _add_chain_legend(axes, setting.chain_scale, reach)
+
+    @property
+    def changing(self) -> tuple[Any, ...]:
+        """All that `show` changes, from back to front."""
+        return self._grains, self._chains, self._time
+
+    def show(self, shot: Shot) -> None:
+        """Draw a shot in the place of the last one."""
+        self._grains.set(offsets=shot.position, facecolor=shot.color)
+        if shot.chains is not None:
+            casing = _CASING * self._points * shot.chains.width
+            self._chains.set(verts=shot.chains.corners(), linewidth=casing)  # an array is taken at once
+        self._time.set_text(f"t = {shot.time:.3g} s" if 0.0 < shot.time < 0.1 else f"t = {shot.time:.2f} s")
+
+
+def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> None:
+    """Draw the colors of a scale next to axes, with its unit and range."""
+    mapped = ScalarMappable(Normalize(scale.low, scale.high), ListedColormap(scale.colors()))
+    bar = figure.colorbar(mapped, ax=axes, extend="max" if scale.quantity != "radius" else "neither", **_BAR)
+    bar.set_label(scale.label)
+    bar.outline.set_linewidth(0.5)
+
+
+def _add_chain_legend(axes: Axes, scale: ChainScale, reach: float) -> None:
+    """Draw a force chain of full width and its force in a corner, where there are no grains."""
+    left, bottom, length = -0.98 * reach, -0.95 * reach, 0.12 * reach
+    band = Rectangle(
+        (left, bottom - scale.width / 2.0), length, scale.width, color=CHAIN_COLOR, linewidth=0.0
+    )
+    axes.add_patch(band)
+    axes.text(
+        left + 1.1 * length, bottom, f"{float(f'{scale.force:.2g}'):g} N", va="center", fontsize="small"
+    )
+
+
+class Canvas:
+    """One frame and its color bar, drawn again and again.
+
+    Parameters
+    ----------
+    setting : Setting
+    height : int
+        Of the picture [pixels].
+    """
+
+    def __init__(self, setting: Setting, height: int) -> None:
+        dpi = height / _INCHES
+        width = 2 * round(height * (1.2 if setting.scale is not None else 1.0) / 2.0)  # films need even ones
+        self.figure = Figure(figsize=(width / dpi, _INCHES), dpi=dpi, layout="constrained")
+        self._agg = FigureCanvasAgg(self.figure)
+        axes = self.figure.subplots()
+        if setting.scale is not None:
+            add_color_bar(self.figure, axes, setting.scale)
+        self._artists = FrameArtists(axes, setting)
+        self._background: Any = None
+
+    def show(self, shot: Shot) -> None:
+        """Draw a shot in the place of the last one."""
+        self._artists.show(shot)
+
+    def pixels(self, shot: Shot) -> NDArray[np.uint8]:
+        """Return a shot, shape (height, width, 3); all but the first are drawn on what stands still."""
+        if self._background is None:
+            for artist in self._artists.changing:
+                artist.set_animated(True)
+            self._agg.draw()
+            self._background = self._agg.copy_from_bbox(self.figure.bbox)
+        self._agg.restore_region(self._background)
+        self._artists.show(shot)
+        for artist in self._artists.changing:
+            self.figure.draw_artist(artist)
+        return np.asarray(self._agg.buffer_rgba())[:, :, :3]
+
+
+def save_figure(figure: Figure, output: Path, dpi: float = _DOTS_PER_INCH, **options: Any) -> None:
+    """Put a picture under its name, whole."""
+    with draft_of(output) as draft:
+        figure.savefig(draft, dpi=dpi, **options)
 
 
 class Picture:

@@ -81,8 +81,10 @@ def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Fig
     """Draw a scene's error against dt, and the overlap that equal work leaves."""
     figure = Figure(figsize=(13.5, 5.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
-    _draw_error(left, paths)
-    _draw_error_over_time(middle, paths)
+    _draw_error(left, paths, "dt")
+    left.set_title(f"trajectories over {paths[0].horizon:.3g} s from the first contact", fontsize="medium")
+    _draw_error(middle, paths, "cpu_time")
+    middle.set_title("the same over what it costs", fontsize="medium")
     _draw_overlap(right, frontier)
     figure.suptitle(f"{paths[0].scene}: iterations, or shorter steps", fontsize="large")
     handles, labels = right.get_legend_handles_labels()
@@ -91,28 +93,20 @@ def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Fig
     return figure
 
 
-def _draw_error(axes: Axes, rows: Sequence[PathRow]) -> None:
+def _draw_error(axes: Axes, rows: Sequence[PathRow], over: str) -> None:
+    """Draw the error over "dt", with fitted orders, or over "cpu_time"."""
     for scheme, color in _SCHEME_COLOR.items():
         here = [row for row in rows if row.scheme == scheme]
-        order = fitted_order(here)
+        order = fitted_order(here) if over == "dt" else None
         label = scheme if order is None else f"{scheme}: order {order:.2f}"
-        dt, error = [row.dt for row in here], [row.error for row in here]
-        axes.plot(dt, error, color=color, marker="o", markersize=4, label=label)
-    own = rows[0].finest_error
-    axes.axhline(own, color=_GREY, linestyle=":", linewidth=1.0, label="the finest trajectory's own error")
-    axes.set_title(f"trajectories over {rows[0].horizon:.3g} s from the first contact", fontsize="medium")
-    axes.set(xlabel="dt [s]", ylabel="error of the positions [m]")
-    _make_logarithmic(axes)
-    axes.legend(fontsize="small", frameon=False)
-
-
-def _draw_error_over_time(axes: Axes, rows: Sequence[PathRow]) -> None:
-    for scheme, color in _SCHEME_COLOR.items():
-        here = [row for row in rows if row.scheme == scheme]
-        time, error = [row.cpu_time for row in here], [row.error for row in here]
-        axes.plot(time, error, color=color, marker="o", markersize=4, label=scheme)
-    axes.set_title("the same over what it costs", fontsize="medium")
-    axes.set(xlabel="CPU time [s]", ylabel="error of the positions [m]")
+        x, error = [getattr(row, over) for row in here], [row.error for row in here]
+        axes.plot(x, error, color=color, marker="o", markersize=4, label=label)
+    if over == "dt":
+        own = rows[0].finest_error
+        axes.axhline(
+            own, color=_GREY, linestyle=":", linewidth=1.0, label="the finest trajectory's own error"
+        )
+    axes.set(xlabel="dt [s]" if over == "dt" else "CPU time [s]", ylabel="error of the positions [m]")
     _make_logarithmic(axes)
     axes.legend(fontsize="small", frameon=False)
 
@@ -121,14 +115,9 @@ def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
     for method in SWEEPING:
         for cost in COSTS:
             here = [row for row in rows if (row.method, row.cost) == (method, cost)]
-            look: dict[str, Any] = {
-                "color": _COLOR[method],
-                "linewidth": 1.2,
-                "marker": _MARKER[cost],
-                "markersize": 4,
-            }
-            left = [row.overlap for row in here]
-            axes.plot([row.dt for row in here], left, label=f"{method}, {cost} iterations", **look)
+            dt, left = [row.dt for row in here], [row.overlap for row in here]
+            (line,) = axes.plot(dt, left, color=_COLOR[method], linewidth=1.2, marker=_MARKER[cost])
+            line.set(markersize=4, label=f"{method}, {cost} iterations")
     best = [row for row in rows if (row.method, row.cost) == ("accelerated", COSTS[-1])]
     floor = [row.wall_floor for row in best]
     if any(floor):

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.analysis.plots import save_figure
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError
 from warpgrains.files import require_writable_folder, table_text, write_whole
+from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
 from warpgrains.report.rows import (
@@ -81,7 +81,7 @@ def write_report(
 
 
 def _prepare(scenes: Sequence[Scene], folder: Path) -> None:
-    """Make the folder of a report, unless it is there; raise SceneError if it cannot hold one."""
+    """Make the folder of a report, unless it exists; raise SceneError if it cannot hold one."""
     names = [scene.name for scene in scenes]
     for name in names:
         if names.count(name) > 1:
@@ -94,7 +94,7 @@ def _prepare(scenes: Sequence[Scene], folder: Path) -> None:
 
 
 def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:
-    """Add what is found of a scene; say again and again what is being measured."""
+    """Measure a scene and add the rows; yield what is measured next, for the progress bar."""
     yield "history"
     history = follow_history(scene, budget.history)
     for snapshot in history.snapshots:
@@ -110,7 +110,7 @@ def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:
 
 
 def _write_texts(folder: Path, found: Findings, budget: Budget) -> list[Path]:
-    """Write what is found so far, in the place of what was."""
+    """Write all rows so far, replacing earlier files."""
     texts = {
         "report.md": markdown(found, budget),
         "steps.csv": table_text([*map(asdict, found.steps)]),

@@ -1,4 +1,4 @@
-"""What a report measures, how much of it, and what is found: the rows of its tables."""
+"""Settings of a report, and the rows of its tables."""
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ COSTS = (16, 160, 1600)  # iterations spent in one of the scene's own steps, whe
 
 @dataclass(frozen=True)
 class Budget:
-    """How much is measured; the default takes some minutes for the shipped scenes."""
+    """Limits of the measurements; the default takes some minutes for the shipped scenes."""
 
     repeats: int = 5
     """Times a step is taken, of which the median counts."""
@@ -42,7 +42,7 @@ class Budget:
 
 
 class Configuration(NamedTuple):
-    """What solves a step."""
+    """Code, method, order and threads that solve a step."""
 
     code: str
     """warpgrains, or C reference."""
@@ -80,7 +80,7 @@ class StepRow:
 
     @property
     def configuration(self) -> Configuration:
-        """How it was solved."""
+        """Columns code to threads."""
         return Configuration(self.code, self.method, self.order, self.threads)
 
 

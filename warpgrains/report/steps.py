@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from warpgrains.analysis.exact import StepProblem, solve_exactly
+from warpgrains.analysis.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference
@@ -42,7 +42,7 @@ class Snapshot(NamedTuple):
 
 @dataclass(frozen=True)
 class History:
-    """What a scene goes through, at its own tolerance."""
+    """Steps of a scene worth solving, at its own tolerance."""
 
     first: State
     """Before the first step in which a contact acts."""
@@ -161,7 +161,7 @@ def _solve(scene: Scene, threads: int, snapshot: Snapshot, budget: Budget) -> Me
 
 
 def _solve_in_c(scene: Scene, snapshot: Snapshot, budget: Budget, limit: int) -> Measurement:
-    """Take the step with the C reference, which does not tell how many iterations it did."""
+    """Take the step with the C reference, which does not return its iterations."""
     begin = find_c_reference().start
     assert begin is not None
     spending = scene.replace(tolerance=0.0, max_iterations=limit)

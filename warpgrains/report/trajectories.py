@@ -65,7 +65,7 @@ def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]
 
 
 def measure_frontier(scene: Scene, start: State, horizon: int) -> Iterator[FrontierRow]:
-    """Run from a state on, without its corrections, in color order, for so many of the scene's own steps."""
+    """Run from a state on, without its corrections, in color order, for `horizon` steps of the scene."""
     fastest = follow(begin_solved(scene, start), 1.0, horizon).fastest
     for cost in COSTS:
         for fraction in possible_fractions(scene, scene.scheme):
@@ -107,7 +107,7 @@ def possible_fractions(scene: Scene, scheme: str) -> list[float]:
 
 
 def follow(scene: Scene, fraction: float, horizon: int, changes: dict[str, str] | None = None) -> Path:
-    """Follow a scene for so many of its steps, by steps of a fraction of their length."""
+    """Follow a scene for `horizon` of its steps, by steps of a fraction of their length."""
     simulation = Simulation(scene, dt=scene.dt * fraction, threads=1, **(changes or {}))
     fastest = overlap = cpu_time = 0.0
     position = []

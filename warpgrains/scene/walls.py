@@ -1,6 +1,6 @@
 """The walls: an annulus about the origin, and what the host knows of its contacts.
 
-The device knows it by kernels/walls.py, recordings by usd/walls.py, the C reference by reference/grains.c.
+The device knows it by kernels/walls.py, recordings by usd/stage.py, the C reference by reference/grains.c.
 """
 
 from typing import Any, NamedTuple, Self

@@ -7,20 +7,21 @@ kernels then rebuild velocities, measure the residual and check the list (kernel
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import sparse
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.arrays import FloatArray
 from warpgrains.solver import active_set, interior_point
-from warpgrains.solver.projection import NormalMatrix, Projection, Solution
+from warpgrains.solver.constraints import StepConstraints
+from warpgrains.solver.projection import NormalMatrix, Projection, Solution, projection_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.scene_memory import SceneMemory
 
 ASKED = 0.5  # of the tolerance, so that the kernels' rounding does not undo it
+NO_PAIRS = np.zeros((0, 2), np.int32)
 BETTER = 0.01  # of the sweeps' residual: what an answer must come to
 
 
@@ -49,21 +50,21 @@ class ExactSolver:
         self._matrix: NormalMatrix | None = None
 
     def solve(self) -> None:
-        """Replace the corrections of the step, unless no better ones are found, and let the kernels go on.
+        """Replace the corrections of the step, unless no better ones are found, and let the kernels continue.
 
         The gaps of a round wall depend on velocities (MODEL.md, eq. 18): they are those of the last answer,
         until it satisfies its own.
         """
         contacts, record = FrozenContacts(self._scene, self._memory), self._memory.record
-        if self._matrix is None or not self._matrix.fits(contacts.rows):
-            self._matrix = NormalMatrix(contacts.rows)
+        if self._matrix is None or not self._matrix.fits(contacts.problem.rows):
+            self._matrix = NormalMatrix(contacts.problem.rows)
         tolerance, q = ASKED * self._scene.tolerance, contacts.corrections()
-        problem = contacts.problem(q)
+        problem = contacts.problem_at(q)
         before = left = problem.residual(q)
         while left > tolerance:
             found = solve(problem, self._matrix, q, tolerance)
             record["step"]["factorizations"] += found.factorizations
-            problem = contacts.problem(found.q)
+            problem = contacts.problem_at(found.q)
             last, residual = left, problem.residual(found.q)
             if residual < left:
                 q, left = found.q, residual
@@ -82,60 +83,35 @@ class FrozenContacts:
 
     Attributes
     ----------
-    rows : csr_array
-        Of (v_i - v_j) . n or v_i . n, in the units of a `Projection`.
+    problem : Projection
+        The step's problem, with the gaps of grains that do not move.
     """
 
     def __init__(self, scene: Scene, memory: SceneMemory):
-        self._scene, self._dv = scene, memory.array("contacts.dv")
-        self._place = memory.listed_pairs()[1]
+        self._scene, self._position = scene, memory.array("grains.position")
+        self._dv, (pair, self._place) = memory.array("contacts.dv"), memory.listed_pairs()
         self._grain, self._wall = memory.listed_walls()
-        self._position = memory.array("grains.position")[self._grain]
-        pairs = memory.array("contacts.contact")[self._place]
-        self._gap_rate = pairs["gap_rate"]
-        mass = scene.contact_mass
-        mass_i, mass_j = mass[pairs["i"]], mass[pairs["j"]]
-        share_i, share_j = (np.sqrt(other / (mass_i + mass_j))[:, np.newaxis] for other in (mass_j, mass_i))
-        walls = scene.walls.seen_from(self._position, scene.radius[self._grain])
-        values = [np.hstack([share_i * pairs["n"], -share_j * pairs["n"]]), *(wall.normal for wall in walls)]
-        columns = [
-            np.hstack([_columns(pairs["i"]), _columns(pairs["j"])]),
-            *[_columns(self._grain)] * len(walls),
-        ]
-        units = [
-            np.sqrt(mass_i / (mass_i + mass_j) * mass_j),
-            *[np.sqrt(mass[self._grain])] * len(walls),
-        ]
-        lengths = np.repeat([4, *[2] * len(walls)], [len(rows) for rows in values])
-        entries = [np.concatenate([part.ravel() for part in parts]) for parts in (values, columns)]
-        self._unit, self._root = np.concatenate(units), np.sqrt(mass)[:, np.newaxis]
-        self._free = (self._root * memory.array("grains.free_velocity")).ravel()
-        start = np.concatenate([[0], np.cumsum(lengths)])
-        self._signs = [wall.sign for wall in walls]
-        self.rows = sparse.csr_array((*entries, start), shape=(len(lengths), 2 * scene.n))
+        self._constraints = StepConstraints.at(scene, self._position, pair, self._grain)
+        self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
 
-    def problem(self, q: FloatArray) -> Projection:
+    def problem_at(self, q: FloatArray) -> Projection:
         """Return the step's problem, with the gaps that the walls have for the velocities of corrections."""
-        scene = self._scene
-        velocity = (self._free - self.rows.T @ q).reshape(-1, 2) / self._root
-        move = scene.dt * velocity[self._grain]
-        walls = scene.walls.seen_from(self._position, scene.radius[self._grain], move)
-        gap_rate = np.concatenate([self._gap_rate, *(wall.gap / scene.dt for wall in walls)])
-        return Projection(self.rows, self._unit * gap_rate, self._free, self._unit)
+        scene, free, pairs = self._scene, self.problem.free, self._constraints.gap_rate[: len(self._place)]
+        root = np.sqrt(scene.contact_mass)[:, np.newaxis]
+        move = scene.dt * ((free - self.problem.rows.T @ q).reshape(-1, 2) / root)
+        walls = StepConstraints.at(scene, self._position, NO_PAIRS, self._grain, move)
+        gap_rate = np.concatenate([pairs, walls.gap_rate])
+        return self.problem._replace(bound=self.problem.unit * gap_rate)
 
     def corrections(self) -> FloatArray:
         """Return the corrections, in the units of the problem."""
-        walls = [np.maximum(sign * self._dv[self._wall], 0.0) for sign in self._signs]
-        return self._unit * np.concatenate([self._dv[self._place], *walls])
+        sign = self._constraints.sign
+        walls = np.maximum(sign * np.resize(self._dv[self._wall], len(sign)), 0.0)
+        return self.problem.unit * np.concatenate([self._dv[self._place], walls])
 
     def write(self, q: FloatArray) -> None:
         """Give the contacts other corrections."""
-        first = len(self._place)
-        pairs, *walls = np.split(q / self._unit, first + len(self._grain) * np.arange(len(self._signs)))
+        pairs, walls = np.split(q / self.problem.unit, [len(self._place)])
         self._dv[self._place] = pairs
-        self._dv[self._wall] = sum(sign * dv for sign, dv in zip(self._signs, walls, strict=True))
-
-
-def _columns(grain: np.ndarray[Any, Any]) -> IndexArray:
-    """Return where the velocities of grains are among all, shape (m, 2)."""
-    return np.stack([2 * grain, 2 * grain + 1], axis=1)
+        if len(self._wall):
+            self._dv[self._wall] = (self._constraints.sign * walls).reshape(-1, len(self._wall)).sum(axis=0)

@@ -22,13 +22,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
-from warpgrains.solver.forces import pair_contacts
+from warpgrains.solver.constraints import Grains, StepConstraints
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -39,7 +39,6 @@ TRIES = 100  # search directions: a chain of so many grains is sure to be found
 LINE_STEPS = 3  # Newton steps of a line search, whose derivative is piecewise linear
 SHARES = (0.1, 0.01, 0.001, 0.0)  # of the largest weight, below which a contact is left out of a proof
 
-Grains = NDArray[np.integer[Any]]
 Complex = NDArray[np.complex128]
 """Vectors in the plane as x + iy."""
 
@@ -63,49 +62,20 @@ class InfeasibilityProof:
         return f"no velocities below {self.speed:.1e} m/s part them in one step"
 
 
-@dataclass(frozen=True, eq=False)
-class UnilateralConstraints:
-    """J v <= b of the contacts that carry a correction, and of the walls that grains overlap.
-
-    Attributes
-    ----------
-    first, second : ndarray
-        Grain i of every contact, shape (m,), and j of those between grains, which come first, shape (k,).
-    normal : ndarray
-        n, from i to j or into the wall, shape (m,).
-    gap_rate : ndarray
-        b [m/s], shape (m,).
-    rounding : float
-        How far an entry of b may be from the true one [m/s].
-    grains : int
-    """
-
-    first: Grains
-    second: Grains
-    normal: Complex
-    gap_rate: FloatArray
-    rounding: float
-    grains: int
+class UnilateralConstraints(StepConstraints):
+    """J v <= b of the contacts that carry a correction, and of the walls that grains overlap."""
 
     @classmethod
     def of(cls, scene: Scene, position: FloatArray, corrections: Corrections) -> Self:
         """Collect the contacts, for grains at these positions [m], shape (n, 2)."""
-        pairs = pair_contacts(scene, position, corrections)
-        first: list[Grains] = [corrections.pair[:, 0]]
-        normal, gap = [_complex(pairs.normal)], [pairs.gap]
-        for wall in scene.walls.seen_from(position, scene.radius):
-            at_wall = np.flatnonzero((wall.sign * corrections.wall_correction > 0.0) | (wall.gap < 0.0))
-            first.append(at_wall)
-            normal.append(_complex(wall.normal[at_wall]))
-            gap.append(wall.gap[at_wall])
-        return cls(
-            first=np.concatenate(first),
-            second=corrections.pair[:, 1],
-            normal=np.concatenate(normal),
-            gap_rate=np.concatenate(gap) / scene.dt,
-            rounding=scene.walls.rounding / scene.dt,
-            grains=scene.n,
-        )
+        every = cls.at(scene, position, corrections.pair, np.arange(scene.n))
+        carry = every.sign * corrections.wall_correction[every.wall_grain] > 0.0
+        return every.only(carry | (every.gap_rate[len(every.second) :] < 0.0))
+
+    @cached_property
+    def direction(self) -> Complex:
+        """N as complex numbers, shape (m,)."""
+        return _complex(self.normal)
 
     @cached_property
     def grain_pushed(self) -> Grains:
@@ -121,13 +91,13 @@ class UnilateralConstraints:
         """Return J v [m/s], shape (m,)."""
         relative = velocity[self.first]
         relative[: len(self.second)] -= velocity[self.second]
-        return relative.real * self.normal.real + relative.imag * self.normal.imag
+        return relative.real * self.direction.real + relative.imag * self.direction.imag
 
     def imbalance(self, weight: FloatArray) -> Complex:
         """Return J^T y, shape (n,)."""
-        force = weight * self.normal
+        force = weight * self.direction
         force = np.concatenate([force, -force[: len(self.second)]])
-        x, y = (np.bincount(self.grain_pushed, part, self.grains) for part in (force.real, force.imag))
+        x, y = (np.bincount(self.grain_pushed, part, self.scene.n) for part in (force.real, force.imag))
         return x + 1j * y
 
     def least_speed(self, weight: FloatArray, imbalance: Complex) -> float:
@@ -137,7 +107,8 @@ class UnilateralConstraints:
         normal is off by 2 eps, and a component of (J^T y)_i is the sum of at most `most` products.
         """
         total = weight.sum()
-        lost = (len(weight) + 1) * EPS * (np.abs(self.gap_rate) @ weight) + self.rounding * total
+        rounding = self.scene.walls.rounding / self.scene.dt  # of an entry of b
+        lost = (len(weight) + 1) * EPS * (np.abs(self.gap_rate) @ weight) + rounding * total
         left = np.abs(imbalance).sum() + 4.0 * (self.most + 4) * EPS * total
         return float((-self.gap_rate @ weight - lost) / left)
 

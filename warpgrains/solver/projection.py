@@ -15,6 +15,7 @@ import qdldl
 from scipy import sparse
 
 from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.solver.constraints import Grains, StepConstraints
 
 PROXIMITY = 1e9  # rho: without it matrices grow to 1e13, and residuals stay at 1e-5 to 1e-7
 
@@ -38,6 +39,28 @@ class Projection(NamedTuple):
     def residual(self, q: FloatArray) -> float:
         """Return the natural residual (MODEL.md, eq. 12) [m/s]."""
         return float((np.abs(np.maximum(self.target(q), 0.0) - q) / self.unit).max(initial=0.0))
+
+
+def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Projection:
+    """Return a step's problem, from its free velocities [m/s], shape (n, 2)."""
+    mass, normal = constraints.scene.contact_mass, constraints.normal
+    j, alone, pairs = constraints.second, constraints.wall_grain, len(constraints.second)
+    i = constraints.first[:pairs]
+    mass_i, mass_j = mass[i], mass[j]
+    share_i, share_j = (np.sqrt(other / (mass_i + mass_j))[:, np.newaxis] for other in (mass_j, mass_i))
+    values = [np.hstack([share_i * normal[:pairs], -share_j * normal[:pairs]]), normal[pairs:]]
+    columns = [np.hstack([_columns(i), _columns(j)]), _columns(alone)]
+    unit = np.concatenate([np.sqrt(mass_i / (mass_i + mass_j) * mass_j), np.sqrt(mass[alone])])
+    data, indices = (np.concatenate([part.ravel() for part in parts]) for parts in (values, columns))
+    start = np.concatenate([[0], np.cumsum(np.repeat([4, 2], [pairs, len(alone)]))])
+    rows = sparse.csr_array((data, indices, start), shape=(len(unit), 2 * len(mass)))
+    free = (np.sqrt(mass)[:, np.newaxis] * free_velocity).ravel()
+    return Projection(rows, unit * constraints.gap_rate, free, unit)
+
+
+def _columns(grain: Grains) -> Grains:
+    """Return the indices of the velocities of grains among all, shape (m, 2)."""
+    return np.stack([2 * grain, 2 * grain + 1], axis=1)
 
 
 class Solution(NamedTuple):
@@ -83,7 +106,7 @@ class NormalMatrix:
         self._factors: Any = None
 
     def fits(self, rows: sparse.csr_array) -> bool:
-        """Whether another A has its nonzeros in the same places."""
+        """Return whether another A has its nonzeros at the same indices."""
         return np.array_equal(rows.indices, self._columns) and np.array_equal(rows.indptr, self._starts)
 
     def take(self, rows: sparse.csr_array) -> None:

@@ -1,13 +1,19 @@
-"""What scenes wait for: room for a list, the exact solution of a step, a proof that grains cannot fit."""
+"""Requests of scenes to the host: memory for a list, the exact solution of a step, proofs, and errors."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from warpgrains.errors import SimulationError, missing_extra
-from warpgrains.solver.failures import find_proof, reason
-from warpgrains.solver.infeasible import iterations_worth_a_search
+from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE
+from warpgrains.solver.infeasible import (
+    InfeasibilityProof,
+    find_infeasibility_proof,
+    iterations_worth_a_search,
+)
+from warpgrains.solver.statistics import named
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -18,7 +24,7 @@ REFUSED = -1  # outcome of a step whose list finds no memory
 
 
 def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
-    """Return what makes a solver of steps for a scene; None where the method needs none.
+    """Return the class that solves steps for a scene; None if the method needs none.
 
     Raises
     ------
@@ -35,7 +41,7 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
 
 
 class Service:
-    """What the host does for scenes that are amid a step, and what it has found.
+    """Answers requests of scenes during a step, and keeps the proofs and errors found.
 
     Parameters
     ----------
@@ -60,12 +66,12 @@ class Service:
         self.forget()
 
     def forget(self) -> None:
-        """Begin to count proofs and errors anew."""
+        """Clear proofs and errors."""
         self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in self._scenes]
         self.errors: dict[int, str] = {}
 
     def make_room(self, k: int) -> bool:
-        """Make room for the list of scene k; return whether there is memory."""
+        """Reserve memory for the list of scene k; return whether there is enough."""
         try:
             self._records.make_room(k, int(self._memory[k].array("neighbors.total")[0]))
         except SimulationError as error:
@@ -79,19 +85,64 @@ class Service:
 
     def look_for_proof(self, k: int, step: int) -> None:
         """Name the grains of scene k that cannot fit after an unconverged step, of this number."""
-        proof = find_proof(self._scenes[k], self._memory[k], "last_position", "velocity")
+        proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity")
         wait = 0 if proof else iterations_worth_a_search(self._scenes[k].n)
         self._memory[k].record["to_search"] = wait
         if proof:
             self.proofs[k].append((step, proof.grains))
 
     def explain(self, k: int, outcome: int, done: int) -> None:
-        """Say why the step of scene k that follows on so many failed."""
+        """Keep why the step of scene k after `done` steps failed."""
         scene = self._scenes[k]
-        why = self.errors[k] if outcome == REFUSED else reason(scene, self._memory[k], outcome)
+        why = self.errors[k] if outcome == REFUSED else _reason(scene, self._memory[k], outcome)
         self.errors[k] = f"step {done + 1}, from t = {done * scene.dt} s: {why}"
 
     def give_up(self, k: int) -> None:
-        """Take back what the unfinished step of scene k did."""
+        """Undo the unfinished step of scene k."""
         self._memory[k].give_up_step()
         self._records.push(k)
+
+
+def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
+    """Return why the step of a scene failed with such an outcome."""
+    if outcome == NOT_CONVERGED:
+        return _not_converged(scene, memory)
+    grain = int(memory.record["verlet"]["flags"]["bad_grain"])
+    velocity = memory.array("grains.next_velocity")[grain].tolist()
+    reached = f"grain {grain} reached a velocity of {velocity} m/s"
+    if outcome == NOT_FINITE:
+        return f"{reached}: {_excess(scene, velocity)}"
+    circle = scene.radius_out - scene.radius[grain].item()
+    return (
+        f"{reached} along the round wall: in a step of {scene.dt} s, it leaves the circle of {circle} m on"
+        " which it touches the wall"
+    )
+
+
+def _excess(scene: Scene, velocity: list[float]) -> str:
+    """Return why a step cannot move a grain with such a velocity [m/s]."""
+    if not all(map(isfinite, velocity)):
+        return "it is not finite"
+    path = scene.dt * max(map(abs, velocity))
+    return (
+        f"in a step of {scene.dt} s it would move by {path:.3g} m, out of the domain of radius"
+        f" {scene.radius_out} m, and the square of that is not finite"
+    )
+
+
+def _not_converged(scene: Scene, memory: SceneMemory) -> str:
+    proof = _find_proof(scene, memory, "position", "next_velocity")
+    grains = "" if proof is None else f": {named(proof.grains)} cannot fit, {proof}"
+    iterations, zeta, residual = (
+        memory.record["step"][name].item() for name in ("iterations", "zeta", "residual")
+    )
+    return (
+        f"not converged after {iterations} iterations: zeta {zeta:.3e} m/s, residual {residual:.3e} m/s,"
+        f" tolerance {scene.tolerance:.3e} m/s{grains}"
+    )
+
+
+def _find_proof(scene: Scene, memory: SceneMemory, position: str, velocity: str) -> InfeasibilityProof | None:
+    """Look for a proof that no velocities solve the step from these positions, beginning at these."""
+    where, how = memory.array(f"grains.{position}"), memory.array(f"grains.{velocity}")
+    return find_infeasibility_proof(scene, where, how, memory.corrections())

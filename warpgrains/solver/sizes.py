@@ -59,7 +59,15 @@ class Sizes:
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([not scene.has_equal_masses for scene in scenes], np.int64)
         walls = np.array([1 + len(scene.discs) for scene in scenes])
-        return cls(n, first_pairs(n) + n * walls, walls, weighted, int(scenes[0].method != "gauss-seidel"), team, partials)
+        return cls(
+            n,
+            first_pairs(n) + n * walls,
+            walls,
+            weighted,
+            int(scenes[0].method != "gauss-seidel"),
+            team,
+            partials,
+        )
 
     @property
     def is_dealt(self) -> bool:

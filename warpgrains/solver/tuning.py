@@ -1,4 +1,4 @@
-"""What a scene's lists are made with, and what it runs on: numbers chosen by measuring."""
+"""Numbers chosen by measuring: for the lists of a scene, its device and its threads."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gai
 
 
 def first_skin(scene: Scene) -> float:
-    """Return how far grains may at first stray before a list is built anew [m]."""
+    """Return how far grains may at first stray before a list is rebuilt [m]."""
     return BASE_SKIN * scene.smallest_radius
 
 
@@ -91,7 +91,7 @@ def patience(scene: Scene) -> int:
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return how many threads share a scene on a CPU, at most: so many as are wanted, or else as pay.
+    """Return how many threads share a scene on a CPU, at most: as many as are wanted, or else as pay.
 
     Tiles of few grains are dealt to few threads: there are some 30 segments a thread, each of which asks how
     far every other thread is, also where one thread sweeps them all.

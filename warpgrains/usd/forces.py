@@ -9,9 +9,8 @@ from pxr import Sdf, Usd, UsdGeom
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, chains_of
 from warpgrains.drawing.colors import Frame
-from warpgrains.drawing.values import covering_extent, triples
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.looks import bind_look, set_kind
+from warpgrains.usd.stage import bind_material, covering_extent, set_kind, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -47,7 +46,7 @@ class ForceChains:
         primvars.CreatePrimvar("force", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.uniform)
         for name in GRAINS_OF:
             primvars.CreatePrimvar(name, Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.uniform)
-        bind_look(bands.GetPrim(), np.array(CHAIN_COLOR))
+        bind_material(bands.GetPrim(), np.array(CHAIN_COLOR))
         set_kind(bands.GetPrim(), "subcomponent")
 
     def samples(self, frame: Frame) -> Arrays:

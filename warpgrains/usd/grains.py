@@ -8,12 +8,10 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import IndexArray
-from warpgrains.drawing.colormaps import linear
-from warpgrains.drawing.colors import Frame, GrainColors, pressure
+from warpgrains.drawing.colors import Frame, GrainColors, linear, pressure
 from warpgrains.drawing.shapes import Shape
-from warpgrains.drawing.values import covering_extent, triples
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.looks import PROTOTYPES, bind_look, define_mesh, set_kind
+from warpgrains.usd.stage import PROTOTYPES, bind_material, covering_extent, define_mesh, set_kind, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -96,7 +94,7 @@ class GrainPoints:
         grains.CreateWidthsAttr(Vt.FloatArray.FromNumpy(diameter[:1] if all_equal else diameter))
         grains.SetWidthsInterpolation(UsdGeom.Tokens.constant if all_equal else UsdGeom.Tokens.vertex)
         grains.CreatePointsAttr()
-        bind_look(grains.GetPrim())
+        bind_material(grains.GetPrim())
         return grains.GetPrim()
 
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:

@@ -11,14 +11,13 @@ from pxr import Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale
-from warpgrains.drawing.colormaps import encoded
-from warpgrains.drawing.colors import ColorScale
+from warpgrains.drawing.colors import ColorScale, encoded
 from warpgrains.errors import SceneError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS
 from warpgrains.usd.output import RECORDED_BY
-from warpgrains.usd.walls import read_walls
+from warpgrains.usd.stage import read_walls
 
 Values = NDArray[Any]
 

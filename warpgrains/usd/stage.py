@@ -1,22 +1,39 @@
-"""What a recording shows: the grains and force chains of every frame, and what stands still around them."""
+"""All of a recording that no frame changes, and what drawings share: material, meshes, arrays as float32."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from pxr import Sdf, Usd, UsdGeom, UsdPhysics
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 
 import warpgrains
-from warpgrains.drawing.colors import Frame
+from warpgrains.arrays import FloatArray
+from warpgrains.drawing.colors import Frame, linear
+from warpgrains.drawing.shapes import WALL_COLOR, Shape, ring, rings
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.document import parameters_text
-from warpgrains.usd.looks import CAMERA, define_looks, set_kind
+from warpgrains.scene.walls import Annulus
 from warpgrains.usd.output import RECORDED_BY
-from warpgrains.usd.walls import define_walls, reach_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
+
+PROTOTYPES = Sdf.Path("/World/Prototypes")
+"""Shapes that are drawn where grains are instances of them: a class, which is not drawn itself."""
+WALLS = Sdf.Path("/World/Walls")
+MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
+CAMERA = Sdf.Path("/World/main_cam")
+"""By this name usdview and usdrecord know the camera to look through."""
+
+_MARGIN = 1.05  # half-width of the picture, in that of what is to be seen
+_FOCAL_LENGTH = 50.0
+_APERTURE = 24.0
+_SKY = 0.4  # share of the light; it is also how bright the background is, where a viewer shows one
+_FROM_FRONT = (1.0 - _SKY) * 0.7853981633974483  # pi / 4: in Blender, what faces both has its own color
+_INFINITY = np.float32(np.inf)
 
 
 class Drawing(Protocol):
@@ -58,8 +75,118 @@ def static_layer(
         },
         "cameraSettings": {"boundCamera": str(CAMERA)},  # Omniverse looks through it
     }
-    define_looks(stage, reach_of(scene.walls))
+    _define_material(stage)
+    _define_lights(stage)
+    _define_camera(stage, _MARGIN * max(outer for _, outer in rings(scene.walls).values()))
     for drawing in drawings:
         drawing.define(stage)
-    define_walls(stage, scene.walls)
+    _define_walls(stage, scene.walls)
     return layer
+
+
+def _define_material(stage: Usd.Stage) -> None:
+    UsdGeom.Scope.Define(stage, MATERIAL.GetParentPath())
+    material = UsdShade.Material.Define(stage, MATERIAL)
+    surface = UsdShade.Shader.Define(stage, MATERIAL.AppendChild("Surface"))
+    surface.CreateIdAttr("UsdPreviewSurface")
+    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(1.0)
+    surface.CreateInput("useSpecularWorkflow", Sdf.ValueTypeNames.Int).Set(1)
+    surface.CreateInput("specularColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(0.0))
+    reader = UsdShade.Shader.Define(stage, MATERIAL.AppendChild("Color"))
+    reader.CreateIdAttr("UsdPrimvarReader_float3")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+    color = reader.CreateOutput("result", Sdf.ValueTypeNames.Float3)
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(color)
+    shown = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    material.CreateSurfaceOutput().ConnectToSource(shown)
+
+
+def bind_material(prim: Usd.Prim, color: FloatArray | None = None) -> None:
+    """Give a prim the material, and one color (sRGB), unless it has colors of its own."""
+    if color is not None:
+        value = Vt.Vec3fArray([Gf.Vec3f(*linear(color).tolist())])
+        UsdGeom.Gprim(prim).CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(value)
+    material = UsdShade.Material.Get(prim.GetStage(), MATERIAL)
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+
+
+def define_mesh(stage: Usd.Stage, path: Sdf.Path, shape: Shape, color: FloatArray) -> None:
+    """Define a mesh of one color (sRGB), with the material."""
+    mesh, tokens = UsdGeom.Mesh.Define(stage, path), UsdGeom.Tokens
+    points = Vt.Vec3fArray.FromNumpy(shape.points.astype(np.float32))
+    mesh.CreatePointsAttr(points)
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(shape.counts.astype(np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(shape.corners.astype(np.int32)))
+    mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(shape.normals.astype(np.float32)))
+    of_points = len(shape.normals) == len(points)
+    mesh.SetNormalsInterpolation(tokens.vertex if of_points else tokens.faceVarying)
+    mesh.CreateSubdivisionSchemeAttr(tokens.none)
+    mesh.CreateDoubleSidedAttr(True)
+    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    bind_material(mesh.GetPrim(), color)
+
+
+def set_kind(prim: Usd.Prim, kind: str) -> None:
+    """Set the kind of a prim, such as "component"."""
+    Usd.ModelAPI(prim).SetKind(getattr(Kind.Tokens, kind))
+
+
+def _define_lights(stage: Usd.Stage) -> None:
+    """Define a bright sky, and a light along the view, whose power does not depend on its size."""
+    sky = UsdLux.DomeLight.Define(stage, "/World/Sky")
+    sky.CreateIntensityAttr(_SKY)
+    sky.CreateColorAttr(Gf.Vec3f(1.0))  # Blender ignores a sky without a color
+    light = UsdLux.DistantLight.Define(stage, "/World/Light")
+    light.CreateIntensityAttr(_FROM_FRONT)
+    light.CreateNormalizeAttr(True)
+
+
+def _define_camera(stage: Usd.Stage, shown: float) -> None:
+    """Define a perspective camera on the z axis: Blender misreads the aperture of an orthographic one.
+
+    The aperture is square, and higher than wide by the last bits: so Blender fits it to the height of
+    pictures, and all is seen in square and in wide ones.
+    """
+    distance = shown * 2.0 * _FOCAL_LENGTH / _APERTURE
+    camera = UsdGeom.Camera.Define(stage, CAMERA)
+    camera.AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, distance))
+    camera.CreateProjectionAttr(UsdGeom.Tokens.perspective)
+    camera.CreateFocalLengthAttr(_FOCAL_LENGTH)
+    camera.CreateHorizontalApertureAttr(_APERTURE)
+    camera.CreateVerticalApertureAttr(_APERTURE * (1.0 + 1e-6))
+    camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
+
+
+def _define_walls(stage: Usd.Stage, walls: Annulus) -> None:
+    """Author the prims of the walls, outside the space that they leave to the grains."""
+    set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
+    for name, (inner, outer) in rings(walls).items():
+        define_mesh(stage, WALLS.AppendChild(name), ring(inner, outer), np.array(WALL_COLOR))
+
+
+def read_walls(stage: Usd.Stage) -> list[tuple[float, float]]:
+    """Return inner and outer radius of each wall, as thick as it is drawn [m]."""
+    walls = stage.GetPrimAtPath(WALLS).GetChildren()
+    points = [np.array(wall.GetAttribute("points").Get(), dtype=np.float64) for wall in walls]
+    return [(float(rho.min()), float(rho.max())) for rho in (np.hypot(*ring[:, :2].T) for ring in points)]
+
+
+def triples(values: NDArray[Any]) -> NDArray[np.float32]:
+    """Return values, shape (n, 2), as the file shows them: float32, shape (n, 3), the third component 0."""
+    shown = np.zeros((len(values), 3), dtype=np.float32)
+    shown[:, :2] = values
+    return shown
+
+
+def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the float32 box [m] that covers spheres, rounded outwards.
+
+    Centres [m], shape (n, 3), n >= 1, and half the widths [m], shape (n,), are as the file shows them.
+    """
+    edges = np.empty((3, len(shown)))  # a row a component: NumPy reduces long rows much faster
+    box = np.empty((2, 3), dtype=np.float32)
+    low = np.subtract(shown.T, half_width, out=edges).min(axis=1)
+    np.nextafter(low.astype(np.float32), -_INFINITY, out=box[0])
+    high = np.add(shown.T, half_width, out=edges).max(axis=1)
+    np.nextafter(high.astype(np.float32), _INFINITY, out=box[1])
+    return box

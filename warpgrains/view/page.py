@@ -1,10 +1,11 @@
-"""The page: keys and buttons, sliders, numbers and curves beside the grains, and the loop that plays."""
+"""The page: keys and buttons, sliders, numbers and curves next to the grains, and the loop that plays."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from contextlib import redirect_stdout, suppress
+from html import escape
 from io import StringIO
 from queue import Empty, SimpleQueue
 from threading import Thread
@@ -15,7 +16,7 @@ import viser
 from viser import uplot
 
 from warpgrains.errors import SceneError
-from warpgrains.view.legend import legend, table
+from warpgrains.pictures.shots import Setting
 from warpgrains.view.players import AXES, Live, Player, Recorded
 from warpgrains.view.server import HOST, serve_page
 from warpgrains.view.stage import Stage
@@ -28,10 +29,9 @@ _MOST_SPEED = 10.0
 
 
 class Page:
-    """A page of this machine alone; what it does is done by `run`, in one thread, between two steps.
+    """A page for this machine alone, whose actions `run` performs in one thread, between two steps.
 
-    The server hears keys in threads of its own and puts them in a queue: however slow a step is, the page
-    answers, and what was asked for is done after it.
+    The threads of the server receive keys and queue actions, so that the page answers however slow a step is.
 
     Parameters
     ----------
@@ -44,7 +44,8 @@ class Page:
         self._player = player
         self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self.is_playing = False
-        self._speed, self._color_by, self._forces = 1.0, "speed", player.setting.chain_scale is not None
+        self._speed, has_chains = 1.0, player.setting.chain_scale is not None
+        self._style: dict[str, Any] = {"color_by": "speed", "forces": has_chains}
         self._server = serve_page(port, f"warpgrains: {player.name}")
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
@@ -55,7 +56,7 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Where a browser finds it."""
+        """Address of the page."""
         return f"http://{HOST}:{self._server.get_port()}"
 
     def run(self, announce: Callable[[str], None] = lambda url: None) -> None:
@@ -75,7 +76,7 @@ class Page:
                 self._server.stop()
 
     def _play(self) -> None:
-        """Go on by a frame, as long as it is to be seen."""
+        """Advance by a frame, and wait for the rest of its time."""
         start = time.perf_counter()
         self._player.advance(max(1, round(self._speed / _FRAMES / self._player.dt)))
         self.is_playing = not self._player.is_over
@@ -83,7 +84,7 @@ class Page:
         time.sleep(max(0.0, 1.0 / _FRAMES - (time.perf_counter() - start)))
 
     def start(self) -> Self:
-        """Play in a thread of its own."""
+        """Play in a new thread."""
         self._thread = Thread(target=self.run, daemon=True)
         self._thread.start()
         return self
@@ -96,24 +97,15 @@ class Page:
         return f'<iframe src="{self.url}" width="100%" height="600"></iframe>'
 
     def _ask(self, what: Callable[[], None]) -> Callable[[Any], None]:
-        """Return what a key does: it has `what` done between two steps."""
+        """Return the callback of a key: it queues `what`."""
         return lambda _: self._asked.put(what)
 
     def _resume(self) -> None:
         self.is_playing = not self._player.is_over
 
-    def _stop(self) -> None:
+    def _pause(self, then: Callable[[], None] = lambda: None) -> None:
         self.is_playing = False
-        self._show(texts=True)
-
-    def _step(self) -> None:
-        self.is_playing = False
-        self._player.advance(1)
-        self._show(texts=True)
-
-    def _restart(self) -> None:
-        self.is_playing = False
-        self._player.restart()
+        then()
         self._show(texts=True)
 
     def _go_to(self, frame: int) -> None:
@@ -121,16 +113,17 @@ class Page:
         self._player.advance(frame)
         self._show(texts=True)
 
-    def _dress(self) -> None:
-        with suppress(SceneError):  # a coloring that there is not
-            self._player.dress(self._color_by, self._forces)
+    def _set_style(self, **style: Any) -> None:
+        self._style |= style
+        with suppress(SceneError):  # a coloring that does not exist
+            self._player.set_style(**self._style)
         self._show(texts=True)
 
     def _change(self, field: str, value: Any) -> None:
         assert isinstance(self._player, Live)
         with suppress(SceneError):  # such as a drag that is too large for the time step
             self._player.change(**{field: value})
-            self._dress()
+            self._set_style()
 
     def _show(self, texts: bool) -> None:
         with self._server.atomic():
@@ -141,8 +134,8 @@ class Page:
         state = "running" if self.is_playing else "stopped"
         rows = self._player.readout()
         error = rows.pop("error", None)
-        self._readout.content = table({"state": state, **rows})
-        self._legend.content = legend(self._player.setting, error)
+        self._readout.content = _table({"state": state, **rows})
+        self._legend.content = _legend(self._player.setting, error)
         self._run.label = f"{'resume' if self._player.steps else KEYS['R']} (R)"
         for title, (places, values) in self._player.curves().items():
             self._curves[title].visible = len(places) > 1
@@ -151,7 +144,13 @@ class Page:
 
     def _add_controls(self) -> None:
         gui = self._server.gui
-        actions = (self._resume, self._stop, self._step, self._restart)
+        player = self._player
+        actions: tuple[Callable[[], None], ...] = (
+            self._resume,
+            self._pause,
+            lambda: self._pause(lambda: player.advance(1)),
+            lambda: self._pause(player.restart),
+        )
         buttons = []
         for (key, name), action in zip(KEYS.items(), actions, strict=True):
             buttons.append(gui.add_button(f"{name} ({key})"))
@@ -162,28 +161,20 @@ class Page:
         speed = gui.add_slider(
             "playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time: a second takes a second"
         )
-        speed.on_update(lambda event: setattr(self, "_speed", _value(event.target)))
-        if self._player.colorings:
-            colors = gui.add_dropdown("color by", self._player.colorings, initial_value=self._color_by)
-            colors.on_update(lambda event: self._wear(color_by=str(event.target.value)))
-        if self._player.has_chains:
-            chains = gui.add_checkbox("force chains", self._forces)
-            chains.on_update(lambda event: self._wear(forces=bool(event.target.value)))
-        if isinstance(self._player, Live):
-            self._add_physics(self._player)
-        if isinstance(self._player, Recorded):
-            frame = gui.add_slider("frame", 0, max(self._player.last, 1), 1, 0)
-            frame.on_update(lambda event: self._asked.put(lambda: self._go_to(round(_value(event.target)))))
+        speed.on_update(lambda _: setattr(self, "_speed", _value(speed)))
+        if player.colorings:
+            colors = gui.add_dropdown("color by", player.colorings, initial_value="speed")
+            colors.on_update(self._ask(lambda: self._set_style(color_by=str(colors.value))))
+        if player.has_chains:
+            chains = gui.add_checkbox("force chains", self._style["forces"])
+            chains.on_update(self._ask(lambda: self._set_style(forces=bool(chains.value))))
+        if isinstance(player, Live):
+            self._add_physics(player)
+        if isinstance(player, Recorded):
+            frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
+            frame.on_update(self._ask(lambda: self._go_to(round(_value(frame)))))
         self._legend = gui.add_html("")  # below the sliders, which stay where they are when it grows
-        self._curves = {title: self._add_curve(title) for title in self._player.curves()}
-
-    def _wear(self, **worn: Any) -> None:
-        def dress() -> None:
-            self._color_by = worn.get("color_by", self._color_by)
-            self._forces = worn.get("forces", self._forces)
-            self._dress()
-
-        self._asked.put(dress)
+        self._curves = {title: self._add_curve(title) for title in player.curves()}
 
     def _add_physics(self, player: Live) -> None:
         """Add sliders of drag, gravity and tolerance; each begins at the scene's value."""
@@ -230,3 +221,29 @@ def _value(slider: viser.GuiInputHandle[Any]) -> float:
 def _vector(size: float, degrees: float) -> tuple[float, float]:
     angle = np.radians(degrees)
     return float(size * np.cos(angle)), float(size * np.sin(angle))
+
+
+def _table(rows: dict[str, str]) -> str:
+    """Return names and values as a table; a value's element has the class "value" and its name as data."""
+    cells = (
+        f'<tr><td style="width: 50%">{escape(name)}</td>'
+        f'<td class="value" data-name="{escape(name)}">{escape(value)}</td></tr>'
+        for name, value in rows.items()
+    )
+    return f'<table style="width: 100%; font-size: 0.8em; margin: 0.4em 1em">{"".join(cells)}</table>'
+
+
+def _legend(setting: Setting, error: str | None = None) -> str:
+    """Return why the run has ended, the colors with range and unit, and the force of the widest chains."""
+    lines = [] if error is None else [f'<div style="color: #c00000">{escape(error)}</div>']
+    if setting.scale is not None:
+        scale = setting.scale
+        colors = ", ".join(f"rgb({r:.0f} {g:.0f} {b:.0f})" for r, g, b in 255.0 * scale.colors()[::7])
+        bar = f"height: 0.8em; background: linear-gradient(to right, {colors})"
+        ends = f"<span>{scale.low:.3g}</span><span>{scale.label}</span><span>{scale.high:.3g}</span>"
+        lines.append(f'<div style="{bar}"></div>')
+        lines.append(f'<div style="display: flex; justify-content: space-between">{ends}</div>')
+    if setting.chain_scale is not None:
+        force, width = setting.chain_scale.force, setting.chain_scale.width
+        lines.append(f"<div>force chains: {force:.2g} N or more is {width:.2g} m wide</div>")
+    return f'<div class="legend" style="font-size: 0.8em; margin: 0.4em 1em">{"".join(lines)}</div>'

@@ -1,16 +1,16 @@
-"""What the window plays: a simulation, step by step, or the frames of a recording."""
+"""Players for the page: a simulation, step by step, or the frames of a recording."""
 
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import COLORINGS
 from warpgrains.errors import SimulationError
-from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
+from warpgrains.pictures.shots import Painter, Shot, setting_of, shot_of
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 
@@ -31,43 +31,6 @@ _REMEMBERED = 500  # steps, in the curve of energy
 _LEAST = 1e-16  # zeta that is plotted [m/s]
 
 
-class Player(Protocol):
-    """Something that moves in steps of `dt` [s]."""
-
-    name: str
-    dt: float
-    setting: Setting
-    colorings: tuple[str, ...]
-    has_chains: bool
-    """Whether force chains can be drawn."""
-
-    @property
-    def steps(self) -> int:
-        """Where it is."""
-
-    @property
-    def is_over(self) -> bool:
-        """Whether it cannot go on."""
-
-    def advance(self, steps: int) -> None:
-        """Go on."""
-
-    def restart(self) -> None:
-        """Go back to the start."""
-
-    def dress(self, color_by: str, forces: bool) -> None:
-        """Color grains by a quantity, and draw force chains or not."""
-
-    def shot(self) -> Shot:
-        """Return what is to be seen."""
-
-    def readout(self) -> dict[str, str]:
-        """Return what there is to tell, by its name."""
-
-    def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Return what is to be plotted: by title, places and values."""
-
-
 class Live:
     """A simulation. What is played is what `Simulation.run` simulates, to the last bit."""
 
@@ -77,7 +40,7 @@ class Live:
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
         self.name, self.dt = simulation.scene.name, simulation.scene.dt
-        self.dress("speed", forces=False)
+        self.set_style("speed", forces=False)
         self._forget()
 
     def _forget(self) -> None:
@@ -87,7 +50,7 @@ class Live:
 
     @property
     def scene(self) -> Scene:
-        """What is simulated."""
+        """Scene of the simulation."""
         return self._simulation.scene
 
     @property
@@ -101,7 +64,7 @@ class Live:
         return self.error is not None
 
     def advance(self, steps: int) -> None:
-        """Take some steps; the last is told of."""
+        """Take some steps, and keep the report of the last."""
         try:
             if steps > 1:
                 self._simulation.advance(steps - 1)
@@ -120,7 +83,7 @@ class Live:
         """Go on with some fields of the scene changed."""
         self._simulation.change(**fields)
 
-    def dress(self, color_by: str, forces: bool) -> None:
+    def set_style(self, color_by: str, forces: bool) -> None:
         """Color grains by a quantity, and draw force chains or not."""
         self._painter = Painter(self._simulation.scene, color_by, forces)
         self.setting = self._painter.setting
@@ -182,7 +145,7 @@ class Recorded:
         """Go back to the first frame."""
         self.steps = 0
 
-    def dress(self, color_by: str, forces: bool) -> None:
+    def set_style(self, color_by: str, forces: bool) -> None:
         """Draw force chains or not; the colors are those of the file."""
         self._forces = forces
 
@@ -199,5 +162,9 @@ class Recorded:
         return told
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Return nothing: a recording holds no masses and no iterations."""
+        """Return none: these are of a simulation."""
         return {}
+
+
+Player = Live | Recorded
+"""What a page plays, in steps of `dt` [s]."""

@@ -1,12 +1,13 @@
-"""What the page draws: walls, grains as discs of their true radii, force chains."""
+"""The drawing of the page: walls, grains as discs of their true radii, force chains."""
 
 import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colormaps import linear
-from warpgrains.drawing.rings import WALL_COLOR
+from warpgrains.drawing.colors import linear
+from warpgrains.drawing.shapes import WALL_COLOR, ring
 from warpgrains.pictures.shots import Setting, Shot
 
 _SEGMENTS = 48  # of a circle
@@ -28,7 +29,8 @@ class Stage:
         self._scene.configure_environment_map(None)
         self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors as they are
         for number, (inner, outer) in enumerate(setting.walls):
-            self._add_ring(f"/walls/{number}", inner, outer)
+            wall = ring(inner, outer)
+            self._add_mesh(f"/walls/{number}", wall.points, wall.corners, WALL_COLOR)
         grains = len(setting.radius)
         corners, faces = _disc()
         self._grains = self._scene.add_batched_meshes_simple(
@@ -55,34 +57,25 @@ class Stage:
         if shot.chains is not None and len(shot.chains.force):
             corners = shot.chains.corners().reshape(-1, 2)
             raised = np.concatenate([corners, np.full((len(corners), 1), 0.01)], axis=1)
-            first = 4 * np.arange(len(shot.chains.force))[:, np.newaxis, np.newaxis]
-            faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-            self._add_mesh(_CHAINS, raised, faces, CHAIN_COLOR)
+            self._add_mesh(_CHAINS, raised, np.arange(len(corners)), CHAIN_COLOR)
             self._has_chains = True
         elif self._has_chains:
             self._scene.remove_by_name(_CHAINS)
             self._has_chains = False
 
-    def _add_ring(self, name: str, inner: float, outer: float) -> None:
-        angle = np.linspace(0.0, 2.0 * np.pi, 4 * _SEGMENTS, endpoint=False)
-        circle = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-        here = np.arange(len(angle))
-        onward, outside = np.roll(here, -1), here + len(angle)
-        halves = (here, outside, onward), (onward, outside, onward + len(angle))
-        faces = np.concatenate([np.stack(half, axis=1) for half in halves])
-        self._add_mesh(name, np.concatenate([inner * circle, outer * circle]), faces, WALL_COLOR)
-
     def _add_mesh(
         self,
         name: str,
-        corners: NDArray[np.float64],
-        faces: NDArray[np.int64],
+        points: FloatArray,
+        corners: IndexArray,
         color: tuple[float, float, float],
     ) -> None:
+        """Add a mesh of quadrilaterals."""
+        faces = corners.reshape(-1, 4)[:, [[0, 1, 2], [0, 2, 3]]]
         self._scene.add_mesh_simple(
             name,
-            corners.astype(np.float32),
-            faces.astype(np.uint32),
+            points.astype(np.float32),
+            faces.reshape(-1, 3).astype(np.uint32),
             color=color,
             side="double",
             cast_shadow=False,

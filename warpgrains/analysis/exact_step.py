@@ -27,25 +27,17 @@ from scipy.spatial import cKDTree
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
-from warpgrains.scene.geometry import pair_gaps, pair_normals
+from warpgrains.scene.geometry import pair_gaps
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.solver import interior_point
-from warpgrains.solver.projection import NormalMatrix, Projection
+from warpgrains.solver.constraints import StepConstraints
+from warpgrains.solver.projection import NormalMatrix, Projection, projection_of
 
 TOLERANCE = 1e-14  # asked of the library, which stops where rounding does not let it go further
 REGULARIZATION = 1e-12  # of its matrix: with its default, 1e-8, it stops at a gap of some 1e-6
 ATTEMPTS = 5  # at a point that violates nothing
 REACH = 1.5  # of the speeds that are known: how fast a grain may be before constraints must be added
-
-
-class LinearConstraints(NamedTuple):
-    """Rows of J v <= b."""
-
-    rows: sparse.csr_array
-    """J, shape (m, 2 n): v_n of every contact, of velocities (x_0, y_0, x_1, ...) [m/s]."""
-    bound: FloatArray
-    """b = gap / dt [m/s], shape (m,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,23 +55,17 @@ class StepProblem:
         """v* (eq. 2, or 16 and 17) [m/s], shape (n, 2)."""
         return free_velocity(self.scene, self.velocity, self.staggered)
 
-    def constraints(self, speed: FloatArray, sliding: FloatArray) -> LinearConstraints:
-        """Return all constraints that velocities can violate if no grain is faster than its speed [m/s].
+    def projection(self, speed: FloatArray, sliding: FloatArray) -> Projection:
+        """Return it with all constraints that can be violated if no grain is faster than its speed [m/s].
 
         Where the outer wall is round, its gaps are those of grains that slide with these velocities [m/s],
         shape (n, 2) (eq. 18).
         """
-        scene, position, reach = self.scene, self.position, self.scene.dt * speed
-        i, j = pairs_within(position, scene.radius, reach).T
-        normal = pair_normals(position, i, j)
-        rows = [_rows(scene.n, i, normal) - _rows(scene.n, j, normal)]  # (v_i - v_j) . n <= gap / dt
-        gaps = [pair_gaps(position, scene.radius, i, j)]
-        walls = scene.walls.seen_from(position, scene.radius, scene.dt * sliding)
-        for wall in walls:  # v . n <= gap / dt, n into the wall
-            i = np.flatnonzero(wall.gap <= reach)
-            rows.append(_rows(scene.n, i, wall.normal[i]))
-            gaps.append(wall.gap[i])
-        return LinearConstraints(sparse.vstack(rows, format="csr"), np.concatenate(gaps) / scene.dt)
+        scene, position = self.scene, self.position
+        pair = pairs_within(position, scene.radius, scene.dt * speed)
+        every = StepConstraints.at(scene, position, pair, np.arange(scene.n), scene.dt * sliding)
+        near = every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
+        return projection_of(near, self.free_velocity)
 
 
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:
@@ -95,14 +81,6 @@ def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) ->
     return pair[pair_gaps(position, radius, i, j) <= reach[i] + reach[j]]
 
 
-def _rows(n: int, grain: IndexArray, normal: FloatArray) -> sparse.csr_array:
-    """Return the rows that take v_grain . normal, shape (m, 2 n)."""
-    column = np.stack([2 * grain, 2 * grain + 1], axis=1).ravel()
-    return sparse.csr_array(
-        (normal.ravel(), column, 2 * np.arange(len(grain) + 1)), shape=(len(grain), 2 * n)
-    )
-
-
 class ExactStep(NamedTuple):
     """The velocities that a step has, as far as they can be proven."""
 
@@ -112,19 +90,7 @@ class ExactStep(NamedTuple):
     """What no component of them is further than from the exact ones [m/s]."""
 
 
-class _Projection(NamedTuple):
-    """min 1/2 |y|^2 subject to A y <= h."""
-
-    rows: sparse.csc_array
-    bound: FloatArray
-
-    def slack(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return h - A y, and its rounding: of a sum of at most four products, and of a difference."""
-        eps = np.finfo(float).eps
-        return self.bound - self.rows @ y, eps * (3.0 * abs(self.rows) @ abs(y) + abs(self.bound))
-
-
-Witness = Callable[["_Projection"], tuple[FloatArray, FloatArray]]
+Witness = Callable[[Projection], tuple[FloatArray, FloatArray]]
 """What finds a point y near 0 that satisfies all constraints, and multipliers z >= 0."""
 
 
@@ -142,46 +108,45 @@ def solve_exactly(problem: StepProblem, velocity: FloatArray, witness: Witness |
     """
     speed = REACH * np.maximum(np.hypot(*problem.free_velocity.T), np.hypot(*velocity.T))
     while True:
-        exact = _solve(problem, problem.constraints(speed, velocity), witness or _ask)
+        exact = _solve(problem, problem.projection(speed, velocity), witness or _ask)
         found = np.hypot(*exact.velocity.T)
         if (found <= speed).all():  # whoever is not constrained is out of reach
             return exact
         speed = np.maximum(speed, REACH * found)
 
 
-def _solve(problem: StepProblem, constraints: LinearConstraints, witness: Witness) -> ExactStep:
-    """Solve a step for given constraints."""
+def _solve(problem: StepProblem, step: Projection, witness: Witness) -> ExactStep:
     root = np.sqrt(np.repeat(problem.scene.contact_mass, 2))
-    free = problem.free_velocity.ravel()
-    scale = float(np.abs(root * free).max()) or float(root.max())
-    rows = constraints.rows @ sparse.diags_array(1.0 / root)
-    length = sparse.linalg.norm(rows, axis=1)
-    rows = sparse.csc_array(sparse.diags_array(1.0 / length) @ rows)
-    bound = (constraints.bound - constraints.rows @ free) / (length * scale)
-    y, error = _project(_Projection(rows, bound), witness)
+    scale = float(np.abs(step.free).max()) or float(root.max())
+    bound = (step.bound - step.rows @ step.free) / scale
+    y, error = _project(Projection(step.rows, bound, np.zeros_like(step.free), np.ones_like(bound)), witness)
     unit = scale / root
-    return ExactStep((free + unit * y).reshape(-1, 2), error * float(unit.max()))
+    velocity = problem.free_velocity + (unit * y).reshape(-1, 2)
+    return ExactStep(velocity, error * float(unit.max()))
 
 
-def _project(projection: _Projection, witness: Witness) -> tuple[FloatArray, float]:
+def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, float]:
     """Return a point of the polyhedron, and how far it may be from the one nearest to 0."""
-    if not (projection.bound < 0.0).any():
-        return np.zeros(projection.rows.shape[1]), 0.0
+    rows, bound = projection.rows, projection.bound
+    if not (bound < 0.0).any():
+        return projection.free, 0.0
     tightening = 0.0
     for _ in range(ATTEMPTS):
-        y, z = witness(projection._replace(bound=projection.bound - tightening))
-        slack, rounding = projection.slack(y)
+        y, z = witness(projection._replace(bound=bound - tightening))
+        slack = bound - rows @ y
+        # of a sum of at most four products, and of a difference
+        rounding = np.finfo(float).eps * (3.0 * abs(rows) @ abs(y) + abs(bound))
         short = np.max(rounding - slack)
         if short <= 0.0:
-            gap = np.sum((y + projection.rows.T @ z) ** 2) + 2.0 * z @ (slack + rounding)
+            gap = np.sum((y + rows.T @ z) ** 2) + 2.0 * z @ (slack + rounding)
             return y, float(np.sqrt(gap))
         tightening += 2.0 * short
     raise SimulationError("the exact velocities were not found: no answer satisfies every gap")
 
 
-def _ask(projection: _Projection) -> tuple[FloatArray, FloatArray]:
+def _ask(projection: Projection) -> tuple[FloatArray, FloatArray]:
     """Return the library's y, and its z where it is not negative."""
-    unknowns = projection.rows.shape[1]
+    unknowns, rows = len(projection.free), sparse.csc_array(projection.rows)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
@@ -190,19 +155,14 @@ def _ask(projection: _Projection) -> tuple[FloatArray, FloatArray]:
     settings.static_regularization_constant = REGULARIZATION
     square = sparse.csc_array(sparse.eye_array(unknowns))
     cone = [clarabel.NonnegativeConeT(len(projection.bound))]
-    answer = clarabel.DefaultSolver(
-        square, np.zeros(unknowns), projection.rows, projection.bound, cone, settings
-    ).solve()
+    answer = clarabel.DefaultSolver(square, projection.free, rows, projection.bound, cone, settings).solve()
     if "Infeasible" in str(answer.status):
         raise SimulationError("no velocities satisfy every gap of the step: the grains do not fit")
     return np.array(answer.x), np.maximum(answer.z, 0.0)
 
 
-def own_witness(projection: _Projection) -> tuple[FloatArray, FloatArray]:
+def own_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
     """Return y and z by the interior point method of the package, from nothing."""
-    rows = sparse.csr_array(projection.rows)
-    count, unknowns = rows.shape
-    problem = Projection(rows, projection.bound, np.zeros(unknowns), np.ones(count))
-    matrix = NormalMatrix(rows)
-    z = interior_point.solve(problem, matrix, np.zeros(count), TOLERANCE).q
-    return -(rows.T @ z), z
+    nothing = np.zeros_like(projection.bound)
+    z = interior_point.solve(projection, NormalMatrix(projection.rows), nothing, TOLERANCE).q
+    return -(projection.rows.T @ z), z
