@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import Done, ResidentSets
+from warpgrains.batch.resident import Done, Ending, ResidentSets
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
@@ -16,9 +16,9 @@ from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown
 from warpgrains.simulation.options import steps_of
-from warpgrains.simulation.until import Criterion, Question, criterion
+from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.advance import OnProgress
-from warpgrains.solver.statistics import StepReport, Summary
+from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
 from warpgrains.turns import Driver
@@ -172,20 +172,23 @@ class Batch(Shown):
                 f"steps are {len(each)} numbers: a batch of {len(self)} scenes needs one of each"
             )
         wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
-        criteria = [found for scene in self.scenes if (found := criterion(until, scene)) is not None]
+        criteria = [criterion(until, scene) for scene in self.scenes]
+        endings = [(found, RunStatistics()) for found in criteria if found is not None]
         with progress_bar(sum(wanted), shown=progress) as bar:
-            outcomes = self._advance(wanted, bar.update, criteria or None)
+            outcomes = self._advance(wanted, bar.update, endings or None)
         return [SceneSummary(**vars(done.statistics.summary(None)), error=done.error) for done in outcomes]
 
     def _advance(
-        self, steps: list[int], on_progress: OnProgress, criteria: list[Criterion] | None = None
+        self, steps: list[int], on_progress: OnProgress, endings: list[Ending] | None = None
     ) -> list[Done]:
         """Do so many steps of each scene, or fewer where its criterion is met, and keep the last reports."""
+        outcomes: list[Done] = []
         with self._driver.advancing():
-            outcomes = sorted(self._sets.work(steps, on_progress, criteria))
+            for resident in self._sets.advance(steps, on_progress, endings):
+                outcomes += map(resident.done, resident.scenes)
             for done in outcomes:
                 self._reports[done.k] = done.report or self._reports[done.k]
-        return outcomes
+        return sorted(outcomes)
 
     @property
     def reports(self) -> list[StepReport | None]:
