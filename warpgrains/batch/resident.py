@@ -126,9 +126,7 @@ class ResidentSet:
             engine.submit([steps[k] for k in numbers])
         advance([engine for engine, _ in self._engines], self._threads, on_progress)
 
-    def _goes_on(
-        self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics
-    ) -> bool:
+    def _goes_on(self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics) -> bool:
         """Count the steps that scene k has just done; return whether it goes on to step `end`."""
         last = self.scenes[k].done()
         statistics.add(last.statistics)
@@ -156,7 +154,7 @@ class ResidentSet:
 
 
 class ResidentSets:
-    """Scenes in sets that fit in memory, one set at a time; SimulationError where one scene alone does not."""
+    """Scenes in sets that fit in memory, one at a time; SimulationError where one scene alone does not."""
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
         for method in {scene.method for scene in scenes}:
@@ -219,7 +217,7 @@ class ResidentSets:
     def advance(
         self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
     ) -> Iterator[ResidentSet]:
-        """Advance the scenes set after set, see `ResidentSet.advance`; yield each set when it has been advanced.
+        """Advance the scenes set after set, see `ResidentSet.advance`; yield each set after its steps.
 
         The sets after one that is halted are not advanced.
         """

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
 from warpgrains.drawing.frame_times import DEFAULT_RATE
-from warpgrains.errors import OutputError, SceneError, missing_extra
-from warpgrains.files import make_folder
+from warpgrains.errors import SceneError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import ExecutionOptions
 from warpgrains.simulation.until import rest_bounds
-from warpgrains.sweep.folder import SweepFolder, Tables
-from warpgrains.sweep.run_folder import RunFolder
+from warpgrains.sweep.folder import RESULTS, SweepFolder, Tables
+from warpgrains.sweep.results import Columns
 from warpgrains.sweep.sweep import Run, Sweep
 
 if TYPE_CHECKING:
@@ -38,15 +37,16 @@ def run(arguments: Namespace) -> bool:
     if arguments.sweep is None:
         if plot is None:
             raise SceneError("SWEEP is missing, or --plot to draw the results that are there")
-        print(plot.draw(SweepFolder(path).results))
+        print(plot.draw(path / RESULTS))
         return False
     sweep = Sweep.load(arguments.sweep)
     gc.freeze()  # no run becomes garbage, and to look at a million of them again and again takes long
-    folder = SweepFolder(path.absolute(), sweep.axes, _measured(arguments), _until(arguments))
+    columns = Columns(sweep.axes, _measured(arguments), _until(arguments))
+    folder = SweepFolder(path.absolute(), columns)
     if plot is not None:
-        plot.require_columns(folder.columns)
+        plot.require_columns(columns.all)
     share = _share(sweep, arguments)
-    start, left = perf_counter(), _left(folder, sweep, share, arguments.resume)
+    start, left = perf_counter(), folder.unfinished(sweep, share, arguments.resume)
     try:
         with stdout_kept_clean():
             reasons = _finish(folder, sweep, left, len(share), arguments)
@@ -54,9 +54,9 @@ def run(arguments: Namespace) -> bool:
         raise KeyboardInterrupt("to go on: the same command with --resume") from None
     finally:
         tables = folder.write_tables(sweep)
-    print(_lines(path / folder.results.name, share, left, tables, reasons, perf_counter() - start))
+    print(_lines(path / RESULTS, share, left, tables, reasons, perf_counter() - start))
     if plot is not None:
-        print(in_columns({"picture": plot.draw(path / folder.results.name)}))
+        print(in_columns({"picture": plot.draw(path / RESULTS)}))
     return any(run.number in tables.failed or run.number not in tables.finished for run in share)
 
 
@@ -101,33 +101,6 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
         return sweep.runs
     count = checks.whole_number("--count", count)
     return sweep.runs[checks.whole_number("--index", index, least=0, most=count - 1) :: count]
-
-
-def _left(folder: SweepFolder, sweep: Sweep, share: list[Run], resume: bool) -> list[Run]:
-    """Return the runs that are not finished; raise SceneError if the folder is not for them."""
-    make_folder(folder.path)
-    folder.require_own(sweep)
-    begun = folder.begun()
-    for one in share:
-        if one.number in folder.parts.lines and not resume:
-            raise SceneError(f"'{folder.path}' has results: --resume continues a sweep, or choose another -o")
-        if one.number in begun:
-            files = folder.of(one)
-            if files.is_begun and not resume:
-                raise SceneError(f"'{files.path}' is there: --resume continues a sweep, or choose another -o")
-            _require_no_other(files)
-    finished = folder.finished(share)
-    return [one for one in share if one.number not in finished]
-
-
-def _require_no_other(files: RunFolder) -> None:
-    """Raise OutputError if a run's folder is that of another; one that is damaged fails in its turn."""
-    try:
-        files.require_own()
-    except OutputError:
-        raise
-    except (SceneError, OSError):
-        pass
 
 
 def _finish(

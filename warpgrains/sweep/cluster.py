@@ -19,12 +19,13 @@ from warpgrains.console import interrupts_end_at_once, start_warp
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.sizes import next_size
 from warpgrains.sweep.sweep import Run
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-FIRST_BUNDLE, MOST_IN_A_BUNDLE, GROWTH = 16, 16_384, 4  # runs, and by how much the next may have more
+FIRST_BUNDLE, MOST_IN_A_BUNDLE = 16, 16_384  # runs
 BUNDLE = 10.0  # s that a bundle is to take ...
 HANDLING = 0.05  # ... and for every thread that there is: a scheduler takes some 10 ms for a bundle
 AHEAD = 2  # bundles given out a thread
@@ -105,8 +106,7 @@ def _left_by_bundles(
         left += lost
         if future.status == "finished":
             wanted = max(BUNDLE, HANDLING * most_given / AHEAD)
-            pace = int(wanted / max(1e-3, future.result()[1]) * len(bundle))
-            size = max(1, min(GROWTH * len(bundle), pace, MOST_IN_A_BUNDLE))
+            size = next_size(len(bundle), future.result()[1], wanted, MOST_IN_A_BUNDLE)
         most_given = give()
     return left
 

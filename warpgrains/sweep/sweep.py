@@ -40,7 +40,7 @@ Values = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Base:
+class BaseScene:
     """A scene that runs start from."""
 
     name: str
@@ -67,7 +67,7 @@ class Run:
 
     number: int
     """Its place in the sweep, from 0."""
-    base: Base
+    base: BaseScene
     """The scene it starts from."""
     values: Values
     """What it takes from the axes, by key."""
@@ -101,7 +101,7 @@ class Sweep:
     """In the order of the axes, the last one changing fastest."""
     axes: tuple[str, ...]
     """Keys of the axes."""
-    bases: list[Base]
+    bases: list[BaseScene]
     """The scenes that the runs start from."""
 
     @classmethod
@@ -164,7 +164,7 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
 
 
-def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[Base]:
+def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[BaseScene]:
     for path in _base_paths(document, folder):
         if path.exists() and not path.is_file():
             raise SceneError(f"scene '{path}' of the sweep is not a regular file")
@@ -175,7 +175,7 @@ def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[A
             grains["radius"] = read_radii(path.parent, grains["radius"])
         name = grains.get("file")
         names = lists.get("grains.file", [] if name is None else [name])
-        yield Base(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})
+        yield BaseScene(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})
 
 
 def _base_paths(document: Table, folder: Path) -> list[Path]:
