@@ -40,7 +40,7 @@ class SceneSummary(Summary):
     """Why the scene stopped before its end, at its last good state."""
 
     def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+        """Return a summary in a line, by name."""
         return super().facts() | ({} if self.error is None else {"error": self.error})
 
 
@@ -101,13 +101,19 @@ class Batch(Shown):
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
         self._driver = Driver("batch")
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __getstate__(self) -> tuple[Any, ...]:
         states = [self.state(k) for k in range(len(self))]
-        given = self.scenes, self._device.alias, self._threads_wanted, states, self._reports
-        return _continued, (type(self), *given)
+        return self.scenes, self._device.alias, self._threads_wanted, states, self._reports
+
+    def __setstate__(self, kept: tuple[Any, ...]) -> None:
+        *given, states, reports = kept
+        Batch.__init__(self, *given)
+        for k, state in enumerate(states):
+            self.restore(k, state)
+        self._reports = list(reports)
 
     def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+        """Return a summary in a line, by name."""
         names = sorted({scene.name for scene in self.scenes})
         grains = sum(scene.n for scene in self.scenes)
         shown = ", ".join([*names[:3], "..."] if len(names) > 3 else names)
@@ -205,9 +211,8 @@ class Batch(Shown):
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k, from which `restore` continues with the same bits."""
-        k = self._number(k)
         with self._driver.alone():
-            return self._sets.state(k)
+            return self._sets.state(self._number(k))
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state.
@@ -223,21 +228,4 @@ class Batch(Shown):
             self._sets.restore(k, state)
 
     def _number(self, k: int) -> int:
-        """Return the number of a scene, once it is checked."""
         return checks.whole_number("k", k, least=0, most=len(self) - 1)
-
-
-def _continued(
-    kind: type[Batch],
-    scenes: tuple[Scene, ...],
-    device: str,
-    threads: int | None,
-    states: list[State],
-    reports: list[StepReport | None],
-) -> Batch:
-    """Return a batch that continues from states: what a copy is, or one that is unpickled."""
-    batch = kind(scenes, device, threads)
-    for k, state in enumerate(states):
-        batch.restore(k, state)
-    batch._reports = list(reports)
-    return batch

@@ -53,7 +53,7 @@ class RunFolder:
 
     def __init__(self, path: Path, run: Run, columns: Columns):
         self.path, self.labels, self.columns = path, run.labels(), columns
-        self._text = run.text(f"../../{GRAINS}")
+        self.number, self._text = run.number, run.text(f"../../{GRAINS}")
         self.scene_file, self.checkpoint = path / "scene.toml", path / "checkpoint.npz"
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
         self.result = path / RESULT

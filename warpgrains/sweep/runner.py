@@ -37,7 +37,7 @@ WRITERS = 16
 
 def finish_runs(
     folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnProgress
-) -> dict[str, str]:
+) -> dict[int, str]:
     """Carry out runs that are not finished to their end, each from where it is.
 
     A run that fails gets a result that says why, and the others go on. So they do if another process has
@@ -45,7 +45,7 @@ def finish_runs(
 
     Returns
     -------
-    dict of str to str
+    dict of int to str
         By the numbers of the runs that were not carried out to their end, why not.
 
     Raises
@@ -53,7 +53,7 @@ def finish_runs(
     OSError
         A file cannot be written.
     """
-    left: dict[str, str] = {}
+    left: dict[int, str] = {}
     points: Iterable[ResumePoint] = map(ResumePoint, runs)
     with ExitStack() as held:
         if not execution.needs_folders and execution.device == "cpu":
@@ -92,12 +92,12 @@ class FolderRuns:
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
-    left : dict of str to str
+    left : dict of int to str
         Gets why runs are not carried out to their end, by their numbers.
     """
 
     def __init__(
-        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[str, str]
+        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[int, str]
     ):
         self._folder, self._execution, self._on_progress, self._left = folder, execution, on_progress, left
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
@@ -107,7 +107,7 @@ class FolderRuns:
     def begin(self, points: list[ResumePoint], held: ExitStack) -> list[GroupedRun]:
         """Return the runs that can go on, each where it is; `held` gets their locks and outputs."""
         begun = [(point, GroupedRun.begin(self._folder, point, self._execution, held)) for point in points]
-        self._left |= {str(point.run.number): run for point, run in begun if isinstance(run, str)}
+        self._left |= {point.run.number: run for point, run in begun if isinstance(run, str)}
         runs = [run for _, run in begun if not isinstance(run, str)]
         self._on_progress(len(points) - len(runs))
         return runs
@@ -123,7 +123,7 @@ class FolderRuns:
         self._on_progress(sum(run.progress for run in runs))
         self._advance([run for run in runs if run.goes_on])
         troubles = [(run, run.complete()) for run in runs]
-        self._left |= {run.folder.labels["run"]: trouble for run, trouble in troubles if trouble is not None}
+        self._left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
         _write(GroupedRun.finish, [run for run, trouble in troubles if trouble is None])
         return sum(run.scene.n for run in runs)
 

@@ -59,7 +59,7 @@ class ShortRuns:
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
-    left : dict of str to str
+    left : dict of int to str
         Gets why runs are left to other processes, by their numbers.
 
     Attributes
@@ -69,7 +69,7 @@ class ShortRuns:
     """
 
     def __init__(
-        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[str, str]
+        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[int, str]
     ):
         self.longer: list[ResumePoint] = []
         self._left, self._folder, self._on_progress = left, folder, on_progress
@@ -106,7 +106,7 @@ class ShortRuns:
         self._folder.shards.refresh(free)
         free -= self._folder.shards.lines.keys()
         others = [run for run in runs if run.number not in free]
-        self._left |= {str(run.number): "another process has it" for run in others}
+        self._left |= {run.number: "another process has it" for run in others}
         self._on_progress(len(others))
         return [run for run in runs if run.number in free]
 

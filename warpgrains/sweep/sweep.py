@@ -54,11 +54,16 @@ class BaseScene:
     def text(self) -> str:
         """A scene file of what its runs have in common; copies of files of grains are in ../grains."""
         copies = {name: f"../grains/{copy_name(path)}" for name, path in self.grain_files.items()}
-        sections = _with_values(self.sections, {})
-        if sections.get("grains", {}).get("file") in copies:
-            sections["grains"]["file"] = copies[sections["grains"]["file"]]
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
-        return "".join(notes) + toml_text(sections)
+        return "".join(notes) + toml_text(self.with_values({}, "../grains"))
+
+    def with_values(self, values: Values, copies: str) -> Table:
+        """Return its sections with some values replaced; copies of files of grains are in folder `copies`."""
+        sections = _with_values(self.sections, values)
+        source = self.grain_files.get(sections.get("grains", {}).get("file"))
+        if source is not None:
+            sections["grains"]["file"] = f"{copies}/{copy_name(source)}"
+        return sections
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +83,8 @@ class Run:
         return {"run": str(self.number), "scene": self.base.name, **cells}
 
     def sections(self, copies: str) -> Table:
-        """Return what its scene file holds; copies of files of grains are in `copies`, seen from there."""
-        sections = _with_values(self.base.sections, self.values)
-        if self.base.grain_files:
-            source = self.base.grain_files[sections["grains"]["file"]]
-            sections["grains"]["file"] = f"{copies}/{copy_name(source)}"
-        return sections
+        """Return the sections of its scene file, see `BaseScene.with_values`."""
+        return self.base.with_values(self.values, copies)
 
     def text(self, copies: str) -> str:
         """Return its scene file, see `sections`."""
