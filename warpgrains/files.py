@@ -183,30 +183,35 @@ def read_table(path: Path) -> list[Row]:
 
 
 def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Read some columns of a table that may have millions of rows.
+    """Read some columns of a table, see `columns_of`; raise SceneError if it is none."""
+    with _opened(path) as lines:
+        return columns_of(lines, wanted)
+
+
+def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
+    """Return some columns of a table that may have millions of rows.
 
     Parameters
     ----------
-    path
-        The table.
+    lines
+        Of the table.
     wanted
-        Tells which of all columns.
+        Returns the names of these columns, given those of all.
 
     Raises
     ------
-    SceneError
-        It is not there, or no table.
+    csv.Error
+        It is no table.
     """
-    with _opened(path) as lines:
-        rows = csv.reader(lines, strict=True)
-        head = next(rows, [])
-        columns: dict[str, list[str]] = {name: [] for name in wanted(head)}
-        places = [(column, head.index(name)) for name, column in columns.items()]
-        for row in rows:
-            if len(row) != len(head):
-                raise SceneError(f"'{path}' cannot be read: line {rows.line_num} has {len(row)} cells")
-            for column, place in places:
-                column.append(_unguarded(row[place]))
+    rows = csv.reader(lines, strict=True)
+    head = next(rows, [])
+    columns: dict[str, list[str]] = {name: [] for name in wanted(head)}
+    indices = [(column, head.index(name)) for name, column in columns.items()]
+    for row in rows:
+        if len(row) != len(head):
+            raise csv.Error(f"line {rows.line_num} has {len(row)} cells")
+        for column, index in indices:
+            column.append(_unguarded(row[index]))
     return columns
 
 

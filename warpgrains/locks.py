@@ -18,6 +18,7 @@ import os
 import socket
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Self
 from warnings import warn
@@ -87,44 +88,32 @@ def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
     return lock
 
 
-class Claims:
-    """Rights to carry out runs, by number: each is a byte of one file, locked like the others of a group.
+class RunLocks:
+    """Locks between processes that share a sweep: run k is locked by byte k of one file, by fcntl(2).
 
-    Locks of bytes are those of fcntl(2), of a process: its threads do not keep one another out. The file is
-    empty, and stays.
+    They are locks of a process: its threads do not keep one another out. The file is empty, and stays.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
 
-    def take(self, numbers: Iterable[int]) -> list[int]:
-        """Return those of some numbers that no other process has; now this one has them."""
-        return [number for number in numbers if self._take(number)]
+    def acquire(self, numbers: Iterable[int]) -> list[int]:
+        """Lock runs; return the numbers of those that no other process has locked."""
+        return [number for number in numbers if self._acquire(number)]
 
-    def give_back(self, numbers: Iterable[int]) -> None:
-        """Let others have them."""
+    def _acquire(self, number: int) -> bool:
+        return _is_locked(lambda: lockf(self._descriptor, LOCK_EX | LOCK_NB, 1, number), self._path)
+
+    def release(self, numbers: Iterable[int]) -> None:
+        """Unlock runs."""
         if flock is not None:
             for number in numbers:
                 lockf(self._descriptor, LOCK_UN, 1, number)
 
     def close(self) -> None:
-        """Give back all."""
+        """Unlock all."""
         os.close(self._descriptor)
-
-    def _take(self, number: int) -> bool:
-        if flock is None:
-            _warn(self._path)
-            return True
-        try:
-            lockf(self._descriptor, LOCK_EX | LOCK_NB, 1, number)
-        except (BlockingIOError, PermissionError):
-            return False
-        except OSError as error:
-            if error.errno not in _WITHOUT_LOCKS:
-                raise
-            _warn(self._path)
-        return True
 
 
 _held: WeakSet[Lock] = WeakSet()
@@ -144,7 +133,9 @@ def _acquire(file: Path, path: Path) -> int:
     while True:
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            _lock(descriptor, path)
+            if not _is_locked(partial(_flock, descriptor), path):
+                holder = os.pread(descriptor, _LONGEST_NAME, 0).decode(errors="replace").strip()
+                raise OutputError(f"'{path}' is being written by {holder or 'another process'}")
             if _is_under(file, descriptor):
                 os.ftruncate(descriptor, 0)
                 os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
@@ -155,25 +146,26 @@ def _acquire(file: Path, path: Path) -> int:
         os.close(descriptor)
 
 
-def _lock(descriptor: int, path: Path) -> None:
-    if flock is None:
-        return _warn(path)
+def _flock(descriptor: int) -> None:
+    flock(descriptor, LOCK_EX | LOCK_NB)
+
+
+def _is_locked(lock: Callable[[], None], path: Path) -> bool:
+    """Call `lock`; return whether this process has the lock, or could, were there locks."""
     try:
-        flock(descriptor, LOCK_EX | LOCK_NB)
+        if flock is not None:
+            lock()
+            return True
     except (BlockingIOError, PermissionError):
-        holder = os.pread(descriptor, _LONGEST_NAME, 0).decode(errors="replace").strip()
-        raise OutputError(f"'{path}' is being written by {holder or 'another process'}") from None
+        return False
     except OSError as error:
         if error.errno not in _WITHOUT_LOCKS:
             raise
-        _warn(path)
-
-
-def _warn(path: Path) -> None:
     warn(
         f"the file system of '{path}' has no locks: nothing keeps two processes from writing it at once",
         stacklevel=4,
     )
+    return True
 
 
 def _is_under(file: Path, descriptor: int) -> bool:

@@ -104,11 +104,11 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        list(batch._sets.work([STEPS] * len(scenes), interrupt))
+        list(batch._sets.advance([STEPS] * len(scenes), interrupt))
     for k in range(len(scenes)):
         batch.restore(k, batch.state(k))
     left = [STEPS - batch.state(k).steps for k in range(len(scenes))]
-    list(batch._sets.work(left, lambda _: None))
+    list(batch._sets.advance(left, lambda _: None))
     for k, (state, _, _) in enumerate(expected):
         assert contents(batch.state(k)) == contents(state)
 

@@ -18,7 +18,7 @@ from warpgrains import Scene, SceneError, Simulation
 from warpgrains.files import read_table, table_text
 from warpgrains.scene.reader import scene_fields
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.sweep.results import failure, require_result
+from warpgrains.sweep.results import SECONDS, Columns, failure, require_result
 
 TOML = """
 domain = {radius_in = 0.5, radius_out = 1.0}
@@ -164,7 +164,9 @@ def check_header(header):
 test_headers = fuzzed(check_header, st.deferred(headers))
 
 LABELS = {"run": "1", "scene": "=scene"}
-ROW = table_text([failure(LABELS, "it failed", 1.0)]).encode()
+COLUMNS = Columns().after_labels
+VALUES = dict(zip([*COLUMNS, SECONDS], failure("it failed", COLUMNS, 1.0), strict=True))
+ROW = table_text([LABELS | VALUES]).encode()
 
 
 def check_result(content):
@@ -172,7 +174,7 @@ def check_result(content):
         path = Path(folder, "result.csv")
         path.write_bytes(content)
         try:
-            assert float(require_result(read_table(path), LABELS)["seconds"]) is not None
+            assert float(require_result(read_table(path), LABELS, COLUMNS)["seconds"]) is not None
         except SceneError as refusal:
             require_one_line(refusal)
 

@@ -14,7 +14,7 @@ from recordings import make_frames, make_scene, record
 
 from warpgrains import Scene, SceneError, Simulation, locks
 from warpgrains.errors import OutputError
-from warpgrains.locks import Claims, Lock
+from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.recorder import Recorder, log_of, recover
 
@@ -188,26 +188,26 @@ class TestPython:
 CLAIM = """
 import sys
 from pathlib import Path
-from warpgrains.locks import Claims
-claims = Claims(Path(sys.argv[1]))
-print(claims.take(range(2, 6)), flush=True)
-claims.give_back([5])
+from warpgrains.locks import RunLocks
+claims = RunLocks(Path(sys.argv[1]))
+print(claims.acquire(range(2, 6)), flush=True)
+claims.release([5])
 sys.stdin.read()
 """
 
 
-class TestClaims:
+class TestRunLocks:
     def test_are_of_one_process_until_it_ends(self, tmp_path):
         command = [sys.executable, "-c", CLAIM, str(tmp_path / "claims")]
         holder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         assert holder.stdout.readline() == "[2, 3, 4, 5]\n"
-        claims = Claims(tmp_path / "claims")
-        while claims.take([5]) == []:  # it is about to give it back
+        claims = RunLocks(tmp_path / "claims")
+        while claims.acquire([5]) == []:  # it is about to give it back
             pass
-        assert claims.take([0, 3, 4, 7]) == [0, 7]
+        assert claims.acquire([0, 3, 4, 7]) == [0, 7]
         holder.kill()
         holder.wait(timeout=60)
-        assert claims.take([3, 4]) == [3, 4]
+        assert claims.acquire([3, 4]) == [3, 4]
         claims.close()
 
     def test_without_locks_there_is_a_warning(self, tmp_path, monkeypatch):
@@ -216,4 +216,4 @@ class TestClaims:
 
         monkeypatch.setattr(locks, "lockf", none)
         with pytest.warns(UserWarning, match="has no locks"):
-            assert Claims(tmp_path / "claims").take([1]) == [1]
+            assert RunLocks(tmp_path / "claims").acquire([1]) == [1]

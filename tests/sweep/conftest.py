@@ -3,8 +3,8 @@
 import pytest
 from sweeps import batch, write
 
-from warpgrains.batch.batch import Batch
-from warpgrains.sweep import runner
+from warpgrains.batch.resident import ResidentSets
+from warpgrains.sweep import runner, sizes
 
 
 class Interrupted(KeyboardInterrupt):
@@ -17,12 +17,12 @@ class Slices:
     def __init__(self):
         self.left, self.steps = 0, []
 
-    def run(self, batch, steps, run=Batch.run):
+    def advance(self, sets, steps, *arguments, advance=ResidentSets.advance):
         if self.left == 0:
             raise Interrupted
         self.left -= 1
         self.steps.append(max(steps))
-        return run(batch, steps)
+        return advance(sets, steps, *arguments)
 
 
 @pytest.fixture
@@ -30,8 +30,8 @@ def slices(monkeypatch):
     """Slices of equal length, after each of which the runs are kept."""
     slices = Slices()
     monkeypatch.setattr(runner, "BETWEEN_CHECKPOINTS", 0.0)
-    monkeypatch.setattr(runner, "GROWTH", 1)
-    monkeypatch.setattr(Batch, "run", lambda batch, steps: slices.run(batch, steps))
+    monkeypatch.setattr(sizes, "GROWTH", 1)
+    monkeypatch.setattr(ResidentSets, "advance", lambda *arguments: slices.advance(*arguments))
     return slices
 
 

@@ -18,7 +18,7 @@ DRIVER = """
 import sys
 from warpgrains.cli.main import main
 from warpgrains.sweep import runner, short
-short.SHORT, short.WIDTH, short.FIRST_WIDTH = 0.1, 4, 4
+short.SHORT, short.WIDTH, runner.FIRST_WIDTH = 0.1, 4, 4
 runner.WIDTH, runner.SLICE = 4, 0.02
 runner.BETWEEN_CHECKPOINTS = 0.5 if "--usd" in sys.argv else 0.05
 sys.exit(main(sys.argv[1:]))
@@ -83,8 +83,8 @@ physics.drag = {range = [0.1, 0.9], count = 600}
 MANY_DRIVER = """
 import sys
 from warpgrains.cli.main import main
-from warpgrains.sweep import short
-short.WIDTH, short.FIRST_WIDTH = 32, 32
+from warpgrains.sweep import runner, short
+short.WIDTH, runner.FIRST_WIDTH = 32, 32
 sys.exit(main(sys.argv[1:]))
 """
 

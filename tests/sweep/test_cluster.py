@@ -80,7 +80,7 @@ def test_run_that_kills_its_workers_is_named(tmp_path, workers, monkeypatch, cap
 
 def finish_bundle_or_die(
     folder: SweepFolder, runs: list[Run], execution: object
-) -> tuple[dict[str, str], float]:
+) -> tuple[dict[int, str], float]:
     """Do what the real one does, unless run 2 is among the runs."""
     if any(run.number == 2 for run in runs):
         os.kill(os.getpid(), signal.SIGKILL)

@@ -11,6 +11,7 @@ from sweeps import batch, results, table, write
 from warpgrains import Scene, Simulation, analysis
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.plot import SweepPlot
+from warpgrains.sweep.results import Columns
 
 MEASURED = ("--measure", "energy,coordination,largest_force")
 NEW = ["contact_power", "drag_power", "coordination_number", "rattlers", "largest_force"]
@@ -121,6 +122,6 @@ def test_drawn_with_its_unit(measured, monkeypatch):
 
 
 def test_other_processes_know_what_is_measured(tmp_path):
-    folder = SweepFolder(tmp_path, ["physics.drag"], ["rattlers"])
+    folder = SweepFolder(tmp_path, Columns(("physics.drag",), ("rattlers",)))
     assert pickle.loads(pickle.dumps(folder)).columns == folder.columns
-    assert "rattlers" in folder.columns
+    assert "rattlers" in folder.columns.all

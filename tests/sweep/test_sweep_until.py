@@ -14,6 +14,7 @@ from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import short
 from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.results import Columns
 
 SWEEP = """
 scene = "annulus"
@@ -137,6 +138,8 @@ def test_a_scene_that_the_criterion_does_not_fit_fails(tmp_path):
 
 
 def test_other_processes_know_what_ends_runs(tmp_path):
-    folder = pickle.loads(pickle.dumps(SweepFolder(tmp_path, ["physics.drag"], ["rattlers"], "rest")))
-    assert folder.until == "rest"
-    assert "met" in folder.columns
+    folder = pickle.loads(
+        pickle.dumps(SweepFolder(tmp_path, Columns(("physics.drag",), ("rattlers",), "rest")))
+    )
+    assert folder.columns.until == "rest"
+    assert "met" in folder.columns.all

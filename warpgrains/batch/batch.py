@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import Done, ResidentSets
+from warpgrains.batch.resident import Done, Ending, ResidentSets
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
@@ -16,9 +16,9 @@ from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown
 from warpgrains.simulation.options import steps_of
-from warpgrains.simulation.until import Criterion, Question, criterion
+from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.advance import OnProgress
-from warpgrains.solver.statistics import StepReport, Summary
+from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
 from warpgrains.turns import Driver
@@ -40,7 +40,7 @@ class SceneSummary(Summary):
     """Why the scene stopped before its end, at its last good state."""
 
     def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+        """Return a summary in a line, by name."""
         return super().facts() | ({} if self.error is None else {"error": self.error})
 
 
@@ -101,13 +101,19 @@ class Batch(Shown):
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
         self._driver = Driver("batch")
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __getstate__(self) -> tuple[Any, ...]:
         states = [self.state(k) for k in range(len(self))]
-        given = self.scenes, self._device.alias, self._threads_wanted, states, self._reports
-        return _continued, (type(self), *given)
+        return self.scenes, self._device.alias, self._threads_wanted, states, self._reports
+
+    def __setstate__(self, kept: tuple[Any, ...]) -> None:
+        *given, states, reports = kept
+        Batch.__init__(self, *given)
+        for k, state in enumerate(states):
+            self.restore(k, state)
+        self._reports = list(reports)
 
     def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+        """Return a summary in a line, by name."""
         names = sorted({scene.name for scene in self.scenes})
         grains = sum(scene.n for scene in self.scenes)
         shown = ", ".join([*names[:3], "..."] if len(names) > 3 else names)
@@ -172,20 +178,23 @@ class Batch(Shown):
                 f"steps are {len(each)} numbers: a batch of {len(self)} scenes needs one of each"
             )
         wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
-        criteria = [found for scene in self.scenes if (found := criterion(until, scene)) is not None]
+        criteria = [criterion(until, scene) for scene in self.scenes]
+        endings = [(found, RunStatistics()) for found in criteria if found is not None]
         with progress_bar(sum(wanted), shown=progress) as bar:
-            outcomes = self._advance(wanted, bar.update, criteria or None)
+            outcomes = self._advance(wanted, bar.update, endings or None)
         return [SceneSummary(**vars(done.statistics.summary(None)), error=done.error) for done in outcomes]
 
     def _advance(
-        self, steps: list[int], on_progress: OnProgress, criteria: list[Criterion] | None = None
+        self, steps: list[int], on_progress: OnProgress, endings: list[Ending] | None = None
     ) -> list[Done]:
         """Do so many steps of each scene, or fewer where its criterion is met, and keep the last reports."""
+        outcomes: list[Done] = []
         with self._driver.advancing():
-            outcomes = sorted(self._sets.work(steps, on_progress, criteria))
+            for resident in self._sets.advance(steps, on_progress, endings):
+                outcomes += map(resident.done, resident.scenes)
             for done in outcomes:
                 self._reports[done.k] = done.report or self._reports[done.k]
-        return outcomes
+        return sorted(outcomes)
 
     @property
     def reports(self) -> list[StepReport | None]:
@@ -202,9 +211,8 @@ class Batch(Shown):
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k, from which `restore` continues with the same bits."""
-        k = self._number(k)
         with self._driver.alone():
-            return self._sets.state(k)
+            return self._sets.state(self._number(k))
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state.
@@ -220,21 +228,4 @@ class Batch(Shown):
             self._sets.restore(k, state)
 
     def _number(self, k: int) -> int:
-        """Return the number of a scene, once it is checked."""
         return checks.whole_number("k", k, least=0, most=len(self) - 1)
-
-
-def _continued(
-    kind: type[Batch],
-    scenes: tuple[Scene, ...],
-    device: str,
-    threads: int | None,
-    states: list[State],
-    reports: list[StepReport | None],
-) -> Batch:
-    """Return a batch that continues from states: what a copy is, or one that is unpickled."""
-    batch = kind(scenes, device, threads)
-    for k, state in enumerate(states):
-        batch.restore(k, state)
-    batch._reports = list(reports)
-    return batch

@@ -1,4 +1,4 @@
-"""The scenes of a batch: which of them are in memory together, and where the others' states are."""
+"""The scenes of a batch: those that are in memory together, and the states of those that wait."""
 
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
@@ -22,9 +22,12 @@ from warpgrains.solver.tuning import paying_threads
 
 SHARE = 0.5  # of the free memory that a resident set may take
 
+Ending = tuple[Criterion, RunStatistics]
+"""What ends a scene before its last step, and the statistics of its run, which are counted on."""
+
 
 class Done(NamedTuple):
-    """What became of scene k: what it has done, its last report, and why it stopped early, if it did."""
+    """What scene k has done: its statistics, its last report, and why it stopped early, if it did."""
 
     k: int
     statistics: RunStatistics
@@ -33,20 +36,20 @@ class Done(NamedTuple):
 
 
 class ResidentScene:
-    """A scene of a batch while it runs, as a test of its end is given it.
+    """A scene in memory; a callable that tests for its end is given it.
 
     Attributes
     ----------
     scene : Scene
     """
 
-    def __init__(self, scene: Scene, engine: Engine, place: int):
-        self.scene, self._engine, self._place = scene, engine, place
+    def __init__(self, k: int, scene: Scene, engine: Engine, index: int):
+        self._k, self.scene, self._engine, self._index = k, scene, engine, index
 
     @property
     def steps(self) -> int:
         """Time steps since the start."""
-        return self._engine.steps(self._place)
+        return self._engine.steps(self._index)
 
     @property
     def time(self) -> float:
@@ -56,118 +59,102 @@ class ResidentScene:
     @property
     def position(self) -> FloatArray:
         """Centres of the grains [m], shape (n, 2); a copy."""
-        return self._engine.grains(self._place, "position")
+        return self._engine.grains(self._index, "position")
 
     @property
     def velocity(self) -> FloatArray:
         """Velocities of the grains [m/s], shape (n, 2); a copy."""
-        return self._engine.grains(self._place, "velocity")
+        return self._engine.grains(self._index, "velocity")
 
     def state(self) -> State:
         """Return the exact state."""
-        return self._engine.state(self._place)
+        return self._engine.state(self._index)
+
+    def load(self, state: State) -> None:
+        """Continue from a state."""
+        self._engine.load(self._index, state)
+
+    def done(self) -> Done:
+        """Return what the scene has done since its last steps were submitted."""
+        statistics = self._engine.statistics(self._index)
+        report = self._engine.report(self._index) if statistics.steps else None
+        return Done(self._k, statistics, report, self._engine.error(self._index))
 
 
 class ResidentSet:
     """Scenes in memory, by their numbers in the batch, each in the engine of its method.
 
-    Of so many threads in all, those of a team share a scene.
-
-    Attributes
-    ----------
-    place : dict of int to (Engine, int)
-        Where each scene is.
+    `team` of the `threads` share a scene.
     """
 
     def __init__(self, scenes: dict[int, Scene], device: wp.Device, threads: int, team: int):
         self._threads = threads
-        self._engines: list[Engine] = []
-        self._numbers: list[list[int]] = []
+        self._engines: list[tuple[Engine, list[int]]] = []
         self._is_halted = False
-        self.place: dict[int, tuple[Engine, int]] = {}
+        self._done: dict[int, Done] = {}
+        self.scenes: dict[int, ResidentScene] = {}
         for method in sorted({scene.method for scene in scenes.values()}):
             numbers = [k for k, scene in scenes.items() if scene.method == method]
             engine = Engine([scenes[k] for k in numbers], device, team)
             engine.begin()
-            self._engines.append(engine)
-            self._numbers.append(numbers)
-            self.place |= {k: (engine, place) for place, k in enumerate(numbers)}
+            self._engines.append((engine, numbers))
+            self.scenes |= {k: ResidentScene(k, scenes[k], engine, index) for index, k in enumerate(numbers)}
 
-    def load(self, k: int, state: State) -> None:
-        """Continue scene k from a state."""
-        engine, place = self.place[k]
-        engine.load(place, state)
-
-    def state(self, k: int) -> State:
-        """Return the exact state of scene k."""
-        engine, place = self.place[k]
-        return engine.state(place)
-
-    def work(self, steps: Sequence[int], on_progress: OnProgress) -> None:
-        """Do so many steps of each scene."""
-        for engine, numbers in zip(self._engines, self._numbers, strict=True):
-            engine.submit([steps[k] for k in numbers])
-        advance(self._engines, self._threads, on_progress)
-
-    def work_until(
-        self, criteria: Sequence[Criterion], steps: Sequence[int], on_progress: OnProgress
-    ) -> dict[int, Done]:
-        """Do so many steps of each scene, or fewer, to where its criterion is met; return what they did.
+    def advance(
+        self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
+    ) -> None:
+        """Do so many steps of each scene, or fewer, to where its criterion is met.
 
         A scene that is halted or fails stops between two steps.
         """
-        done = {k: Done(k, RunStatistics(), None, None) for k in self.place}
-        running = {k: ResidentScene(engine.scenes[at], engine, at) for k, (engine, at) in self.place.items()}
-        going = [k for k in self.place if steps[k] > 0]
-        self._is_halted = False
+        self._is_halted, self._done = False, {}
+        if endings is None:
+            self._launch(steps, on_progress)
+            return
+        going = {k: endings[k][1].steps + steps[k] for k in self.scenes if steps[k] > 0}
+        self._done = {k: Done(k, endings[k][1], None, None) for k in self.scenes}
         while going and not self._is_halted:
             due = [0] * len(steps)
-            for k in going:
-                taken = done[k].statistics.steps
-                due[k] = min(steps[k] - taken, steps_to_test(taken))
-            self.work(due, on_progress)
-            going = [k for k in going if self._goes_on(done, k, due[k], steps[k], running[k], criteria[k])]
-        return done
+            for k, end in going.items():
+                taken = endings[k][1].steps
+                due[k] = min(end - taken, steps_to_test(taken))
+            self._launch(due, on_progress)
+            going = {k: end for k, end in going.items() if self._goes_on(k, due[k], end, *endings[k])}
 
-    def _goes_on(
-        self,
-        done: dict[int, Done],
-        k: int,
-        due: int,
-        steps: int,
-        running: ResidentScene,
-        criterion: Criterion,
-    ) -> bool:
-        """Count what scene k has just done; return whether it goes on."""
-        statistics, last = done[k].statistics, self.done(k)
+    def _launch(self, steps: Sequence[int], on_progress: OnProgress) -> None:
+        for engine, numbers in self._engines:
+            engine.submit([steps[k] for k in numbers])
+        advance([engine for engine, _ in self._engines], self._threads, on_progress)
+
+    def _goes_on(self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics) -> bool:
+        """Count the steps that scene k has just done; return whether it goes on to step `end`."""
+        last = self.scenes[k].done()
         statistics.add(last.statistics)
-        done[k] = last._replace(statistics=statistics, report=last.report or done[k].report)
-        whole = last.error is None and last.statistics.steps == due
-        return whole and not criterion.is_met(running, statistics) and statistics.steps < steps
+        self._done[k] = last._replace(statistics=statistics, report=last.report or self._done[k].report)
+        is_whole = last.error is None and last.statistics.steps == due
+        return is_whole and not criterion.is_met(self.scenes[k], statistics) and statistics.steps < end
+
+    def done(self, k: int) -> Done:
+        """Return what scene k has done in the last `advance`; with an ending, in all of its run."""
+        return self._done.get(k) or self.scenes[k].done()
 
     def halt(self) -> None:
         """Let the steps under way be the last, those that take long given up."""
         self._is_halted = True
-        for engine in self._engines:
+        for engine, _ in self._engines:
             engine.halt()
 
     def alike(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
-        """Yield the scenes of an engine that have as many grains: the engine, their numbers and places."""
-        for engine, numbers in zip(self._engines, self._numbers, strict=True):
+        """Yield the scenes of an engine that have as many grains: the engine, their numbers and indices."""
+        for engine, numbers in self._engines:
             n = np.array([scene.n for scene in engine.scenes])
             for count in np.unique(n):
-                places = np.flatnonzero(n == count)
-                yield engine, np.array(numbers)[places], places
-
-    def done(self, k: int) -> Done:
-        """Return what became of scene k."""
-        engine, place = self.place[k]
-        statistics = engine.statistics(place)
-        return Done(k, statistics, engine.report(place) if statistics.steps else None, engine.error(place))
+                indices = np.flatnonzero(n == count)
+                yield engine, np.array(numbers)[indices], indices
 
 
 class ResidentSets:
-    """Scenes of which as many are in memory as find room; SimulationError where one alone does not."""
+    """Scenes in sets that fit in memory, one at a time; SimulationError where one scene alone does not."""
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
         for method in {scene.method for scene in scenes}:
@@ -175,10 +162,10 @@ class ResidentSets:
         self._scenes, self._device, self._threads = scenes, device, threads
         self._teams = [self._team(scene) for scene in scenes]
         self._sets = self._divide()
-        self._number = {k: number for number, members in enumerate(self._sets) for k in members}
         self._states: list[State | None] = [None] * len(scenes)
         self._resident: ResidentSet | None = None
         self._in_memory = -1
+        self._is_halted = False
 
     def _team(self, scene: Scene) -> int:
         """Return how many threads share a scene: one where it is small, and all where it is large."""
@@ -189,19 +176,19 @@ class ResidentSets:
         sizes = self._bytes()
         largest = int(sizes.argmax())
         require_memory(sizes[largest].item(), self._scenes[largest].n, self._device)
-        small = [k for k, team in enumerate(self._teams) if team == 1]
         room, used = SHARE * free_memory(self._device), 0.0
         sets: list[list[int]] = []
-        for k in small:
-            if not sets or used + sizes[k] > room:
-                sets.append([])
-                used = 0.0
-            sets[-1].append(k)
-            used += sizes[k]
+        for k, team in enumerate(self._teams):
+            if team == 1:
+                if not sets or used + sizes[k] > room:
+                    sets.append([])
+                    used = 0.0
+                sets[-1].append(k)
+                used += sizes[k]
         return sets + [[k] for k, team in enumerate(self._teams) if team > 1]
 
     def _bytes(self) -> Counts:
-        """Return what each scene takes in memory [bytes]."""
+        """Return the memory that each scene takes [bytes]."""
         sizes = np.zeros(len(self._scenes), np.int64)
         kinds = [(scene.method, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
         for kind in set(kinds):
@@ -211,48 +198,57 @@ class ResidentSets:
             )
         return sizes
 
+    def _resident_scene(self, k: int) -> ResidentScene | None:
+        return None if self._resident is None else self._resident.scenes.get(k)
+
     def state(self, k: int) -> State:
         """Return the exact state of scene k."""
-        if self._resident is not None and self._number[k] == self._in_memory:
-            return self._resident.state(k)
+        if (resident := self._resident_scene(k)) is not None:
+            return resident.state()
         return deepcopy(self._states[k]) or first_state(self._scenes[k])
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state."""
-        if self._resident is not None and self._number[k] == self._in_memory:
-            self._resident.load(k, state)
+        if (resident := self._resident_scene(k)) is not None:
+            resident.load(state)
         else:
             self._states[k] = deepcopy(state)
 
-    def work(
-        self, steps: Sequence[int], on_progress: OnProgress, criteria: Sequence[Criterion] | None = None
-    ) -> Iterator[Done]:
-        """Do so many steps of each scene, set after set; yield what became of every scene, in any order.
+    def advance(
+        self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
+    ) -> Iterator[ResidentSet]:
+        """Advance the scenes set after set, see `ResidentSet.advance`; yield each set after its steps.
 
-        Where there are criteria, a scene stops earlier, where its own is met.
+        The sets after one that is halted are not advanced.
         """
+        self._is_halted = False
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._in_memory):
-            resident = self._enter(number)
-            if criteria is None:
-                resident.work(steps, on_progress)
-                yield from map(resident.done, self._sets[number])
-            else:
-                yield from resident.work_until(criteria, steps, on_progress).values()
+            if self._is_halted:
+                return
+            resident = self.enter(number)
+            resident.advance(steps, on_progress, endings)
+            yield resident
 
-    def _enter(self, number: int) -> ResidentSet:
-        """Have a set in memory instead of the one that is."""
+    def halt(self) -> None:
+        """Let the steps under way be the last, see `ResidentSet.halt`."""
+        self._is_halted = True
+        if self._resident is not None:
+            self._resident.halt()
+
+    def enter(self, number: int = 0) -> ResidentSet:
+        """Have a set in memory, in place of the one that is."""
         if self._resident is not None and number == self._in_memory:
             return self._resident
         if self._resident is not None:
-            for k in self._sets[self._in_memory]:
-                self._states[k] = self._resident.state(k)
+            for k, scene in self._resident.scenes.items():
+                self._states[k] = scene.state()
             self._resident = None
         members = self._sets[number]
         scenes = {k: self._scenes[k] for k in members}
         resident = ResidentSet(scenes, self._device, self._threads, self._teams[members[0]])
         for k in members:
             if (state := self._states[k]) is not None:
-                resident.load(k, state)
+                resident.scenes[k].load(state)
             self._states[k] = None
         self._resident, self._in_memory = resident, number
         return resident

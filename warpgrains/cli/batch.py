@@ -9,13 +9,12 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
-from warpgrains.errors import OutputError, SceneError, missing_extra
-from warpgrains.files import make_folder
+from warpgrains.errors import SceneError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE, ExecutionOptions
 from warpgrains.simulation.until import rest_bounds
-from warpgrains.sweep.folder import SweepFolder, Tables
-from warpgrains.sweep.run_folder import RunFolder
+from warpgrains.sweep.folder import RESULTS, SweepFolder, Tables
+from warpgrains.sweep.results import Columns
 from warpgrains.sweep.sweep import Run, Sweep
 
 if TYPE_CHECKING:
@@ -37,15 +36,16 @@ def run(arguments: Namespace) -> bool:
     if arguments.sweep is None:
         if plot is None:
             raise SceneError("SWEEP is missing, or --plot to draw the results that are there")
-        print(plot.draw(SweepFolder(path).results))
+        print(plot.draw(path / RESULTS))
         return False
     sweep = Sweep.load(arguments.sweep)
     gc.freeze()  # no run becomes garbage, and to look at a million of them again and again takes long
-    folder = SweepFolder(path.absolute(), sweep.axes, _measured(arguments), _until(arguments))
+    columns = _columns(sweep.axes, arguments)
+    folder = SweepFolder(path.absolute(), columns)
     if plot is not None:
-        plot.require_columns(folder.columns)
+        plot.require_columns(columns.all)
     share = _share(sweep, arguments)
-    start, left = perf_counter(), _left(folder, sweep, share, arguments.resume)
+    start, left = perf_counter(), folder.unfinished(sweep, share, arguments.resume)
     try:
         with stdout_kept_clean():
             reasons = _finish(folder, sweep, left, len(share), arguments)
@@ -53,9 +53,11 @@ def run(arguments: Namespace) -> bool:
         raise KeyboardInterrupt("to go on: the same command with --resume") from None
     finally:
         tables = folder.write_tables(sweep)
-    print(_lines(path / folder.results.name, share, left, tables, reasons, perf_counter() - start))
+    rows = _summary(share, left, tables, reasons, perf_counter() - start)
+    rows["results"] = str(path / RESULTS)
+    print(in_columns(rows))
     if plot is not None:
-        print(in_columns({"picture": plot.draw(path / folder.results.name)}))
+        print(in_columns({"picture": plot.draw(path / RESULTS)}))
     return any(run.number in tables.failed or run.number not in tables.finished for run in share)
 
 
@@ -70,25 +72,20 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
     return SweepPlot.parse(arguments.plot)
 
 
-def _measured(arguments: Namespace) -> tuple[str, ...]:
-    """Return which quantities are to be measured."""
+def _columns(axes: tuple[str, ...], arguments: Namespace) -> Columns:
+    """Return the columns of the results; raise SceneError if something cannot be measured, or end a run."""
     if arguments.every is not None:
         checks.whole_number("--every", arguments.every)
-    if arguments.measure is None:
-        if arguments.every is not None:
+        if arguments.measure is None:
             raise SceneError("--every needs --measure")
-        return ()
-    from warpgrains.analysis.quantities import names_of
+    measured: tuple[str, ...] = ()
+    if arguments.measure is not None:
+        from warpgrains.analysis.quantities import names_of
 
-    return names_of(name.strip() for name in arguments.measure.split(","))
-
-
-def _until(arguments: Namespace) -> str | None:
-    """Return what ends each run before its last step; raise SceneError if it is no criterion."""
+        measured = names_of(name.strip() for name in arguments.measure.split(","))
     if arguments.until is not None:
         rest_bounds(arguments.until)
-    until: str | None = arguments.until
-    return until
+    return Columns(axes, measured, arguments.until)
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
@@ -102,36 +99,9 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
     return sweep.runs[checks.whole_number("--index", index, least=0, most=count - 1) :: count]
 
 
-def _left(folder: SweepFolder, sweep: Sweep, share: list[Run], resume: bool) -> list[Run]:
-    """Return the runs that are not finished; raise SceneError if the folder is not for them."""
-    make_folder(folder.path)
-    folder.require_own(sweep)
-    begun = folder.begun()
-    for one in share:
-        if one.number in folder.parts.lines and not resume:
-            raise SceneError(f"'{folder.path}' has results: --resume continues a sweep, or choose another -o")
-        if one.number in begun:
-            files = folder.of(one)
-            if files.is_begun and not resume:
-                raise SceneError(f"'{files.path}' is there: --resume continues a sweep, or choose another -o")
-            _require_no_other(files)
-    finished = folder.finished(share)
-    return [one for one in share if one.number not in finished]
-
-
-def _require_no_other(files: RunFolder) -> None:
-    """Raise OutputError if a run's folder is that of another; one that is damaged fails in its turn."""
-    try:
-        files.require_own()
-    except OutputError:
-        raise
-    except (SceneError, OSError):
-        pass
-
-
 def _finish(
     folder: SweepFolder, sweep: Sweep, left: list[Run], total: int, arguments: Namespace
-) -> dict[str, str]:
+) -> dict[int, str]:
     """Finish what is left, here or on a cluster; return why some runs are not finished, by their numbers."""
     execution = _execution(arguments)
     with progress_bar(total, total - len(left), unit="run", bar_format=_BAR) as bar:
@@ -151,7 +121,6 @@ def _finish(
 
 
 def _execution(arguments: Namespace) -> ExecutionOptions:
-    """Return with what the runs are carried out."""
     if arguments.threads is not None:
         checks.thread_count("--threads", arguments.threads)
     if arguments.slurm is not None:
@@ -159,43 +128,31 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
     if arguments.fps is not None and not arguments.usd:
         raise SceneError("--fps needs --usd")
     fps = DEFAULT_RATE if arguments.fps is None else checks.positive("--fps", arguments.fps)
-    fps_or_none = fps if arguments.usd else None
     return ExecutionOptions(
         device=arguments.device,
         threads=arguments.threads,
-        fps=fps_or_none,
+        fps=fps if arguments.usd else None,
         folders=arguments.folders,
         measure_every=arguments.every,
     )
 
 
-def _lines(
-    results: Path,
-    share: list[Run],
-    left: list[Run],
-    tables: Tables,
-    reasons: dict[str, str],
-    seconds: float,
-) -> str:
-    failed = {run.number: tables.failed[run.number] for run in share if run.number in tables.failed}
-    missing = {
-        run.number: reasons.get(str(run.number), "") for run in share if run.number not in tables.finished
-    }
+def _summary(
+    share: list[Run], left: list[Run], tables: Tables, reasons: dict[int, str], seconds: float
+) -> dict[str, str]:
+    own = {run.number for run in share}
+    failed = {number: reason for number, reason in tables.failed.items() if number in own}
+    missing = {number: reasons.get(number, "") for number in sorted(own - tables.finished)}
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
         "not finished": f"{len(missing)}{' (--resume goes on)' if missing else ''}{_first(missing)}",
-        "not converged": f"some step of {sum(run.number in tables.unconverged for run in share)} runs",
+        "not converged": f"some step of {len(own & tables.unconverged)} runs",
     }
     if tables.unmet is not None:
-        rows["not at rest"] = f"{sum(run.number in tables.unmet for run in share)} runs"
-    rows |= {
-        "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
-        "results": f"{results}",
-    }
-    return in_columns(rows)
+        rows["not at rest"] = f"{len(own & tables.unmet)} runs"
+    return rows | {"time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s"}
 
 
 def _first(reasons: dict[int, str]) -> str:
-    """Name the first of some runs, and its reason."""
     return next((f", first run {number}: {reason}" for number, reason in reasons.items() if reason), "")

@@ -19,12 +19,13 @@ from warpgrains.console import interrupts_end_at_once, start_warp
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import SweepFolder
+from warpgrains.sweep.sizes import next_size
 from warpgrains.sweep.sweep import Run
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-FIRST_BUNDLE, MOST_IN_A_BUNDLE, GROWTH = 16, 16_384, 4  # runs, and by how much the next may have more
+FIRST_BUNDLE, MOST_IN_A_BUNDLE = 16, 16_384  # runs
 BUNDLE = 10.0  # s that a bundle is to take ...
 HANDLING = 0.05  # ... and for every thread that there is: a scheduler takes some 10 ms for a bundle
 AHEAD = 2  # bundles given out a thread
@@ -41,7 +42,7 @@ def finish_on_cluster(
     execution: ExecutionOptions,
     on_progress: OnProgress,
     client: Client,
-) -> dict[str, str]:
+) -> dict[int, str]:
     """Carry runs out to their end on a cluster; return why some are not, by their numbers.
 
     What dask gives up, since too many workers died of it, is done again in the end, a run at a time. A run
@@ -54,16 +55,15 @@ def finish_on_cluster(
     client
         Of the cluster, see `connected`.
     """
-    left: dict[str, str] = {}
+    left: dict[int, str] = {}
     for run in _left_by_bundles(client, folder, runs, execution, on_progress):
         future = client.submit(finish_bundle, folder, [run], execution, pure=False)
-        number = str(run.number)
-        reason = future.exception() or future.result()[0].get(number, UNSEEN)
+        reason = future.exception() or future.result()[0].get(run.number, UNSEEN)
         if run.number in folder.finished([run]):
             on_progress(1.0)
         else:
-            left[number] = str(reason)
-            print(f"run {number} is not finished: {reason}", file=sys.stderr)
+            left[run.number] = str(reason)
+            print(f"run {run.number} is not finished: {reason}", file=sys.stderr)
     return left
 
 
@@ -74,7 +74,7 @@ def _left_by_bundles(
     execution: ExecutionOptions,
     on_progress: OnProgress,
 ) -> list[Run]:
-    """Have bundles carried out, so many at a time; return the runs that are not finished since then.
+    """Have bundles carried out, some at a time; return the runs that they leave unfinished.
 
     A bundle is as large as the time of the last one allows, and so small that no worker is idle at the end.
     """
@@ -82,38 +82,31 @@ def _left_by_bundles(
 
     waiting, size = deque(runs), FIRST_BUNDLE
     left: list[Run] = []
-    given: dict[Future, list[Run]] = {}
+    submitted: dict[Future, list[Run]] = {}
     completed = as_completed()
-
-    def give() -> int:
-        """Give out bundles, and return how many may be at once."""
-        most_given = AHEAD * max(FEWEST_THREADS, sum(client.nthreads().values()))
-        while waiting and len(given) < most_given:
-            most = max(1, len(waiting) // most_given)
+    while True:
+        threads = max(FEWEST_THREADS, sum(client.nthreads().values()))
+        while waiting and len(submitted) < AHEAD * threads:
+            most = max(1, len(waiting) // (AHEAD * threads))
             bundle = [waiting.popleft() for _ in range(min(size, most))]
             future = client.submit(finish_bundle, folder, bundle, execution, pure=False)
-            given[future] = bundle
+            submitted[future] = bundle
             completed.add(future)
-        return most_given
-
-    most_given = give()
-    for future in completed:
-        bundle = given.pop(future)
+        if not submitted:
+            return left
+        future = next(completed)
+        bundle = submitted.pop(future)
         finished = folder.finished(bundle)
-        lost = [run for run in bundle if run.number not in finished]
-        on_progress(len(bundle) - len(lost))
-        left += lost
+        on_progress(len(finished))
+        left += [run for run in bundle if run.number not in finished]
         if future.status == "finished":
-            wanted = max(BUNDLE, HANDLING * most_given / AHEAD)
-            pace = int(wanted / max(1e-3, future.result()[1]) * len(bundle))
-            size = max(1, min(GROWTH * len(bundle), pace, MOST_IN_A_BUNDLE))
-        most_given = give()
-    return left
+            wanted = max(BUNDLE, HANDLING * threads)
+            size = next_size(len(bundle), future.result()[1], wanted, MOST_IN_A_BUNDLE)
 
 
 def finish_bundle(
     folder: SweepFolder, runs: list[Run], execution: ExecutionOptions
-) -> tuple[dict[str, str], float]:
+) -> tuple[dict[int, str], float]:
     """Carry out, on a worker, those runs of a bundle that an earlier worker has not finished.
 
     Returns why some are not, like `finish_runs`, and how long it took [s].

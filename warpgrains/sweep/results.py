@@ -1,14 +1,15 @@
-"""The result of a run, a row of a table.
+"""The result of a run: a row of a table, by column; numbers are numbers until the row is written.
 
-First come the number of the run, the scene, and what it takes from the axes of the sweep, a column an axis.
-Then those of `UNITS`, and before the last of them, `error`, what else is asked for: `met`, 1 if the run has
-ended at its criterion and else 0, and what is measured. They are the same whenever, wherever and after
-however many interruptions the run is done. The last is `seconds`, its wall time, which the table of all
-results leaves out.
+First come the labels: the number of the run, the scene, and the values that it takes from the axes of the
+sweep, a column an axis. Then those of `UNITS`, and before the last of them, `error`, what else is asked for:
+`met`, 1 if the run has ended at its criterion and else 0, and what is measured. They are the same whenever,
+wherever and after however many interruptions the run is done. The last is `seconds`, its wall time, which the
+table of all results leaves out.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import repeat
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,39 +37,46 @@ COUNTS = ("grains", "steps", "iterations_max", "unconverged", MET)
 """Columns that are whole numbers."""
 SECONDS = "seconds"
 COUNTED = ("steps", "iterations", "iterations_max", "unconverged", "overlap", MET, SECONDS)
-"""What results need of `RunStatistics`."""
+"""Fields of `RunStatistics` that results need."""
+
+Values = tuple[Any, ...]
+"""A result without its labels, in the order of `Columns.after_labels`, and the seconds."""
 
 
-def columns_of(more: Iterable[str]) -> list[str]:
-    """Return the columns of results after the labels; `more` are `MET` and names of measured quantities."""
-    *common, error = UNITS
-    return [*common, *(name for name in more if name not in UNITS), error]
+class Columns(NamedTuple):
+    """What a sweep's results hold."""
+
+    axes: tuple[str, ...] = ()
+    """Keys of the axes of the sweep."""
+    measured: tuple[str, ...] = ()
+    """Names of quantities that are measured."""
+    until: str | None = None
+    """What ends each run before its last step, see `criterion`."""
+
+    @property
+    def after_labels(self) -> list[str]:
+        """The columns after the labels, without the seconds."""
+        *common, error = UNITS
+        met = [] if self.until is None else [MET]
+        return [*common, *met, *(name for name in self.measured if name not in UNITS), error]
+
+    @property
+    def all(self) -> list[str]:
+        """The columns of the table of all results."""
+        return ["run", "scene", *self.axes, *self.after_labels]
 
 
-def more_columns(measured: Iterable[str], until: str | None) -> tuple[str, ...]:
-    """Return the columns that not every sweep has, see `columns_of`."""
-    return (*measured,) if until is None else (MET, *measured)
-
-
-def result(labels: Row, end: Snapshot, done: RunStatistics, more: Iterable[str] = ()) -> Row:
-    """Return the result of a run that has reached its end; its labels are the first columns."""
-    counted = {name: np.array([value]) for name, value in vars(done).items() if name in COUNTED}
-    columns = columns_of(more)
-    (cells,) = results(Ends(end.grains, np.array([end.scene.dt]), counted), [end], columns)
-    return labels | dict(zip([*columns, SECONDS], cells, strict=True))
-
-
-def results(ends: Ends, each: Iterable[Snapshot], columns: Iterable[str]) -> Iterator[tuple[str, ...]]:
+def results(ends: Ends, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[Values]:
     """Return the results of runs that have reached their ends, without labels.
 
     Parameters
     ----------
     ends
         The runs.
-    each
+    snapshots
         Their ends one by one, which are asked for only where something more is measured.
     columns
-        See `columns_of`.
+        See `Columns.after_labels`.
     """
     grains, dt, done = ends
     steps = done["steps"]
@@ -86,27 +94,31 @@ def results(ends: Ends, each: Iterable[Snapshot], columns: Iterable[str]) -> Ite
         numbers[MET] = done[MET].astype(np.int64)
     measured = [name for name in columns if name not in (*UNITS, MET)]
     if measured:
-        moments = list(each)
+        moments = list(snapshots)
         numbers |= {name: np.array([QUANTITIES[name].of(moment) for moment in moments]) for name in measured}
-    cells = [map(repr, numbers[name].tolist()) if name in numbers else repeat("") for name in columns]
-    return zip(*cells, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
+    values = [numbers[name].tolist() if name in numbers else repeat("") for name in columns]
+    return zip(*values, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
 
 
-def failure(labels: Row, reason: str, seconds: float = 0.0, more: Iterable[str] = ()) -> Row:
+def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> Values:
+    """Return the result of a run that has reached its end, see `results`."""
+    counted = {name: np.array([getattr(done, name)]) for name in COUNTED}
+    return next(results(Ends(end.grains, np.array([end.scene.dt]), counted), [end], columns))
+
+
+def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> Values:
     """Return the result of a run that failed."""
-    return labels | dict.fromkeys(columns_of(more), "") | {"error": reason, SECONDS: f"{seconds:.3f}"}
+    return (*("" for _ in columns[:-1]), reason, f"{seconds:.3f}")
 
 
-def require_result(rows: list[Row], labels: Row, more: Iterable[str] = ()) -> Row:
+def require_result(rows: list[Row], labels: Row, columns: Sequence[str]) -> Row:
     """Return the one row of a run's table; raise SceneError unless it is a result with these labels."""
-    columns = [*labels, *columns_of(more), SECONDS]
-    if len(rows) != 1 or list(rows[0]) != columns or None in rows[0].values():
+    if len(rows) != 1 or list(rows[0]) != [*labels, *columns, SECONDS] or None in rows[0].values():
         raise SceneError("it is not one row of these columns")
     row = rows[0]
     if any(row[name] != label for name, label in labels.items()):
         raise SceneError("it is of another run")
-    numbers = [SECONDS] if row["error"] else [name for name in columns[len(labels) :] if name != "error"]
-    for name in numbers:
+    for name in [SECONDS] if row["error"] else [*columns[:-1], SECONDS]:
         try:
             (int if name in COUNTS else float)(row[name])
         except ValueError:

@@ -1,40 +1,43 @@
-"""Many runs in one process: short ones first (short.py), then those that have folders.
+"""Runs of a sweep in one process, in groups: while a group is carried out, another thread begins the next.
 
-These go in groups, each a batch of scenes that have as many steps left.
-
-A group proceeds in slices of about a second. Every now and then its runs save where they are, so that a
-killed process loses little; at its end each run gets its result.
+Runs without a folder come first, thousands at a time: what a group of them did is one shard, written before
+the next group is advanced. Those that take longer than `SHORT` or fail go on with a folder, where every run
+begins if that is asked for. These proceed in slices of about a second. Now and then, and at the end, they
+save where they are, so that a killed process loses little.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
+from itertools import islice
+from math import inf
 from time import perf_counter
+from typing import Any
 
-from warpgrains.batch.batch import Batch
+from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import SimulationError
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
+from warpgrains.solver.threads import cores
+from warpgrains.solver.tuning import find_device
 from warpgrains.sweep.folder import SweepFolder
-from warpgrains.sweep.run import SweepRun, begin
-from warpgrains.sweep.run_folder import Start
+from warpgrains.sweep.run import GroupedRun, ResumePoint
 from warpgrains.sweep.short import ShortRuns
+from warpgrains.sweep.sizes import next_size
 from warpgrains.sweep.sweep import Run
 
-SLICE = 1.0  # s
-FIRST_SLICE, GROWTH = 4, 8  # steps of the first slice, and by how much the next one may be longer
+GROUP, SLICE = 1.0, 1.0  # s that a group, and a slice of the steps of one with folders, is to take
+FIRST_SLICE = 4  # steps
 BETWEEN_CHECKPOINTS = 20.0  # s
-FIRST_WIDTH, WIDTH, RECORDED_WIDTH = 8, 64, 16  # runs in a group; frames wait in memory
+FIRST_WIDTH, LEAST_WIDTH, WIDTH, RECORDED_WIDTH = 16, 16, 64, 16  # runs in a group; frames wait in memory
+MOST_GRAINS = 200_000  # in a group
 WRITERS = 16
-MOST_WAITING = 256  # runs that wait for others with as many steps left
-MOST_GRAINS = 2_000_000  # in a group
 
 
 def finish_runs(
     folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnProgress
-) -> dict[str, str]:
+) -> dict[int, str]:
     """Carry out runs that are not finished to their end, each from where it is.
 
     A run that fails gets a result that says why, and the others go on. So they do if another process has
@@ -42,7 +45,7 @@ def finish_runs(
 
     Returns
     -------
-    dict of str to str
+    dict of int to str
         By the numbers of the runs that were not carried out to their end, why not.
 
     Raises
@@ -50,143 +53,130 @@ def finish_runs(
     OSError
         A file cannot be written.
     """
-    left: dict[str, str] = {}
-    starts: Iterable[Start] = map(Start, runs)
-    if not execution.needs_folders and execution.device == "cpu":
-        short = ShortRuns(folder, execution, on_progress)
-        short.finish(runs)
-        left, starts = short.left, short.long
-    for group in _groups(folder, starts, execution, on_progress, left):
-        _finish(group, execution, on_progress, left)
+    left: dict[int, str] = {}
+    points: Iterable[ResumePoint] = map(ResumePoint, runs)
+    with ExitStack() as held:
+        if not execution.needs_folders and execution.device == "cpu":
+            short = ShortRuns(folder, execution, on_progress, left)
+            held.callback(short.close)
+            _in_groups(short, points)
+            points = short.longer
+        _in_groups(FolderRuns(folder, execution, on_progress, left), points)
     return left
 
 
-def _groups(
-    folder: SweepFolder,
-    starts: Iterable[Start],
-    execution: ExecutionOptions,
-    on_progress: OnProgress,
-    left: dict[str, str],
-) -> Iterator[list[SweepRun]]:
-    """Gather runs with as many steps left."""
-    waiting: dict[int, list[SweepRun]] = {}
-    width, widest = FIRST_WIDTH, WIDTH if execution.fps is None else RECORDED_WIDTH
-    with closing(_ahead(folder, starts, execution)) as begun, ExitStack() as held:
-        held.callback(lambda: [held.push(run) for group in waiting.values() for run in group])
-        for number, future in begun:
-            run = future.result()
-            if isinstance(run, str):
-                left[str(number)] = run
-                on_progress(1.0)
-                continue
-            group = waiting.setdefault(run.left, [])
-            group.append(run)
-            if len(group) >= width or sum(run.scene.n for run in group) >= MOST_GRAINS:
-                yield waiting.pop(run.left)
-                width = min(2 * width, widest)
-            elif sum(map(len, waiting.values())) == MOST_WAITING:
-                yield waiting.pop(max(waiting, key=lambda left: len(waiting[left])))
-        while waiting:
-            yield waiting.popitem()[1]
+def _in_groups(runs: ShortRuns | FolderRuns, points: Iterable[ResumePoint]) -> None:
+    """Carry out runs in groups, each of which is begun on another thread while the one before is advanced."""
+    waiting, width = iter(points), FIRST_WIDTH
+    with ExitStack() as all_held, ThreadPoolExecutor(1) as ahead:
+
+        def begin_next() -> tuple[Future[Any], ExitStack] | None:
+            chunk, held = list(islice(waiting, width)), all_held.enter_context(ExitStack())
+            return (ahead.submit(runs.begin, chunk, held), held) if chunk else None
+
+        following = begin_next()
+        while following is not None:
+            future, held = following
+            group = future.result()
+            following, start = begin_next(), perf_counter()
+            with held:
+                grains = runs.carry_out(group)
+            most = min(runs.widest, MOST_GRAINS * width // max(1, grains))
+            width = next_size(width, perf_counter() - start, GROUP, most, runs.narrowest)
 
 
-def _ahead(
-    folder: SweepFolder, starts: Iterable[Start], execution: ExecutionOptions
-) -> Generator[tuple[int, Future[SweepRun | str]]]:
-    """Begin runs on another thread, while groups before them are carried out: some layouts take long."""
-    begun: deque[tuple[int, Future[SweepRun | str]]] = deque()
-    executor = ThreadPoolExecutor(1)
-    try:
-        for start in starts:
-            begun.append((start.run.number, executor.submit(begin, folder, start, execution)))
-            if len(begun) == WIDTH:
-                yield begun.popleft()
-        while begun:
-            yield begun.popleft()
-    finally:
-        executor.shutdown(cancel_futures=True)
-        for _, future in begun:
-            if not future.cancelled() and isinstance(run := future.result(), SweepRun):
-                run.__exit__()
+class FolderRuns:
+    """Carries out runs that have a folder each.
+
+    Parameters
+    ----------
+    folder, execution, on_progress
+        As for `finish_runs`.
+    left : dict of int to str
+        Gets why runs are not carried out to their end, by their numbers.
+    """
+
+    def __init__(
+        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[int, str]
+    ):
+        self._folder, self._execution, self._on_progress, self._left = folder, execution, on_progress, left
+        self._threads, self._device = execution.threads or cores(), find_device(execution.device)
+        self.widest = WIDTH if execution.fps is None else RECORDED_WIDTH
+        self.narrowest = min(LEAST_WIDTH, self.widest)
+
+    def begin(self, points: list[ResumePoint], held: ExitStack) -> list[GroupedRun]:
+        """Return the runs that can go on, each where it is; `held` gets their locks and outputs."""
+        begun = [(point, GroupedRun.begin(self._folder, point, self._execution, held)) for point in points]
+        self._left |= {point.run.number: run for point, run in begun if isinstance(run, str)}
+        runs = [run for _, run in begun if not isinstance(run, str)]
+        self._on_progress(len(points) - len(runs))
+        return runs
+
+    def carry_out(self, runs: list[GroupedRun]) -> int:
+        """Advance runs to their ends, and save their results once their recordings are whole.
+
+        Returns
+        -------
+        int
+            How many grains they have.
+        """
+        self._on_progress(sum(run.progress for run in runs))
+        self._advance([run for run in runs if run.goes_on])
+        troubles = [(run, run.complete()) for run in runs]
+        self._left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
+        _write(GroupedRun.finish, [run for run, trouble in troubles if trouble is None])
+        return sum(run.scene.n for run in runs)
+
+    def _advance(self, runs: list[GroupedRun]) -> None:
+        """Advance runs to their ends; one that does not fit in memory, even alone, has failed."""
+        if not runs:
+            return
+        try:
+            sets = ResidentSets([run.scene for run in runs], self._device, self._threads)
+        except SimulationError as error:
+            if len(runs) > 1:
+                for run in runs:
+                    self._advance([run])
+            else:
+                self._on_progress(1.0 - runs[0].progress)
+                runs[0].error = str(error)
+            return
+        for k, run in enumerate(runs):
+            if run.statistics.steps > 0:
+                sets.restore(k, run.state())
+        self._in_slices(runs, sets)
+
+    def _in_slices(self, runs: list[GroupedRun], sets: ResidentSets) -> None:
+        """Advance runs in slices, record and measure, and save where they are."""
+        slice_steps, kept_at = FIRST_SLICE, perf_counter()
+        for run in runs:
+            run.observe(run)
+        if any(run.is_recorded for run in runs):
+            _keep(runs, sets)
+        while any(run.goes_on for run in runs):
+            start, before = perf_counter(), sum(run.progress for run in runs)
+            steps = [min(slice_steps, run.steps_to_output) if run.goes_on else 0 for run in runs]
+            endings = [(run.until, run.statistics) for run in runs if run.until is not None]
+            for resident in sets.advance(steps, lambda _: None, endings or None):
+                for k, scene in resident.scenes.items():
+                    if steps[k] > 0:
+                        runs[k].count(resident.done(k))
+                        runs[k].observe(scene)
+            self._on_progress(sum(run.progress for run in runs) - before)
+            now = perf_counter()
+            slice_steps = next_size(max(steps), now - start, SLICE, inf)
+            if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.goes_on for run in runs):
+                _keep(runs, sets)
+                kept_at = now
 
 
-def _finish(
-    group: list[SweepRun], execution: ExecutionOptions, on_progress: OnProgress, left: dict[str, str]
-) -> None:
-    """Carry a group out to its end; the recordings are whole before there is a result."""
-    with ExitStack() as held:
-        for run in group:
-            held.push(run)
-        opened = _without_trouble(SweepRun.open, group, left)
-        on_progress(len(group) - sum(run.left / run.options.steps for run in opened))
-        if opened and opened[0].left > 0:
-            _advance(opened, execution, on_progress)
-        _write(SweepRun.finish, _without_trouble(SweepRun.complete, opened, left))
+def _keep(runs: list[GroupedRun], sets: ResidentSets) -> None:
+    for k, run in enumerate(runs):
+        run.reach(sets.state(k))
+    _write(GroupedRun.keep, runs)
 
 
-def _without_trouble(
-    do: Callable[[SweepRun], str | None], group: list[SweepRun], left: dict[str, str]
-) -> list[SweepRun]:
-    """Do something with each run of a group, and return those with which nothing was wrong."""
-    troubles = {run.folder.labels["run"]: do(run) for run in group}
-    left |= {number: trouble for number, trouble in troubles.items() if trouble is not None}
-    return [run for run in group if run.folder.labels["run"] not in left]
-
-
-def _advance(group: list[SweepRun], execution: ExecutionOptions, on_progress: OnProgress) -> None:
-    """Advance a group to its end; a run that does not fit in memory, even alone, has failed."""
-    try:
-        batch = Batch([run.scene for run in group], execution.device, execution.threads)
-    except SimulationError as error:
-        if len(group) > 1:
-            for run in group:
-                _advance([run], execution, on_progress)
-        else:
-            group[0].error = str(error)
-            on_progress(group[0].left / group[0].options.steps)
-        return
-    for k, run in enumerate(group):
-        batch.restore(k, run.state)
-    _run(group, batch, on_progress)
-
-
-def _run(group: list[SweepRun], batch: Batch, on_progress: OnProgress) -> None:
-    """Run a batch in slices, record and measure, and save where its runs are."""
-    pace, kept_at = FIRST_SLICE, perf_counter()
-    whole = [run.options.steps for run in group]
-    awaited = sum(run.left / run.options.steps for run in group)
-    _look(group, batch)
-    if any(run.is_recorded for run in group):
-        _keep(group, batch)
-    while going := [run for run in group if run.goes_on]:
-        start = perf_counter()
-        steps = min([pace, *(run.until_look for run in going)])
-        due = [steps if run.goes_on else 0 for run in group]
-        for k, summary in enumerate(batch.run(due)):
-            group[k].count(summary, batch, k)
-            on_progress(due[k] / whole[k])
-            awaited -= due[k] / whole[k]
-        _look(group, batch)
-        now = perf_counter()
-        pace = max(1, min(GROWTH * pace, int(SLICE / (now - start) * steps)))
-        if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.goes_on for run in group):
-            _keep(group, batch)
-            kept_at = now
-    on_progress(awaited)  # of runs that failed, or met their criterion
-
-
-def _look(group: list[SweepRun], batch: Batch) -> None:
-    for k, run in enumerate(group):
-        run.look(batch, k)
-
-
-def _keep(group: list[SweepRun], batch: Batch) -> None:
-    for k, run in enumerate(group):
-        run.reach(batch.state(k))
-    _write(SweepRun.keep, group)
-
-
-def _write(write: Callable[[SweepRun], None], group: list[SweepRun]) -> None:
-    """Write files of all runs side by side: most of the time is spent waiting for the disk."""
+def _write(write: Callable[[GroupedRun], None], runs: list[GroupedRun]) -> None:
+    """Write files of all runs at the same time: most of the time is spent waiting for the disk."""
     with ThreadPoolExecutor(WRITERS) as writers:
-        list(writers.map(write, group))
+        list(writers.map(write, runs))

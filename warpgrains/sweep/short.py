@@ -1,59 +1,54 @@
-"""Short runs: in large groups, without a folder or a lock of their own; what a group did is one file.
+"""Short runs: in large groups, without a folder or a lock of their own; what a group did is one shard.
 
-While a group is advanced, another thread sets up the next. What a group did is written before the next one is
-advanced: of a process that is killed, one is to be done again. Runs that take long, or fail, go on as runs
-with a folder.
+What a group did is written before the next one is advanced: of a process that is killed, one is to be done
+again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing, suppress
-from itertools import islice
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import Done, ResidentSet
+from warpgrains.batch.resident import Ending, ResidentSet, ResidentSets
 from warpgrains.errors import SceneError, SimulationError
-from warpgrains.files import csv_line
-from warpgrains.locks import Claims
+from warpgrains.files import Row
+from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
-from warpgrains.simulation.until import Criterion, criterion
+from warpgrains.simulation.until import criterion
+from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
-from warpgrains.sweep.folder import GRAINS, SweepFolder, writer
-from warpgrains.sweep.parts import Lines
-from warpgrains.sweep.results import columns_of, result, results
-from warpgrains.sweep.run_folder import Start
-from warpgrains.sweep.sweep import Base, Run
+from warpgrains.sweep.folder import SweepFolder, writer
+from warpgrains.sweep.results import Values, result, results
+from warpgrains.sweep.run import ResumePoint
+from warpgrains.sweep.run_folder import GRAINS
+from warpgrains.sweep.sweep import BaseScene, Run
 
 SHORT = 20.0  # s; a run that is not done by then gets a folder and checkpoints
-GROUP = 1.0  # s that a group is to take
-FIRST_WIDTH, WIDTH, GROWTH = 16, 4096, 8  # runs in a group, and by how much the next one may be wider
-MOST_GRAINS = 200_000  # in a group
+WIDTH = 4096  # runs in a group
 ALIKE = 256  # scenes kept for others with the same grains
 
 
-class Member(NamedTuple):
+class ShortRun(NamedTuple):
     """A run of a group."""
 
     run: Run
-    head: bytes
-    """Its labels, which its line begins with."""
+    labels: Row
     scene: Scene
-    until: Criterion | None
+    ending: Ending | None
     """What ends it before its last step."""
 
 
-class Group(NamedTuple):
+class ShortGroup(NamedTuple):
     """Runs that are advanced together."""
 
-    members: list[Member]
-    resident: ResidentSet | None
+    runs: list[ShortRun]
+    sets: ResidentSets | None
     """None if there are none."""
 
 
@@ -64,75 +59,69 @@ class ShortRuns:
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
+    left : dict of int to str
+        Gets why runs are left to other processes, by their numbers.
 
     Attributes
     ----------
-    left : dict of str to str
-        By the numbers of the runs that were left to other processes, why.
-    long : list of Start
+    longer : list of ResumePoint
         What is to be carried out as runs with a folder.
     """
 
-    def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress):
-        self.left: dict[str, str] = {}
-        self.long: list[Start] = []
-        self._folder, self._on_progress = folder, on_progress
+    def __init__(
+        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[int, str]
+    ):
+        self.longer: list[ResumePoint] = []
+        self._left, self._folder, self._on_progress = left, folder, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
-        self._alike: dict[tuple[Base, str], Scene] = {}
-        self._ends: dict[int, Done] = {}
-        folder.parts.path.mkdir(parents=True, exist_ok=True)
-        self._claims = Claims(folder.parts.path / ".claims")
+        self.narrowest, self.widest = self._threads, WIDTH
+        self._alike: dict[tuple[BaseScene, str], Scene] = {}
+        folder.shards.path.mkdir(parents=True, exist_ok=True)
+        self._locks = RunLocks(folder.shards.path / ".claims")
 
-    def finish(self, runs: Iterable[Run]) -> None:
-        """Carry out runs to their end, but for those that are left, or long."""
-        waiting, width = iter(runs), FIRST_WIDTH
-        with closing(self._claims), ThreadPoolExecutor(1) as ahead:
-            following: Future[Group] | None = ahead.submit(self._set_up, list(islice(waiting, width)))
-            while following is not None:
-                group, chunk = following.result(), list(islice(waiting, width))
-                following = ahead.submit(self._set_up, chunk) if chunk else None
-                start = perf_counter()
-                self._advance(group)
-                width = _width(group, width, perf_counter() - start)
-                self._write(group)
+    def close(self) -> None:
+        """Leave the runs to other processes."""
+        self._locks.close()
 
-    def _set_up(self, runs: list[Run]) -> Group:
-        """Put the scenes of runs in memory."""
-        members = [member for run in self._free(runs) if (member := self._member(run)) is not None]
-        resident = None
-        if members:
-            scenes = {k: member.scene for k, member in enumerate(members)}
+    def begin(self, points: list[ResumePoint], held: ExitStack) -> ShortGroup:
+        """Put the scenes of runs in memory; nothing is held."""
+        free = self._free([point.run for point in points])
+        runs = [short for run in free if (short := self._short(run)) is not None]
+        sets = None
+        if runs:
             try:
-                resident = ResidentSet(scenes, self._device, self._threads, 1)
-            except SimulationError:  # they have no room together
-                self.long += [Start(member.run) for member in members]
-                members = []
-        return Group(members, resident)
+                sets = ResidentSets([short.scene for short in runs], self._device, self._threads)
+                sets.enter()
+            except SimulationError:  # there is no memory for one of them
+                self.longer += [ResumePoint(short.run) for short in runs]
+                runs, sets = [], None
+        return ShortGroup(runs, sets)
 
     def _free(self, runs: list[Run]) -> list[Run]:
         """Return the runs that nobody else has or has finished, and that have no folder."""
         begun = self._folder.begun()
-        self.long += [Start(run) for run in runs if run.number in begun]
+        self.longer += [ResumePoint(run) for run in runs if run.number in begun]
         runs = [run for run in runs if run.number not in begun]
-        taken = set(self._claims.take(run.number for run in runs))
-        self._folder.parts.refresh(taken)
-        taken -= self._folder.parts.lines.keys()
-        others = [run for run in runs if run.number not in taken]
-        self.left |= {str(run.number): "another process has it" for run in others}
+        free = set(self._locks.acquire(run.number for run in runs))
+        self._folder.shards.refresh(free)
+        free -= self._folder.shards.lines.keys()
+        others = [run for run in runs if run.number not in free]
+        self._left |= {run.number: "another process has it" for run in others}
         self._on_progress(len(others))
-        return [run for run in runs if run.number in taken]
+        return [run for run in runs if run.number in free]
 
-    def _member(self, run: Run) -> Member | None:
-        """Return a run of a group; None if it is no scene, large, or has no label on one line: a long run."""
-        member, head = None, csv_line(run.labels().values())[:-1]
-        if b"\n" not in head and b"\r" not in head:
+    def _short(self, run: Run) -> ShortRun | None:
+        """Return a run of a group; None if it is long: no scene, large, or with a label of several lines."""
+        labels = run.labels()
+        if not any(end in label for label in labels.values() for end in "\r\n"):
             with suppress(SceneError):
                 scene = self._scene(run)
-                member = Member(run, head, scene, criterion(self._folder.until, scene))
-        if member is None or paying_threads(member.scene) > 1:
-            self.long.append(Start(run))
-            return None
-        return member
+                until = criterion(self._folder.columns.until, scene)
+                if paying_threads(scene) == 1:
+                    ending = None if until is None else (until, RunStatistics())
+                    return ShortRun(run, labels, scene, ending)
+        self.longer.append(ResumePoint(run))
+        return None
 
     def _scene(self, run: Run) -> Scene:
         """Return the scene of a run, made of one that has the same grains and walls where there is one."""
@@ -154,74 +143,48 @@ class ShortRuns:
         self._alike[run.base, repr(of_grains)] = scene
         return scene
 
-    def _advance(self, group: Group) -> None:
-        """Advance a group to its end, or for as long as a run is short."""
-        if (resident := group.resident) is None:
-            return
-        steps, end = [member.scene.steps for member in group.members], perf_counter() + SHORT
-        share = len(steps) / sum(steps)
+    def carry_out(self, group: ShortGroup) -> int:
+        """Advance a group to its end, or for as long as a run is short; return how many grains it has."""
+        if (sets := group.sets) is None:
+            return 0
+        steps, end = [short.scene.steps for short in group.runs], perf_counter() + SHORT
+        counted, share = 0.0, len(steps) / sum(steps)
 
-        def glance(done: int) -> None:
+        def poll(done: int) -> None:
+            nonlocal counted
+            counted += share * done
             self._on_progress(share * done)
             if perf_counter() > end:
-                resident.halt()
+                sets.halt()
 
-        criteria = [member.until for member in group.members if member.until is not None]
-        if criteria:
-            self._ends = resident.work_until(criteria, steps, glance)
-        else:
-            resident.work(steps, glance)
+        endings = [short.ending for short in group.runs if short.ending is not None]
+        ended: dict[int, tuple[Row, Values]] = {}
+        waiting = dict(enumerate(group.runs))
+        for resident in sets.advance(steps, poll, endings or None):
+            for k, values in self._ended(group.runs, resident):
+                short = waiting.pop(k)
+                ended[short.run.number] = (short.labels, values)
+            for k in filter(waiting.__contains__, resident.scenes):
+                state, done = resident.scenes[k].state(), resident.done(k)
+                self.longer.append(ResumePoint(waiting.pop(k).run, state, done.statistics, done.error))
+        self.longer += [ResumePoint(short.run) for short in waiting.values()]
+        self._on_progress(len(ended) - counted)
+        self._folder.shards.write(ended, writer())
+        self._locks.release(ended)
+        return sum(short.scene.n for short in group.runs)
 
-    def _write(self, group: Group) -> None:
-        """Write what came of a group; runs that are not at their end go on as long ones."""
-        if (resident := group.resident) is None:
+    def _ended(self, runs: list[ShortRun], resident: ResidentSet) -> Iterator[tuple[int, Values]]:
+        """Yield the results of the runs that are at their ends, by their places in the group."""
+        columns = self._folder.columns.after_labels
+        if self._folder.columns.until is not None:
+            for k, scene in resident.scenes.items():
+                statistics = resident.done(k).statistics
+                if statistics.met or statistics.steps == scene.scene.steps:
+                    yield k, result(snapshot(scene.scene, scene.state()), statistics, columns)
             return
-        lines = (
-            self._lines(group, resident) if self._folder.until is None else self._lines_until(group, resident)
-        )
-        self._folder.parts.write(lines, writer())
-        self._claims.give_back(lines)
-
-    def _lines(self, group: Group, resident: ResidentSet) -> Lines:
-        """Return the lines of the runs of a group that are at their ends; the others go on."""
-        lines: Lines = {}
-        for engine, numbers, places in resident.alike():
-            ended = engine.left[places] == 0
-            for k in numbers[~ended].tolist():
-                self._go_on(group.members[k], resident, resident.done(k))
+        for engine, numbers, indices in resident.alike():
+            ended = engine.left[indices] == 0
             if ended.any():
                 which = numbers[ended].tolist()
-                each = (snapshot(group.members[k].scene, resident.state(k)) for k in which)
-                rows = results(engine.ends(places[ended]), each, columns_of(self._folder.more))
-                for k, cells in zip(which, rows, strict=True):
-                    member = group.members[k]
-                    lines[member.run.number] = b"%b,%b\n" % (member.head, ",".join(cells).encode())
-        return lines
-
-    def _lines_until(self, group: Group, resident: ResidentSet) -> Lines:
-        """Return the same where runs end at a criterion, after different numbers of steps."""
-        lines: Lines = {}
-        for k, end in self._ends.items():
-            run, _, scene, _ = group.members[k]
-            steps = end.statistics.steps
-            if end.statistics.met or steps == scene.steps:
-                row = result(
-                    run.labels(), snapshot(scene, resident.state(k)), end.statistics, self._folder.more
-                )
-                lines[run.number] = csv_line(row.values())
-                self._on_progress(1.0 - steps / scene.steps)
-            else:
-                self._go_on(group.members[k], resident, end)
-        return lines
-
-    def _go_on(self, member: Member, resident: ResidentSet, done: Done) -> None:
-        """Leave a run to those that have folders, from where it is."""
-        self._on_progress(-done.statistics.steps / member.scene.steps)
-        self.long.append(Start(member.run, resident.state(done.k), done.statistics, done.error))
-
-
-def _width(group: Group, width: int, seconds: float) -> int:
-    """Return how many runs the next group is to have."""
-    grains = sum(member.scene.n for member in group.members) / max(1, len(group.members))
-    wanted = width * min(GROWTH, GROUP / max(seconds, 1e-3))
-    return max(1, min(WIDTH, int(wanted), int(MOST_GRAINS / max(1.0, grains))))
+                ends = (snapshot(runs[k].scene, resident.scenes[k].state()) for k in which)
+                yield from zip(which, results(engine.ends(indices[ended]), ends, columns), strict=True)

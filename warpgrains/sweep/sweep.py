@@ -47,7 +47,7 @@ Values = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Base:
+class BaseScene:
     """A scene that runs start from."""
 
     name: str
@@ -61,11 +61,16 @@ class Base:
     def text(self) -> str:
         """A scene file of what its runs have in common; copies of files of grains are in ../grains."""
         copies = {name: f"../grains/{copy_name(path)}" for name, path in self.grain_files.items()}
-        sections = _with_values(self.sections, {})
-        if sections.get("grains", {}).get("file") in copies:
-            sections["grains"]["file"] = copies[sections["grains"]["file"]]
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
-        return "".join(notes) + toml_text(sections)
+        return "".join(notes) + toml_text(self.with_values({}, "../grains"))
+
+    def with_values(self, values: Values, copies: str) -> Table:
+        """Return its sections with some values replaced; copies of files of grains are in folder `copies`."""
+        sections = _with_values(self.sections, values)
+        source = self.grain_files.get(sections.get("grains", {}).get("file"))
+        if source is not None:
+            sections["grains"]["file"] = f"{copies}/{copy_name(source)}"
+        return sections
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +79,7 @@ class Run:
 
     number: int
     """Its place in the sweep, from 0."""
-    base: Base
+    base: BaseScene
     """The scene it starts from."""
     values: Values
     """What it takes from the axes, by key."""
@@ -85,12 +90,8 @@ class Run:
         return {"run": str(self.number), "scene": self.base.name, **cells}
 
     def sections(self, copies: str) -> Table:
-        """Return what its scene file holds; copies of files of grains are in `copies`, seen from there."""
-        sections = _with_values(self.base.sections, self.values)
-        if self.base.grain_files:
-            source = self.base.grain_files[sections["grains"]["file"]]
-            sections["grains"]["file"] = f"{copies}/{copy_name(source)}"
-        return sections
+        """Return the sections of its scene file, see `BaseScene.with_values`."""
+        return self.base.with_values(self.values, copies)
 
     def text(self, copies: str) -> str:
         """Return its scene file, see `sections`."""
@@ -108,7 +109,7 @@ class Sweep:
     """In the order of the axes, the last one changing fastest."""
     axes: tuple[str, ...]
     """Keys of the axes."""
-    bases: list[Base]
+    bases: list[BaseScene]
     """The scenes that the runs start from."""
 
     @classmethod
@@ -171,7 +172,7 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
 
 
-def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[Base]:
+def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[BaseScene]:
     for path in _base_paths(document, folder):
         if path.exists() and not path.is_file():
             raise SceneError(f"scene '{path}' of the sweep is not a regular file")
@@ -182,7 +183,7 @@ def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[A
             grains["radius"] = read_radii(path.parent, grains["radius"])
         name = grains.get("file")
         names = lists.get("grains.file", [] if name is None else [name])
-        yield Base(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})
+        yield BaseScene(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})
 
 
 def _base_paths(document: Table, folder: Path) -> list[Path]:
