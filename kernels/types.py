@@ -6,6 +6,8 @@ f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
+Shape = wp.types.vector(length=6, dtype=f64)
+"""A wall inside the annulus: the number of its kind (`kind_number` of the host), and its numbers [m]."""
 
 
 @wp.struct

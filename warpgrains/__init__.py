@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import OutputError, SceneError, SimulationError
+    from warpgrains.scene.disc import Disc
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Batch",
+    "Disc",
     "OutputError",
     "Recording",
     "Scene",
@@ -44,6 +46,7 @@ __all__ = [
 
 _HOME = {
     "Batch": "batch.batch",
+    "Disc": "scene.disc",
     "OutputError": "errors",
     "Recording": "analysis.recording",
     "Scene": "scene.scene",

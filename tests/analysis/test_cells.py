@@ -54,7 +54,7 @@ def test_cells_of_unequal_discs_are_where_the_power_is_least():
     power = ((points[:, np.newaxis] - scene.position) ** 2).sum(axis=2) - scene.radius**2
     share = np.bincount(power.argmin(axis=1), minlength=scene.n) / len(points)
     # a share of k points has a standard deviation of sqrt(p / k): five of them
-    expected = areas(scene) / scene.walls.area
+    expected = areas(scene) / scene.annulus.area
     assert (np.abs(share - expected) < 5.0 * np.sqrt(expected / len(points))).all()
 
 

@@ -110,12 +110,12 @@ def test_stress_is_what_weight_and_walls_demand(settled):
     from_contacts = contact_mass(scene)[:, np.newaxis] * (settled.velocity - free) / scene.dt
     on_wall = moment.wall_force[:, np.newaxis] * normal
     at_wall = x + np.sign(moment.wall_force)[:, np.newaxis] * scene.radius[:, np.newaxis] * normal
-    expected = (x.T @ from_contacts + on_wall.T @ at_wall) / scene.walls.area
+    expected = (x.T @ from_contacts + on_wall.T @ at_wall) / scene.annulus.area
     found = analysis.mean_stress(settled)
     # branches are as long as the radii only where the gap is 0; at the start of a step it is what it moves
     i, j = moment.pair.T
     gap = np.hypot(*(x[j] - x[i]).T) - scene.radius[i] - scene.radius[j]
-    slack = (moment.force * np.abs(gap)).sum() / scene.walls.area
+    slack = (moment.force * np.abs(gap)).sum() / scene.annulus.area
     assert found == pytest.approx(expected, abs=slack + 1e-9)
     assert slack < 1e-3 * np.abs(found).max()
     assert found == pytest.approx(found.T)
@@ -126,7 +126,7 @@ def test_stresses_of_grains_add_up(settled):
     area = analysis.cell_areas(settled)
     total = (area[:, np.newaxis, np.newaxis] * analysis.grain_stresses(settled)).sum(axis=0)
     # a sum of n terms, in another order
-    assert total / settled.scene.walls.area == pytest.approx(analysis.mean_stress(settled), rel=1e3 * EPS)
+    assert total / settled.scene.annulus.area == pytest.approx(analysis.mean_stress(settled), rel=1e3 * EPS)
 
 
 def test_isotropic_pressure_of_a_ring():

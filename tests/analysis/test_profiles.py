@@ -152,7 +152,7 @@ def test_profiles_add_up(profile):
     if profile is analysis.radial_profile:
         room = np.pi * np.diff(found.edges**2)
     else:
-        room = np.diff([moment.scene.walls.area_below(edge) for edge in found.edges])
+        room = np.diff([moment.scene.annulus.area_below(edge) for edge in found.edges])
     total = np.pi * (moment.scene.radius**2).sum()
     assert found.packing_fraction @ room == pytest.approx(total, rel=1e4 * EPS)  # sums of a thousand areas
     assert found.packing_fraction @ room / room.sum() == pytest.approx(

@@ -97,7 +97,7 @@ def assert_optimal(simulation: Simulation) -> None:
     vn, outward = ((rebuilt[i] - rebuilt[j]) * n).sum(axis=1), (rebuilt * radial).sum(axis=1)
     gap_rate = (distance - (scene.radius[i] + scene.radius[j])) / scene.dt
     residual = [np.maximum(0.0, dv + vn - gap_rate) - dv]
-    for side in scene.walls.seen_from(x, scene.radius, scene.dt * rebuilt):
+    for side in scene.annulus.seen_from(x, scene.radius, scene.dt * rebuilt):
         carried = np.maximum(side.sign * wall, 0.0)
         residual.append(np.maximum(0.0, carried + side.sign * outward - side.gap / scene.dt) - carried)
     assert np.abs(np.concatenate(residual)).max() <= simulation.scene.tolerance + rounding

@@ -55,7 +55,7 @@ def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     moment = snapshot(of)
     needed = 2 if any(moment.scene.gravity) else 3
     pair = moment.pair[moment.force >= least]
-    at_wall = (np.abs(moment.wall_force) >= least) & (moment.wall_force != 0.0)
+    at_wall = np.bincount(moment.wall[moment.wall_force >= least, 0], minlength=moment.n)
     loose = np.zeros(moment.n, dtype=bool)
     while True:
         kept = pair[~loose[pair].any(axis=1)]
@@ -165,8 +165,8 @@ def force_distribution(of: Snapshot | HasState, bins: int = 40, most: float = 8.
     return Distribution(edges, count / (max(1, len(force)) * np.diff(edges)))
 
 
-def wall_forces(of: Snapshot | HasState) -> tuple[float, float]:
-    """Return how hard the grains push on the outer and on the inner wall: sums of normal forces [N].
+def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
+    """Return how hard the grains push on the outer and inner wall, and on others: sums of normal forces [N].
 
     Examples
     --------
@@ -175,12 +175,12 @@ def wall_forces(of: Snapshot | HasState) -> tuple[float, float]:
     (14.154, 0.0)
     """
     grains = snapshot(of).grains
-    return wall_force_sums(grains, 1.0).item(), wall_force_sums(grains, -1.0).item()
+    return tuple(wall_force_sums(grains, wall).item() for wall in range(grains.wall_force.shape[-1]))
 
 
-def wall_force_sums(grains: Grains, sign: float) -> FloatArray:
-    """Return the sums of the forces on the wall whose forces have this sign, of many runs [N], shape (m,)."""
-    force = sign * grains.wall_force
+def wall_force_sums(grains: Grains, wall: int) -> FloatArray:
+    """Return the sums of the forces on a wall, of many runs [N], shape (m,)."""
+    force = grains.wall_force[..., wall]
     sums, is_positive = np.zeros(len(force)), force > 0.0
     for k in np.flatnonzero(is_positive.any(axis=-1)):
         sums[k] = force[k][is_positive[k]].sum()
@@ -222,7 +222,7 @@ def mean_stress(of: Snapshot | HasState) -> FloatArray:
            [0.0003, 0.1808]])
     """
     moment = snapshot(of)
-    return _moments(moment).sum(axis=0) / moment.scene.walls.area
+    return _moments(moment).sum(axis=0) / moment.scene.area
 
 
 def pressure(of: Snapshot | HasState) -> float:

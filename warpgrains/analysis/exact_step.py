@@ -31,7 +31,7 @@ from warpgrains.scene.geometry import pair_gaps
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.solver import interior_point
-from warpgrains.solver.constraints import StepConstraints
+from warpgrains.solver.constraints import StepConstraints, every_wall
 from warpgrains.solver.projection import NormalMatrix, Projection, projection_of
 
 TOLERANCE = 1e-14  # asked of the library, which stops where rounding does not let it go further
@@ -63,7 +63,9 @@ class StepProblem:
         """
         scene, position = self.scene, self.position
         pair = pairs_within(position, scene.radius, scene.dt * speed)
-        every = StepConstraints.at(scene, position, pair, np.arange(scene.n), scene.dt * sliding)
+        every = StepConstraints.at(
+            scene, position, pair, every_wall(scene, np.arange(scene.n)), scene.dt * sliding
+        )
         near = every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
         return projection_of(near, self.free_velocity)
 

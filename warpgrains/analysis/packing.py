@@ -93,7 +93,7 @@ def global_packing_fraction(of: Snapshot | HasState) -> float:
     0.04
     """
     scene = snapshot(of).scene
-    return float(np.pi * (scene.radius**2).sum() / scene.walls.area)
+    return float(np.pi * (scene.radius**2).sum() / scene.area)
 
 
 def cell_areas(of: Snapshot | HasState) -> FloatArray:
@@ -106,11 +106,11 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
 
     Examples
     --------
-    >>> bool(np.isclose(analysis.cell_areas(simulation).sum(), simulation.scene.walls.area))
+    >>> bool(np.isclose(analysis.cell_areas(simulation).sum(), simulation.scene.annulus.area))
     True
     """
     moment = snapshot(of)
-    return radical_cell_areas(moment.position, moment.scene.radius, moment.scene.walls)
+    return radical_cell_areas(moment.position, moment.scene.radius, moment.scene.annulus)
 
 
 def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:

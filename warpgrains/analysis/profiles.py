@@ -46,7 +46,7 @@ def height_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
     array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
     moment = snapshot(of)
-    walls, up = moment.scene.walls, upwards(moment.scene.gravity)
+    walls, up = moment.scene.annulus, upwards(moment.scene.gravity)
     edges = np.linspace(-walls.depth, walls.depth, bins + 1)
     height = heights(moment)
     area = np.array([area_below(moment.scene.radius, edge - height) for edge in edges])
@@ -63,7 +63,7 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
     array([0.01, 0.02, 0.  , 0.  , 0.03, 0.12])
     """
     moment = snapshot(of)
-    walls, rho = moment.scene.walls, distance(moment.position)
+    walls, rho = moment.scene.annulus, distance(moment.position)
     edges = np.linspace(walls.radius_in, walls.radius_out, bins + 1)
     area = np.array([_lens(rho, moment.scene.radius, edge) for edge in edges])
     with np.errstate(invalid="ignore"):  # at the origin nothing is outwards
@@ -169,7 +169,7 @@ def _counted(moment: Snapshot, region: Any) -> tuple[Region, FloatArray]:
     """Return the region, and the centres [m], shape (n, 2), with up along y if the region is the default."""
     scene = moment.scene
     if region is not None:
-        return region_of(scene.walls, dict(region), "region"), moment.position
+        return region_of(scene.annulus, dict(region), "region"), moment.position
     inner, outer, diameter = scene.radius_in, scene.radius_out, 2.0 * float(scene.radius.mean())
     bulk = Region(Annulus(inner + diameter if inner > 0.0 else 0.0, outer - diameter))
     if not any(scene.gravity):
@@ -181,7 +181,7 @@ def _counted(moment: Snapshot, region: Any) -> tuple[Region, FloatArray]:
 
 def _of_centres(region: Region, moment: Snapshot) -> Region:
     """Return the part of a region that the walls leave to centres of the smallest grains."""
-    smallest, walls = moment.scene.radius.min(), moment.scene.walls
+    smallest, walls = moment.scene.radius.min(), moment.scene.annulus
     near = walls.radius_in + smallest if walls.radius_in > 0.0 else 0.0
     near, far = max(region.ring.radius_in, near), min(region.ring.radius_out, walls.radius_out - smallest)
     left = region._replace(ring=Annulus(near, far))

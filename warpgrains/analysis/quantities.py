@@ -12,6 +12,7 @@ from warpgrains.analysis.energy import EnergyBalance, step_energy_balance
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene import checks
+from warpgrains.scene.walls import INNER, OUTER
 from warpgrains.solver.ends import Grains
 
 
@@ -48,8 +49,8 @@ QUANTITIES = {
     "potential_energy": _of_runs("J", energy.potential_energies),
     "contact_power": Quantity("W", _powers, attrgetter("contact_loss")),
     "drag_power": Quantity("W", _powers, attrgetter("drag_loss")),
-    "outer_wall_force": _of_runs("N", partial(contacts.wall_force_sums, sign=1.0)),
-    "inner_wall_force": _of_runs("N", partial(contacts.wall_force_sums, sign=-1.0)),
+    "outer_wall_force": _of_runs("N", partial(contacts.wall_force_sums, wall=OUTER)),
+    "inner_wall_force": _of_runs("N", partial(contacts.wall_force_sums, wall=INNER)),
     "pile_height": _of_runs("m", packing.pile_heights),
     "packing_fraction": _of_runs("", packing.packing_fractions),
     "coordination_number": Quantity("", contacts.coordination_number),

@@ -10,7 +10,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.chains import OUTER, contact_normals
+from warpgrains.drawing.chains import contact_normals
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
 from warpgrains.scene.scene import Scene
@@ -120,14 +120,14 @@ class Recording(Shown):
             raise SceneError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
         position = self._reader.position(k)
-        wall_force = np.zeros(len(self.radius))
         pair, force = np.zeros((0, 2), np.int32), np.zeros(0)
+        wall, wall_force = pair, force
         if contacts:
             chains = self._reader.chains(k)
             between = chains.pair[:, 1] >= 0
             pair, force = chains.pair[between], chains.force[between]
-            grain, wall = chains.pair[~between].T
-            wall_force[grain] = np.where(wall == OUTER, 1.0, -1.0) * chains.force[~between]
+            grain, code = chains.pair[~between].T
+            wall, wall_force = np.stack([grain, -1 - code], axis=1), chains.force[~between]
         return Snapshot(
             scene=self.scene,
             steps=FrameTimes(self.scene.dt, self._reader.rate).step(k),
@@ -136,6 +136,7 @@ class Recording(Shown):
             start=position,
             pair=pair,
             force=force,
+            wall=wall,
             wall_force=wall_force,
         )
 
@@ -144,7 +145,8 @@ class Recording(Shown):
 
         Positions and velocities are over time and grain. Contacts, where they were recorded, are in one list
         along the dimension `contact`: the number of the frame, `contact_frame`; the grain, `contact_grain`;
-        the other grain, or -1 for the outer wall and -2 for the inner one, `contact_other`; the unit vector
+        the other grain, or -1 for the outer wall, -2 for the inner one and -3, -4, ... for those of
+        `Scene.walls`, `contact_other`; the unit vector
         from the grain to the other or the wall, `contact_normal`; and the force, `contact_force`.
 
         Raises
@@ -168,7 +170,7 @@ class Recording(Shown):
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames, as `to_xarray` names them."""
         chains = [self._reader.chains(k) for k in range(len(self))]
-        normal = [contact_normals(self.position[k], of.pair) for k, of in enumerate(chains)]
+        normal = [contact_normals(self.scene, self.position[k], of.pair) for k, of in enumerate(chains)]
         frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])
         pair = np.concatenate([of.pair for of in chains])
         force = np.concatenate([of.force for of in chains])

@@ -60,14 +60,16 @@ class Snapshot:
         Grains i < j in contact, shape (m, 2).
     force : ndarray
         Force of each of these contacts [N], shape (m,), > 0.
+    wall : ndarray
+        Grain and wall of each contact with a wall, shape (k, 2), see `WallContacts`.
     wall_force : ndarray
-        Force of the walls on each grain [N], shape (n,): > 0 of the outer wall, < 0 of the inner one.
+        Force of each of these contacts [N], shape (k,), > 0.
 
     Examples
     --------
     >>> moment = analysis.snapshot(simulation)
     >>> moment.pair.shape, moment.force.shape, moment.wall_force.shape
-    ((15, 2), (15,), (15,))
+    ((15, 2), (15,), (10,))
     """
 
     scene: Scene
@@ -77,6 +79,7 @@ class Snapshot:
     start: FloatArray
     pair: IntArray
     force: FloatArray
+    wall: IntArray
     wall_force: FloatArray
 
     @property
@@ -94,12 +97,14 @@ class Snapshot:
         """The grains, as those of one run."""
         scene = self.scene
         radii: Any = np.array([[scene.radius_in], [scene.radius_out]])
+        wall_force = np.zeros((1, scene.n, 2 + len(scene.walls)))
+        wall_force[0, *self.wall.T] = self.wall_force
         return Grains(
             mass=scene.mass[np.newaxis],
             radius=scene.radius[np.newaxis],
             position=self.position[np.newaxis],
             velocity=self.velocity[np.newaxis],
-            wall_force=self.wall_force[np.newaxis],
+            wall_force=wall_force,
             gravity=np.array([scene.gravity]),
             walls=Annulus(*radii),
         )
@@ -113,8 +118,8 @@ class Snapshot:
     def loads(self) -> Loads:
         """All contacts as the grains see them."""
         m = len(self.pair)
-        pair, force = with_walls(self.pair, self.force, self.wall_force)
-        (i, j), normal = pair.astype(np.int64).T, contact_normals(self.start, pair)
+        pair, force = with_walls(self.pair, self.force, self.wall, self.wall_force)
+        (i, j), normal = pair.astype(np.int64).T, contact_normals(self.scene, self.start, pair)
         return Loads(
             np.concatenate([i[:m], j[:m], i[m:]]),
             np.concatenate([normal[:m], -normal[:m], normal[m:]]),
@@ -147,7 +152,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     scene, state = (of.scene, of.state()) if state is None else (of, state)
     start = state.position - scene.dt * state.velocity
     contacts = pair_contacts(scene, start, state.corrections)
-    wall_force = wall_contacts(scene, start, state.corrections).force
+    walls = wall_contacts(scene, start, state.corrections)
     return Snapshot(
         scene=scene,
         steps=state.steps,
@@ -156,5 +161,6 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         start=start,
         pair=contacts.pair,
         force=contacts.force,
-        wall_force=wall_force,
+        wall=walls.wall,
+        wall_force=walls.force,
     )

@@ -77,10 +77,10 @@ def _polydata(source: Recording, k: int) -> Any:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
     frame = source.frame(k, contacts=source.has_forces)
-    pair, pushes = with_walls(frame.pair, frame.force, frame.wall_force)
+    pair, pushes = with_walls(frame.pair, frame.force, frame.wall, frame.wall_force)
     n, between = frame.n, pair[:, 1] >= 0
     wall = pair[~between, 0]
-    touched = contact_ends(frame.position, source.radius, pair[~between])[:, 1]
+    touched = contact_ends(frame.scene, frame.position, pair[~between])[:, 1]
     pair[~between, 1] = n + np.arange(len(wall))
     points, data = vtkPoints(), vtkPolyData()
     points.SetData(numpy_to_vtk(_in_space(np.concatenate([frame.position, touched])), deep=True))

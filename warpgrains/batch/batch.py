@@ -223,7 +223,7 @@ class Batch(Shown):
             It is a state of other grains, or there is no scene k.
         """
         k = self._number(k)
-        require_state(state, self.scenes[k].n)
+        require_state(state, self.scenes[k])
         with self._driver.alone():
             self._sets.restore(k, state)
 

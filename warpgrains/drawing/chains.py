@@ -11,15 +11,12 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.drawing.colors import Frame, pressure_scale
 from warpgrains.scene.geometry import pair_normals
-from warpgrains.scene.walls import outward
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 CHAIN_COLOR = (0.78, 0.10, 0.12)
 """sRGB; no color of a scale is near it."""
-OUTER, INNER = -1, -2
-"""The walls, where a contact names the other grain."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,8 @@ class Chains:
     force: FloatArray
     """Force of each contact [N], shape (m,)."""
     pair: IntArray
-    """The grains i < j of each, shape (m, 2); j is -1 for the outer wall, and -2 for the inner one."""
+    """The grains i < j of each, shape (m, 2); j is -1 for the outer wall, -2 for
+    the inner one, and -3, -4, ... for those of `Scene.walls`."""
 
     def corners(self) -> FloatArray:
         """Return the corners of each band [m], counter-clockwise, shape (m, 4, 2)."""
@@ -73,34 +71,34 @@ def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
     """Return a band from centre to centre, and from centre to wall, for each contact that pushes."""
     contacts, wall_contacts = frame.forces()
     pushes = contacts.force > 0.0
-    pair, force = with_walls(contacts.pair[pushes], contacts.force[pushes], wall_contacts.force)
-    ends = contact_ends(frame.position, scene.radius, pair)
+    pair, force = with_walls(
+        contacts.pair[pushes], contacts.force[pushes], wall_contacts.wall, wall_contacts.force
+    )
+    ends = contact_ends(scene, frame.position, pair)
     return Chains(ends, np.minimum(force / scale.force, 1.0) * scale.width, force, pair)
 
 
-def with_walls(pair: IntArray, force: FloatArray, wall_force: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return contacts as `Chains.pair` has them, and their forces: of pairs, then of grains with walls.
-
-    The forces with walls [N], shape (n,), are > 0 of the outer wall and < 0 of the inner one.
-    """
-    grain = np.flatnonzero(wall_force)
-    at_wall = np.stack([grain, np.where(wall_force[grain] > 0.0, OUTER, INNER)], axis=1)
-    every = np.concatenate([pair, at_wall]).astype(np.int32)
-    return every, np.concatenate([force, np.abs(wall_force[grain])])
+def with_walls(
+    pair: IntArray, force: FloatArray, wall: IntArray, wall_force: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Return contacts as `Chains.pair` has them, and their forces: of pairs, then of grains and walls."""
+    at_wall = np.stack([wall[:, 0], -1 - wall[:, 1]], axis=1)
+    return np.concatenate([pair, at_wall]).astype(np.int32), np.concatenate([force, wall_force])
 
 
-def contact_normals(position: FloatArray, pair: IntArray) -> FloatArray:
-    """Return unit vectors from each grain to the other, or to its wall, shape (m, 2)."""
+def contact_normals(scene: Scene, position: FloatArray, pair: IntArray) -> FloatArray:
+    """Return unit vectors from each grain to the other, or into its wall, shape (m, 2)."""
     (i, j), normal = pair.T, np.zeros(pair.shape)
     between = j >= 0
     normal[between] = pair_normals(position, i[between], j[between])
-    sign = np.where(j[~between] == OUTER, 1.0, -1.0)
-    normal[~between] = sign[:, np.newaxis] * outward(position[i[~between]])
+    for number in np.unique(-1 - j[~between]).tolist():
+        at_wall = j == -1 - number
+        normal[at_wall] = scene.side(number, position[i[at_wall]], scene.radius[i[at_wall]]).normal
     return normal
 
 
-def contact_ends(position: FloatArray, radius: FloatArray, pair: IntArray) -> FloatArray:
+def contact_ends(scene: Scene, position: FloatArray, pair: IntArray) -> FloatArray:
     """Return the centre of each grain, and that of the other or the point at its wall [m], (m, 2, 2)."""
     i, j = pair.T
-    foot = position[i] + radius[i, np.newaxis] * contact_normals(position, pair)
+    foot = position[i] + scene.radius[i, np.newaxis] * contact_normals(scene, position, pair)
     return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[j], foot)], axis=1)

@@ -183,14 +183,15 @@ def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
     contacts, wall_contacts = frame.forces()
     both = np.concatenate([contacts.pair[:, 0], contacts.pair[:, 1]])
     total = np.bincount(both, weights=np.tile(contacts.force, 2), minlength=len(radius))
-    return (total + np.abs(wall_contacts.force)) / (2.0 * np.pi * radius)
+    total += np.bincount(wall_contacts.wall[:, 0], wall_contacts.force, len(radius))
+    return total / (2.0 * np.pi * radius)
 
 
 def speed_scale(scene: Scene) -> float:
     """Return the speed [m/s] a grain can be expected to reach: falling across, or as thrown at the start."""
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
-    falling = np.sqrt(2.0 * gravity * scene.walls.depth)
+    falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
     return max(thrown, float(falling))
@@ -204,7 +205,7 @@ def pressure_scale(scene: Scene) -> float:
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
     if weight > 0.0:
-        return weight / (scene.walls.depth / 2.0)
+        return weight / (scene.annulus.depth / 2.0)
     radius = float(scene.radius.mean())
     stopping = float(scene.mass.mean()) * (speed_scale(scene) or radius / scene.dt) / scene.dt
     return stopping / (2.0 * np.pi * radius)

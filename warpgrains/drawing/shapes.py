@@ -1,12 +1,17 @@
 """Meshes of a grain of radius 1 m, and of walls: flat rings about the origin."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.walls import Annulus
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
 
 WALL_COLOR = (0.35, 0.35, 0.35)
 """sRGB."""
@@ -68,20 +73,34 @@ def sphere() -> Shape:
     return Shape(points, counts, np.concatenate([triangles.ravel(), sides.ravel()]), points)
 
 
-def ring(inner: float, outer: float) -> Shape:
-    """Return the flat ring between two radii [m] in the plane z = 0, facing +z."""
-    points = np.concatenate([_circle(_WALL_SEGMENTS, radius, 0.0) for radius in (inner, outer)])
-    bands = _bands(np.arange(2 * _WALL_SEGMENTS).reshape(2, _WALL_SEGMENTS))
-    return Shape(points, np.full(len(bands), 4), bands.ravel(), np.tile([0.0, 0.0, 1.0], (len(points), 1)))
+class Ring(NamedTuple):
+    """A wall as it is drawn: the flat ring between two circles."""
+
+    inner: float
+    """Radius of the inner circle [m]."""
+    outer: float
+    """Radius of the outer circle [m]."""
+    center: tuple[float, float] = (0.0, 0.0)
+    """[m]."""
+
+    def shape(self) -> Shape:
+        """Return it in the plane z = 0, facing +z."""
+        points = np.concatenate([_circle(_WALL_SEGMENTS, radius, 0.0) for radius in self[:2]])
+        points[:, :2] += self.center
+        bands = _bands(np.arange(2 * _WALL_SEGMENTS).reshape(2, _WALL_SEGMENTS))
+        normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+        return Shape(points, np.full(len(bands), 4), bands.ravel(), normals)
 
 
-def rings(walls: Annulus) -> dict[str, tuple[float, float]]:
-    """Return inner and outer radius of each wall [m], outside the space that they leave to the grains."""
-    radius_in, radius_out = walls.radius_in, walls.radius_out
+def rings(scene: Scene) -> dict[str, Ring]:
+    """Return the walls as they are drawn, outside the space that they leave to the grains."""
+    radius_in, radius_out = scene.radius_in, scene.radius_out
     thickness = _THICKNESS * radius_out
-    drawn = {"Outer": (radius_out, radius_out + thickness)}
+    drawn = {"Outer": Ring(radius_out, radius_out + thickness)}
     if radius_in > 0:
-        drawn["Inner"] = (max(radius_in - thickness, radius_in / 2), radius_in)
+        drawn["Inner"] = Ring(max(radius_in - thickness, radius_in / 2), radius_in)
+    for k, wall in enumerate(scene.walls):
+        drawn[f"{wall.kind.title()}{k}"] = Ring(*wall.ring(thickness))
     return drawn
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import ColorScale, Frame, GrainColors
-from warpgrains.drawing.shapes import rings
+from warpgrains.drawing.shapes import Ring, rings
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -22,15 +22,15 @@ class Setting:
 
     radius: FloatArray
     """[m], shape (n,)."""
-    walls: list[tuple[float, float]]
-    """Inner and outer radius of each ring [m]."""
+    walls: list[Ring]
+    """As they are drawn."""
     scale: ColorScale | None
     chain_scale: ChainScale | None
 
     @property
     def reach(self) -> float:
         """Outer radius of the outermost wall as drawn [m]."""
-        return max(outer for _, outer in self.walls)
+        return max(ring.outer for ring in self.walls)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Painter:
             chain_scale = chain_scale and replace(chain_scale, force=largest)
             if color_by == "pressure":
                 self._colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
-        walls = list(rings(scene.walls).values())
+        walls = list(rings(scene).values())
         self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale)
 
     def shot(self, time: float, frame: Frame) -> Shot:

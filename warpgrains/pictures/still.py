@@ -43,8 +43,8 @@ class FrameArtists:
         reach = (1.0 + _MARGIN) * setting.reach
         axes.set_axis_off()
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-        for inner, outer in setting.walls:
-            axes.add_patch(Annulus((0.0, 0.0), outer, outer - inner, color=WALL_COLOR, linewidth=0.0))
+        for inner, outer, center in setting.walls:
+            axes.add_patch(Annulus(center, outer, outer - inner, color=WALL_COLOR, linewidth=0.0))
         diameter = 2.0 * setting.radius
         self._grains = EllipseCollection(
             diameter,

@@ -14,6 +14,7 @@ from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import State
+from warpgrains.scene.walls import INNER
 
 SOURCE = Path(__file__).parent / "grains.c"
 FAST = ("-O3", "-march=native")
@@ -78,6 +79,11 @@ class Reference:
         pointers = [array.ctypes.data_as(_Doubles) for array in self._arrays.values()]
         gravity = (ctypes.c_double * 2)(*scene.gravity)
         self._grains = Grains(n, scene.radius_in, scene.radius_out, gravity, scene.drag, *pointers)
+        self._arrays["discs"] = np.array([disc.numbers for disc in scene.walls], float).ravel()
+        self._arrays["dvDiscs"] = np.zeros(n * len(scene.walls))
+        for name in ("discs", "dvDiscs"):
+            setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
+        self._grains.nDiscs = len(scene.walls)
         self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", scene.wall == "round"
         if state is not None:
             arrays, corrections = self._arrays, state.corrections
@@ -85,7 +91,12 @@ class Reference:
             arrays["x"][:], arrays["y"][:] = state.position.T
             arrays["vx"][:], arrays["vy"][:] = state.velocity.T
             arrays["dvContacts"][pair_index(corrections.pair, n)] = corrections.pair_correction
-            arrays["dvBoundary"][:] = corrections.wall_correction
+            (grain, wall), carried = corrections.wall.T, corrections.wall_correction
+            at_disc = wall > INNER
+            disc = grain[at_disc] * len(scene.walls) + wall[at_disc] - INNER - 1
+            arrays["dvDiscs"][disc] = carried[at_disc]
+            sign = np.where(wall == INNER, -1.0, 1.0)
+            arrays["dvBoundary"][grain[~at_disc]] = (sign * carried)[~at_disc]
 
     def update(self) -> None:
         """Advance by one step, all of it in C."""
@@ -134,8 +145,13 @@ class Reference:
 
     @property
     def wall_correction(self) -> FloatArray:
-        """Corrections dv_b of all grains [m/s]."""
+        """Corrections dv_b of all grains at the annulus [m/s]: > 0 outer, < 0 inner circle."""
         return self._arrays["dvBoundary"]
+
+    @property
+    def disc_correction(self) -> FloatArray:
+        """Corrections of all grains at the fixed discs [m/s], shape (n, discs)."""
+        return self._arrays["dvDiscs"].reshape(self._scene.n, -1)
 
 
 def pair_index(pair: IntArray, n: int) -> IndexArray:

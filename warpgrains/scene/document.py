@@ -67,7 +67,7 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
 
 def parameters_text(scene: Scene) -> str:
     """Return all of a scene as TOML that is not its grains."""
-    tables: Table = {}
+    tables: Table = {"walls": [wall.table for wall in scene.walls]} if scene.walls else {}
     for section, names in SECTIONS.items():
         tables[section] = {name: getattr(scene, name) for name in names}
     return toml_text(tables)
@@ -76,7 +76,8 @@ def parameters_text(scene: Scene) -> str:
 def read_parameters(text: str) -> dict[str, Any]:
     """Return the fields of a scene that `parameters_text` has written."""
     document = parse_toml(text, "the recording's scene")
-    return {name: value for table in document.values() for name, value in table.items()}
+    walls = {"walls": document.pop("walls")} if "walls" in document else {}
+    return walls | {name: value for table in document.values() for name, value in table.items()}
 
 
 def override_key(document: Table, override: str) -> None:
@@ -131,6 +132,8 @@ def toml_value(value: Any) -> str:
             return repr(value)
         case str():
             return _quoted(value)
+        case dict():
+            return f"{{{', '.join(f'{_key(key)} = {toml_value(own)}' for key, own in value.items())}}}"
         case list() | tuple():
             return f"[{', '.join(map(toml_value, value))}]"
         case dict():

@@ -1,7 +1,7 @@
 """The fields of a scene, each written once: key in scene files, check, default, unit and meaning."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import MISSING, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields
 from functools import partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, dataclass_transform
@@ -13,6 +13,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import described, described_fields
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
+from warpgrains.scene.disc import Disc
 from warpgrains.scene.geometry import require_distinct
 from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.walls import Annulus
@@ -24,6 +25,7 @@ ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
+WALL_KINDS = {kind.kind: kind for kind in (Disc,)}
 MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
 
 Kind = TypeVar("Kind")
@@ -41,8 +43,10 @@ if TYPE_CHECKING:
     Array = MadeOf[FloatArray, ArrayLike]
     OptionalArray = MadeOf[FloatArray, ArrayLike | None]
     Vector = MadeOf[tuple[float, float], Sequence[float] | FloatArray]
+    Walls = MadeOf[tuple[Disc, ...], Sequence[Disc | Mapping[str, Any]]]
 else:
     Array, OptionalArray, Vector = FloatArray, FloatArray | None, tuple[float, float]
+    Walls = tuple[Disc, ...]
 
 
 def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
@@ -81,6 +85,12 @@ class SceneFields:
         ' leaves by (v dt)^2 / (2 radius_out), or "round": it ends on the circle.',
         "domain",
         default="tangent",
+    )
+    walls: Walls = _key(
+        'What stands inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
+        " `Disc(center, radius)`: fixed discs that grains touch from outside.",
+        check=lambda field, value: checked_walls(field, value),
+        default=(),
     )
     gravity: Vector = _key(
         "Acceleration of gravity, two components [m/s2].", "physics", checks.vector, default=(0.0, -9.81)
@@ -149,6 +159,33 @@ _SETTINGS = {
 }
 
 
+def checked_walls(field: str, value: Any) -> tuple[Disc, ...]:
+    """Return walls, each given as what it is or by the keys of a `[[walls]]` table."""
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        raise SceneError(f"{field} is {checks.shown(value)}: it must be a list of walls")
+    return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
+
+
+def _checked_wall(field: str, value: Any) -> Disc:
+    if isinstance(value, Disc):
+        return value
+    if not isinstance(value, Mapping):
+        raise SceneError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
+    own = dict(value)
+    kind = WALL_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WALL_KINDS)]
+    keys = [one.name for one in fields(kind)]
+    for key in own:
+        if key not in keys:
+            raise checks.unknown(f"key of {field}", key, ("kind", *keys))
+    for key in keys:
+        if key not in own:
+            raise SceneError(f"{field}.{key} is missing: a {kind.kind} needs it")
+    try:
+        return kind(**own)
+    except SceneError as error:
+        raise SceneError(f"{field}: {error}") from None
+
+
 def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> dict[str, Any]:
     """Return fields that are not of grains or walls, as a scene keeps them.
 
@@ -186,7 +223,12 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
 def require_places(scene: "Scene") -> None:
     """Raise SceneError unless all grains are between the walls, apart, and in places that have digits."""
     _require_size(scene)
-    scene.walls.require_inside(scene.position, scene.radius)
+    scene.annulus.require_inside(scene.position, scene.radius)
+    for k, wall in enumerate(scene.walls):
+        inside = wall.side(scene.position, scene.radius).gap < -scene.radius
+        if inside.any():
+            grain = checks.of_grain("position", scene.position, inside)
+            raise SceneError(f"{grain}: its center is inside walls[{k}], {wall}")
     require_distinct("position", scene.position)
 
 
@@ -198,7 +240,7 @@ def _require_size(scene: "Scene") -> None:
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
             f" grain {int(np.argmin(scene.radius))}, {smallest} m, for positions to have digits for a gap"
         )
-    scene.walls.require_size()
+    scene.annulus.require_size()
 
 
 def require_agreement(scene: "Scene") -> None:

@@ -21,6 +21,7 @@ from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
     from warpgrains.scene.region import Region
+from warpgrains.scene.walls import INNER, OUTER
 
 MOST_TRIES = 1_000_000  # in a row, of one disc: then hardly a place is left
 FIRST_TRIES = 8  # for each disc, then twice as many, ...
@@ -140,7 +141,8 @@ def grow(region: Region, radius: FloatArray, generator: np.random.Generator) -> 
 def _clear_share(region: Region, position: FloatArray, radius: FloatArray) -> float:
     """Return at which share of their radii discs overlap neither each other nor what they are in."""
     i, j = _near(position, radius).T
-    room = [wall.gap + radius for wall in region.ring.seen_from(position, radius)]
+    sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
+    room = [side.gap + radius for side in sides]
     room += [position - region.low, region.high - position]
     shares = [(one.T / radius).min() for one in room]
     shares.append((distance(position[j] - position[i]) / (radius[i] + radius[j])).min(initial=np.inf))

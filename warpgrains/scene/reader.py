@@ -49,7 +49,7 @@ def require_key(section: str, key: str) -> None:
 
 def _require_section(section: str) -> None:
     if section not in SECTIONS and section != "grains":
-        raise checks.unknown("section", section, [*SECTIONS, "grains"])
+        raise checks.unknown("section", section, [*SECTIONS, "grains", "walls"])
 
 
 def document_fields(document: Table, folder: Path) -> Table:
@@ -60,11 +60,12 @@ def document_fields(document: Table, folder: Path) -> Table:
     SceneError
         A section or a key is unknown or missing, or grains do not fit.
     """
+    document = dict(document)
+    fields: Table = {"walls": document.pop("walls", [])}
     for section, table in document.items():
         _require_section(section)
         if not isinstance(table, dict):
             raise SceneError(f"{section} is {table!r}: it must be a section, [{section}]")
-    fields: Table = {}
     for section, known in SECTIONS.items():
         _refuse_unknown_keys(section, document.get(section, {}), known)
         fields |= document.get(section, {})

@@ -26,7 +26,7 @@ from warpgrains.scene.fields import (
 )
 from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.reader import scene_fields
-from warpgrains.scene.walls import Annulus
+from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
 from warpgrains.shown import Shown
 
 
@@ -174,9 +174,31 @@ class Scene(SceneFields, Shown):
         return self.mass if self.scheme == "text" else self.mass + self.drag * self.dt / 2.0
 
     @property
-    def walls(self) -> Annulus:
-        """What the grains are in."""
+    def annulus(self) -> Annulus:
+        """The annulus that the grains are in."""
         return Annulus(self.radius_in, self.radius_out, self.wall)
+
+    @property
+    def area(self) -> float:
+        """Area between the walls [m2]."""
+        return self.annulus.area - sum(disc.area for disc in self.walls)
+
+    @property
+    def wall_numbers(self) -> list[int]:
+        """Numbers of the walls that it has: 0 the outer circle, 1 the inner one, 2, 3, ... its `walls`."""
+        inner = [INNER] if self.radius_in > 0.0 else []
+        return [OUTER, *inner, *range(INNER + 1, INNER + 1 + len(self.walls))]
+
+    def side(
+        self, number: int, position: FloatArray, radius: FloatArray, move: FloatArray | None = None
+    ) -> Side:
+        """Return one wall as seen by grains at these positions [m], shape (k, 2), of these radii [m].
+
+        For grains that move by so much in a step [m], shape (k, 2), a round wall has the gaps of eq. 18.
+        """
+        if number > INNER:
+            return self.walls[number - INNER - 1].side(position, radius)
+        return self.annulus.side(number, position, radius, move)
 
     @property
     def stops_on_residual(self) -> bool:
@@ -198,7 +220,8 @@ class Scene(SceneFields, Shown):
     def count_overlaps(self) -> Overlaps:
         """Count the overlaps at the start, between grains and with the walls."""
         pairs = sum(len(first) for first, _ in overlapping_pairs(self.position, self.radius))
-        return Overlaps(pairs, int(np.count_nonzero(self.walls.overlapped(self.position, self.radius))))
+        gap = np.min([self.side(k, self.position, self.radius).gap for k in self.wall_numbers], axis=0)
+        return Overlaps(pairs, int(np.count_nonzero(gap < -self.annulus.rounding)))
 
 
 SceneLike = Scene | str | os.PathLike[str]

@@ -5,6 +5,7 @@ A state of other grains would lead the kernels out of their arrays.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
+from warpgrains.scene.walls import body_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -29,18 +31,22 @@ class Corrections:
         Grains i < j of the pairs that carry a correction, in lexicographic order, shape (m, 2).
     pair_correction : ndarray
         Their corrections dv_c [m/s], shape (m,).
+    wall : ndarray
+        Grain and wall (0 outer, 1 inner, 2, 3, ... those of `Scene.walls`) of the contacts with walls that
+        carry one, in lexicographic order, shape (k, 2).
     wall_correction : ndarray
-        Wall corrections dv_b of all grains [m/s], shape (n,).
+        Their corrections, > 0 [m/s], shape (k,).
 
     Examples
     --------
     >>> kept = simulation.state().corrections
-    >>> kept.pair.shape, kept.pair_correction.shape, kept.wall_correction.shape
-    ((15, 2), (15,), (15,))
+    >>> kept.pair.shape, kept.pair_correction.shape, kept.wall.shape, kept.wall_correction.shape
+    ((15, 2), (15,), (10, 2), (10,))
     """
 
     pair: IntArray
     pair_correction: FloatArray
+    wall: IntArray
     wall_correction: FloatArray
 
 
@@ -53,7 +59,8 @@ class VerletList:
     Attributes
     ----------
     pair, wall : ndarray
-        Listed pairs i < j in lexicographic order, shape (m, 2), and listed grains at the walls, shape (k,).
+        Listed pairs i < j, shape (m, 2), and grains and walls, shape (k, 2), in lexicographic order; the
+        circles of the annulus are one, 0.
     skin, recent_deviation : ndarray
         Of every grain [m], [m/s], shape (n,).
     reference_position, reference_velocity : ndarray
@@ -110,12 +117,13 @@ class State:
 
 def first_state(scene: Scene) -> State:
     """Return the state at the start of a scene."""
-    nothing = Corrections(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(scene.n))
-    return State(0, scene.position, scene.velocity, nothing)
+    nobody, nothing = np.zeros((0, 2), np.int32), np.zeros(0)
+    return State(0, scene.position, scene.velocity, Corrections(nobody, nothing, nobody, nothing))
 
 
-def require_state(state: State, n: int) -> None:
-    """Raise SceneError unless a simulation of n grains can continue from a state."""
+def require_state(state: State, scene: Scene) -> None:
+    """Raise SceneError unless a simulation of a scene can continue from a state."""
+    n, walls = scene.n, scene.wall_numbers
     _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
     checks.truth("staggered", state.staggered)
@@ -123,31 +131,31 @@ def require_state(state: State, n: int) -> None:
         _require_array(name, getattr(state, name), np.float64, (n, 2))
         checks.require_finite(f"{name} of the state, that", getattr(state, name))
     require_distinct("position of the state, that", state.position)
-    _require_corrections(state.corrections, n)
+    _require_corrections(state.corrections, n, walls)
     if state.lists is not None:
-        _require_lists(state.lists, n)
+        _require_lists(state.lists, n, walls)
         _require_listed(state.corrections, state.lists, n)
 
 
-def _require_corrections(corrections: Corrections, n: int) -> None:
+def _require_corrections(corrections: Corrections, n: int, walls: Sequence[int]) -> None:
     _require_kind("corrections", corrections, Corrections)
     _require_pairs("pair", corrections.pair, n)
     _require_array("pair_correction", corrections.pair_correction, np.float64, (len(corrections.pair),))
-    _require_array("wall_correction", corrections.wall_correction, np.float64, (n,))
-    checks.require_finite("wall_correction of the state, that", corrections.wall_correction)
-    bad = ~(np.isfinite(corrections.pair_correction) & (corrections.pair_correction >= 0.0))
-    if bad.any():
-        (i, j), value = corrections.pair[bad][0].tolist(), corrections.pair_correction[bad][0].item()
-        raise SceneError(
-            f"pair_correction of the state, that of grains {i} and {j} is {value}: it must be 0 or more"
-        )
+    _require_walls("wall", corrections.wall, n, walls)
+    _require_array("wall_correction", corrections.wall_correction, np.float64, (len(corrections.wall),))
+    for name, other in (("pair", "and"), ("wall", "at wall")):
+        value = getattr(corrections, f"{name}_correction")
+        bad = ~(np.isfinite(value) & (value >= 0.0))
+        if bad.any():
+            i, j = getattr(corrections, name)[bad][0].tolist()
+            of = f"that of grain{'s' * (name == 'pair')} {i} {other} {j} is {value[bad][0].item()}"
+            raise SceneError(f"{name}_correction of the state, {of}: it must be 0 or more")
 
 
-def _require_lists(lists: VerletList, n: int) -> None:
+def _require_lists(lists: VerletList, n: int, walls: Sequence[int]) -> None:
     _require_kind("lists", lists, VerletList)
     _require_pairs("listed pair", lists.pair, n)
-    _require_array("listed wall", lists.wall, np.int32, (_length(lists.wall),))
-    _require_ascending("listed wall", lists.wall, n)
+    _require_walls("listed wall", lists.wall, n, walls)
     shapes = {"frame": (3, 2), "scalar": (7,)}
     shapes |= dict.fromkeys(("skin", "recent_deviation"), (n,))
     shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (n, 2))
@@ -159,7 +167,8 @@ def _require_lists(lists: VerletList, n: int) -> None:
 
 def _require_listed(corrections: Corrections, lists: VerletList, n: int) -> None:
     pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
-    walls = np.isin(np.flatnonzero(corrections.wall_correction), lists.wall)
+    body, listed = (body_of(of.wall[:, 1]) for of in (corrections, lists))
+    walls = np.isin(corrections.wall[:, 0] + n * body, lists.wall[:, 0] + n * listed)
     if not (pairs.all() and walls.all()):
         raise SceneError("a contact of the state carries a correction and is not listed")
 
@@ -170,6 +179,15 @@ def _require_pairs(name: str, pair: IntArray, n: int) -> None:
     if not ((i >= 0) & (i < j) & (j < n)).all():
         raise SceneError(f"{name} of the state is not of grains i < j of {n}")
     _require_ascending(name, _keys(pair, n), n * n)
+
+
+def _require_walls(name: str, wall: IntArray, n: int, walls: Sequence[int]) -> None:
+    _require_array(name, wall, np.int32, (_length(wall), 2))
+    grain, number = wall.T
+    if not ((grain >= 0) & (grain < n) & np.isin(number, walls)).all():
+        raise SceneError(f"{name} of the state is not of a grain of {n} and a wall that the scene has")
+    most = max(walls) + 1
+    _require_ascending(name, grain.astype(np.int64) * most + number, n * most)
 
 
 def _require_ascending(name: str, values: np.ndarray[Any, Any], end: int) -> None:

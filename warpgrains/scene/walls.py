@@ -1,13 +1,15 @@
-"""The walls: an annulus about the origin, and what the host knows of its contacts.
+"""The walls of a scene, as the host sees them: an annulus about the origin, and what stands inside it.
 
-The device knows it by kernels/walls.py, recordings by usd/stage.py, the C reference by reference/grains.c.
+Walls are numbered: 0 is the outer circle, 1 the inner one, whether there is one or not, and 2, 3, ... are
+those of `Scene.walls`. The device has the annulus as one body with two sides, and then the others
+(kernels/walls.py). Where a contact names two bodies, a wall is the negative number -1 - wall.
 """
 
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import BoolArray, FloatArray, IntArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import ROUNDING, area_below, distance
@@ -16,11 +18,13 @@ SMALLEST, LARGEST = 1e-140, 1e150  # m, of the radius of the outer wall
 WALLS = ("tangent", "round")
 
 
-class Wall(NamedTuple):
+OUTER, INNER = 0, 1
+"""Numbers of the circles of the annulus."""
+
+
+class Side(NamedTuple):
     """One wall, as each grain sees it."""
 
-    sign: float
-    """Of the corrections dv_b at it."""
     normal: FloatArray
     """Unit vectors into it, shape (n, 2)."""
     gap: FloatArray
@@ -76,28 +80,20 @@ class Annulus(NamedTuple):
         """A gap within it of zero is a touch, not an overlap [m]."""
         return ROUNDING * self.radius_out
 
-    def seen_from(
-        self, position: FloatArray, radius: FloatArray, move: FloatArray | None = None
-    ) -> list[Wall]:
-        """Return each wall as seen by grains at these positions [m], shape (n, 2), of these radii [m].
-
-        For grains that move by so much in a step [m], shape (n, 2), a round wall has the gaps of eq. 18.
-        """
+    def side(
+        self, number: int, position: FloatArray, radius: FloatArray, move: FloatArray | None = None
+    ) -> Side:
+        """Return the outer or the inner circle, see `Scene.side`; without an inner one its gaps are inf."""
         rho, normal = distance(position), outward(position)
+        if number == INNER:
+            nowhere = np.full_like(rho, np.inf)
+            return Side(-normal, rho - self.radius_in - radius if self.radius_in > 0.0 else nowhere)
         gap = self.radius_out - rho - radius
         if move is not None and self.wall == "round":
             room = self.radius_out - radius
             path = normal[:, 0] * move[:, 1] - normal[:, 1] * move[:, 0]
             gap = gap - (room - np.sqrt(np.maximum(0.0, room**2 - path**2)))
-        walls = [Wall(1.0, normal, gap)]
-        if self.radius_in > 0.0:
-            walls.append(Wall(-1.0, -normal, rho - self.radius_in - radius))
-        return walls
-
-    def overlapped(self, position: FloatArray, radius: FloatArray) -> BoolArray:
-        """Whether each grain overlaps a wall, shape (n,)."""
-        gap = np.min([wall.gap for wall in self.seen_from(position, radius)], axis=0)
-        return gap < -self.rounding
+        return Side(normal, gap)
 
     def holds(self, position: FloatArray, radius: FloatArray) -> BoolArray:
         """Whether each disc is between the walls, and off the origin, where they have no normal."""
@@ -138,3 +134,13 @@ class Annulus(NamedTuple):
 def outward(position: FloatArray) -> FloatArray:
     """Return the unit vectors from the origin, normal to both walls, shape (n, 2)."""
     return position / distance(position)[:, np.newaxis]
+
+
+def body_of(wall: IntArray) -> IntArray:
+    """Return which of the device's walls each of these walls is, or is a side of."""
+    return np.maximum(wall - 1, 0)
+
+
+def wall_of(body: IntArray, correction: FloatArray) -> IntArray:
+    """Return the walls that carry the corrections [m/s] of the device's walls."""
+    return np.where(body > 0, body + 1, np.where(correction < 0.0, INNER, OUTER)).astype(np.int32)

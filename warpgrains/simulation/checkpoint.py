@@ -185,7 +185,7 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
         stored = part("lists")
         lists = VerletList(**{name: stored[own] for name, own in _stored_names(VerletList).items()})
     state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
-    require_state(state, scene.n)
+    require_state(state, scene)
     options = None if header["plan"] is None else RunOptions.restored(header["plan"], path)
     statistics = RunStatistics(**header["tally"])
     _require_statistics(statistics, state, options)

@@ -154,7 +154,7 @@ class Stepper(Shown):
         with self._driver.alone():
             state = self.state()
             scene = self.scene.replace(**fields)
-            require_state(state, scene.n)
+            require_state(state, scene)
             self._begin(scene, state)
 
     @property
@@ -217,7 +217,7 @@ class Stepper(Shown):
         SceneError
             It is a state of other grains, or none: the message names field, grain and value.
         """
-        require_state(state, self.scene.n)
+        require_state(state, self.scene)
         with self._driver.alone():
             self._stepped = False
             self._engine.load(0, state)
@@ -227,7 +227,7 @@ def continued(
     kind: type[Begun], scene: Scene, state: State, device: str = "cpu", threads: int | None = None
 ) -> Begun:
     """Return a simulation that continues from a state of its scene, such as a checkpoint holds."""
-    require_state(state, scene.n)
+    require_state(state, scene)
     simulation = kind.__new__(kind)
     simulation._open(scene, device, threads, state)
     return simulation

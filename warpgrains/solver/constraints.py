@@ -19,7 +19,7 @@ Grains = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, eq=False)
 class StepConstraints:
-    """J v <= b: of k pairs, (J v)_c = (v_i - v_j) . n; then, wall after wall, v_i . n of grains at it.
+    """J v <= b: of k pairs, (J v)_c = (v_i - v_j) . n; then, of grains and walls, v_i . n.
 
     Attributes
     ----------
@@ -30,8 +30,6 @@ class StepConstraints:
         n, from i to j or into the wall, shape (m, 2).
     gap_rate : ndarray
         b = gap / dt [m/s], shape (m,).
-    sign : ndarray
-        Sign of the corrections dv_b at the wall of each contact with a wall, shape (m - k,).
     """
 
     scene: Scene
@@ -39,27 +37,31 @@ class StepConstraints:
     second: Grains
     normal: FloatArray
     gap_rate: FloatArray
-    sign: FloatArray
 
     @classmethod
     def at(
-        cls, scene: Scene, position: FloatArray, pair: Grains, grain: Grains, move: FloatArray | None = None
+        cls, scene: Scene, position: FloatArray, pair: Grains, wall: Grains, move: FloatArray | None = None
     ) -> Self:
-        """Return those of some pairs, shape (k, 2), and of some grains at all walls, at these positions [m].
+        """Return those of some pairs, shape (k, 2), and of some grains and walls, shape (m - k, 2).
+
+        Centres are at these positions [m], shape (n, 2); contacts with walls are in the order of the walls.
 
         For grains that move by so much in the step [m], shape (n, 2), a round wall has the gaps of eq. 18.
         """
-        i, j = pair.T
-        move = None if move is None else move[grain]
-        walls = scene.walls.seen_from(position[grain], scene.radius[grain], move)
-        gaps = [pair_gaps(position, scene.radius, i, j), *(wall.gap for wall in walls)]
+        (i, j), (grain, number) = pair.T, wall.T
+        gaps, normals = [pair_gaps(position, scene.radius, i, j)], [pair_normals(position, i, j)]
+        for one in scene.wall_numbers:
+            at_wall = grain[number == one]
+            own = None if move is None else move[at_wall]
+            side = scene.side(one, position[at_wall], scene.radius[at_wall], own)
+            gaps.append(side.gap)
+            normals.append(side.normal)
         return cls(
             scene=scene,
-            first=np.concatenate([i, *[grain] * len(walls)]),
+            first=np.concatenate([i, grain]),
             second=j,
-            normal=np.concatenate([pair_normals(position, i, j), *(wall.normal for wall in walls)]),
+            normal=np.concatenate(normals),
             gap_rate=np.concatenate(gaps) / scene.dt,
-            sign=np.repeat([wall.sign for wall in walls], len(grain)),
         )
 
     def only(self, at_walls: BoolArray) -> Self:
@@ -70,10 +72,15 @@ class StepConstraints:
             first=self.first[kept],
             normal=self.normal[kept],
             gap_rate=self.gap_rate[kept],
-            sign=self.sign[at_walls],
         )
 
     @property
     def wall_grain(self) -> Grains:
         """Grain of every contact with a wall, shape (m - k,)."""
         return self.first[len(self.second) :]
+
+
+def every_wall(scene: Scene, grain: Grains) -> Grains:
+    """Return grains at all walls of a scene, in the order of the walls, shape (m, 2)."""
+    walls = scene.wall_numbers
+    return np.stack([np.tile(grain, len(walls)), np.repeat(walls, len(grain))], axis=1)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
-import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.walls import Annulus
-from warpgrains.solver.forces import wall_forces
 
 if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
@@ -28,7 +26,7 @@ class Grains(NamedTuple):
     velocity: FloatArray
     """[m/s], shape (m, n, 2)."""
     wall_force: FloatArray
-    """Force of the walls [N], shape (m, n): > 0 of the outer wall, < 0 of the inner one."""
+    """Force of each wall (0 outer, 1 inner, ...) on each grain [N], shape (m, n, walls)."""
     gravity: FloatArray
     """[m/s2], shape (m, 2)."""
     walls: Annulus
@@ -55,7 +53,7 @@ class Ends(NamedTuple):
             radius=records.stacked("grains.radius", which),
             position=records.stacked("grains.position", which),
             velocity=records.stacked("grains.velocity", which),
-            wall_force=wall_forces(contact_mass, records.wall_corrections(which), dt[:, np.newaxis]),
+            wall_force=contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None],
             gravity=host["gravity"][which],
             walls=Annulus(*radii),
         )

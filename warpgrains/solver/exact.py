@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.walls import INNER, body_of
 from warpgrains.solver import active_set, interior_point
 from warpgrains.solver.constraints import StepConstraints
 from warpgrains.solver.projection import NormalMatrix, Projection, Solution, projection_of
@@ -90,8 +91,14 @@ class FrozenContacts:
     def __init__(self, scene: Scene, memory: SceneMemory):
         self._scene, self._position = scene, memory.array("grains.position")
         self._dv, (pair, self._place) = memory.array("contacts.dv"), memory.listed_pairs()
-        self._grain, self._wall = memory.listed_walls()
-        self._constraints = StepConstraints.at(scene, self._position, pair, self._grain)
+        listed, index = memory.listed_walls()
+        sides = [(number, body_of(np.array(number)) == listed[:, 1]) for number in scene.wall_numbers]
+        self._at_wall = np.concatenate([index[own] for _, own in sides])
+        self._wall = np.concatenate(
+            [np.stack([listed[own, 0], np.full(own.sum(), number)], axis=1) for number, own in sides]
+        )
+        self._sign = np.where(self._wall[:, 1] == INNER, -1.0, 1.0)
+        self._constraints = StepConstraints.at(scene, self._position, pair, self._wall)
         self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
 
     def problem_at(self, q: FloatArray) -> Projection:
@@ -99,19 +106,18 @@ class FrozenContacts:
         scene, free, pairs = self._scene, self.problem.free, self._constraints.gap_rate[: len(self._place)]
         root = np.sqrt(scene.contact_mass)[:, np.newaxis]
         move = scene.dt * ((free - self.problem.rows.T @ q).reshape(-1, 2) / root)
-        walls = StepConstraints.at(scene, self._position, NO_PAIRS, self._grain, move)
+        walls = StepConstraints.at(scene, self._position, NO_PAIRS, self._wall, move)
         gap_rate = np.concatenate([pairs, walls.gap_rate])
         return self.problem._replace(bound=self.problem.unit * gap_rate)
 
     def corrections(self) -> FloatArray:
         """Return the corrections, in the units of the problem."""
-        sign = self._constraints.sign
-        walls = np.maximum(sign * np.resize(self._dv[self._wall], len(sign)), 0.0)
+        walls = np.maximum(self._sign * self._dv[self._at_wall], 0.0)
         return self.problem.unit * np.concatenate([self._dv[self._place], walls])
 
     def write(self, q: FloatArray) -> None:
         """Give the contacts other corrections."""
         pairs, walls = np.split(q / self.problem.unit, [len(self._place)])
         self._dv[self._place] = pairs
-        if len(self._wall):
-            self._dv[self._wall] = (self._constraints.sign * walls).reshape(-1, len(self._wall)).sum(axis=0)
+        self._dv[self._at_wall] = 0.0
+        np.add.at(self._dv, self._at_wall, self._sign * walls)

@@ -9,7 +9,6 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.geometry import pair_gaps, pair_normals
-from warpgrains.scene.walls import outward
 from warpgrains.tables import Tabular
 
 if TYPE_CHECKING:
@@ -44,23 +43,26 @@ class PairContacts(Tabular):
 
 @dataclass(frozen=True, eq=False)
 class WallContacts(Tabular):
-    """Contacts with the walls during the last step, one entry a grain.
+    """Contacts with the walls during the last step: those that carry a correction.
 
     Examples
     --------
-    >>> force = simulation.wall_contacts().force
-    >>> force.shape, int((force > 0.0).sum())  # grains that the outer wall carries
-    ((15,), 10)
+    >>> contacts = simulation.wall_contacts()
+    >>> contacts.wall.shape, contacts.force.shape, f"{contacts.force.max():.4f} N"
+    ((10, 2), (10,), '2.4497 N')
     """
 
-    grain: IntArray
-    """The grains, 0 to n - 1, shape (n,)."""
+    wall: IntArray
+    """Grain and wall of each, shape (m, 2): 0 is the outer wall, 1 the inner one, 2, 3, ... those of
+    `Scene.walls`."""
     normal: FloatArray
-    """Unit normals of both walls at each grain, away from the origin, shape (n, 2); 0 for a grain there."""
+    """Unit normals from the grain into the wall, shape (m, 2)."""
+    gap: FloatArray
+    """Free distances at the start of the step [m], shape (m,)."""
     correction: FloatArray
-    """Accumulated corrections dv_b [m/s], shape (n,), > 0 at the outer wall, < 0 at the inner one."""
+    """Accumulated corrections [m/s], shape (m,), > 0."""
     force: FloatArray
-    """M_i dv_b / dt, M the contact masses of the scene, against the normal [N], shape (n,)."""
+    """M_i dv / dt, against the normal [N], shape (m,). M are the contact masses of the scene."""
 
 
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
@@ -79,16 +81,16 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
 
 def wall_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> WallContacts:
     """Return the contacts with the walls, of grains whose centres were at `position` [m], shape (n, 2)."""
-    with np.errstate(invalid="ignore"):  # at the origin no direction is outward
-        normal = np.nan_to_num(outward(position))
+    grain, number = corrections.wall.T
+    normal, gap = np.zeros((len(grain), 2)), np.zeros(len(grain))
+    for wall in np.unique(number):
+        at_wall = number == wall
+        side = scene.side(int(wall), position[grain[at_wall]], scene.radius[grain[at_wall]])
+        normal[at_wall], gap[at_wall] = side
     return WallContacts(
-        grain=np.arange(scene.n, dtype=np.int32),
+        wall=corrections.wall,
         normal=normal,
+        gap=gap,
         correction=corrections.wall_correction,
-        force=wall_forces(scene.contact_mass, corrections.wall_correction, scene.dt),
+        force=scene.contact_mass[grain] * corrections.wall_correction / scene.dt,
     )
-
-
-def wall_forces(contact_mass: FloatArray, correction: FloatArray, dt: FloatArray | float) -> FloatArray:
-    """Return M_i dv_b / dt [N], of contact masses M [kg] and corrections dv_b [m/s]; shapes (..., n)."""
-    return contact_mass * correction / dt

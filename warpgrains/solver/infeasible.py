@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
-from warpgrains.solver.constraints import Grains, StepConstraints
+from warpgrains.solver.constraints import Grains, StepConstraints, every_wall
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -68,8 +68,9 @@ class UnilateralConstraints(StepConstraints):
     @classmethod
     def of(cls, scene: Scene, position: FloatArray, corrections: Corrections) -> Self:
         """Collect the contacts, for grains at these positions [m], shape (n, 2)."""
-        every = cls.at(scene, position, corrections.pair, np.arange(scene.n))
-        carry = every.sign * corrections.wall_correction[every.wall_grain] > 0.0
+        wall, key = every_wall(scene, np.arange(scene.n)), np.array([len(scene.walls) + 2, 1])
+        every = cls.at(scene, position, corrections.pair, wall)
+        carry = np.isin(wall @ key, (corrections.wall @ key)[corrections.wall_correction > 0.0])
         return every.only(carry | (every.gap_rate[len(every.second) :] < 0.0))
 
     @cached_property
@@ -107,7 +108,7 @@ class UnilateralConstraints(StepConstraints):
         normal is off by 2 eps, and a component of (J^T y)_i is the sum of at most `most` products.
         """
         total = weight.sum()
-        rounding = self.scene.walls.rounding / self.scene.dt  # of an entry of b
+        rounding = self.scene.annulus.rounding / self.scene.dt  # of an entry of b
         lost = (len(weight) + 1) * EPS * (np.abs(self.gap_rate) @ weight) + rounding * total
         left = np.abs(imbalance).sum() + 4.0 * (self.most + 4) * EPS * total
         return float((-self.gap_rate @ weight - lost) / left)
@@ -139,7 +140,7 @@ def find_infeasibility_proof(
     contacts = UnilateralConstraints.of(scene, position, corrections)
     if not (contacts.gap_rate < 0.0).any():
         return None  # at rest, every demand is met
-    too_fast = scene.walls.diameter / scene.dt
+    too_fast = scene.annulus.diameter / scene.dt
     excess = contacts.approach(_complex(velocity)) - contacts.gap_rate
     last_slope, direction = np.zeros(scene.n, complex), np.zeros(scene.n, complex)
     last_size = float("inf")

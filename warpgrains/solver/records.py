@@ -11,11 +11,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.types import VerletNumbers
+from warpgrains.scene.walls import wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
@@ -119,8 +120,17 @@ class SceneRecords:
             host["stopping"][name] = [getattr(scene, name) for scene in scenes]
         host["grid"]["inverse_size"] = [1.0 / tuning.cell_size(scene) for scene in scenes]
         host["grid"]["width"] = grid_width(sizes.grains)
+        for k, scene in enumerate(scenes):
+            if scene.walls:
+                self._write_shapes(self.array(k, "walls.shape"), scene)
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated
+
+    @staticmethod
+    def _write_shapes(shape: FloatArray, scene: Scene) -> None:
+        """Write kind and numbers of the walls inside the annulus."""
+        for row, wall in zip(shape, scene.walls, strict=True):
+            row[: 1 + len(wall.numbers)] = (wall.kind_number, *wall.numbers)
 
     def begin(self) -> bool:
         """Write all starts to new memory at once; return False where scenes are not laid out alike."""
@@ -166,17 +176,27 @@ class SceneRecords:
         return np.stack([self.array(int(k), name) for k in which]) if whole is None else whole[which]
 
     def wall_corrections(self, which: IndexArray) -> FloatArray:
-        """Return what grains of some scenes, as many in each, carry at the walls [m/s], shape (m, n)."""
-        count = self.host["contacts"]["count"][which]
-        contact, dv = (self.together(f"contacts.{name}") for name in ("contact", "dv"))
-        if contact is None or dv is None:
-            each = zip(which.tolist(), count, strict=True)
-            return np.concatenate([self._wall_corrections(k, one) for k, one in each])
-        return _at_walls(contact[which]["i"], dv[which], count, int(self.sizes.grains[0]))
+        """Return what grains of some scenes carry at each wall [m/s], shape (m, n, walls).
 
-    def _wall_corrections(self, k: int, count: np.ndarray[Any, Any]) -> FloatArray:
-        contact, dv = (self.array(k, f"contacts.{name}")[np.newaxis] for name in ("contact", "dv"))
-        return _at_walls(contact["i"], dv, count[np.newaxis], int(self.sizes.grains[k]))
+        The scenes have as many grains and walls.
+        """
+        contact, dv = (self.together(f"contacts.{name}") for name in ("contact", "dv"))
+        if contact is not None and dv is not None:
+            return self._at_walls(which, contact[which], dv[which])
+        if len(which) > 1:
+            return np.concatenate([self.wall_corrections(which[k : k + 1]) for k in range(len(which))])
+        contact, dv = (self.array(int(which[0]), f"contacts.{name}") for name in ("contact", "dv"))
+        return self._at_walls(which, contact[np.newaxis], dv[np.newaxis])
+
+    def _at_walls(self, which: IndexArray, contact: np.ndarray[Any, Any], dv: FloatArray) -> FloatArray:
+        n, walls = int(self.sizes.grains[which[0]]), 1 + int(self.sizes.walls[which[0]])
+        carried, count = np.zeros((len(which), n, walls)), self.host["contacts"]["count"][which]
+        index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
+        scene, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
+        own = dv[scene, place]
+        wall = wall_of(contact["j"][scene, place] - n, own)
+        carried[scene, contact["i"][scene, place], wall] = np.abs(own)
+        return carried
 
     def _block(self, k: int) -> Block:
         block = self._blocks[k]
@@ -244,12 +264,3 @@ def _verlet_numbers() -> tuple[int, int]:
     dtype = np.dtype(SceneRecord.numpy_dtype())
     offset = dtype.fields["verlet"][1] + dtype["verlet"].fields["numbers"][1]
     return offset, VerletNumbers.numpy_dtype()["itemsize"] // 8
-
-
-def _at_walls(grain: IntArray, dv: FloatArray, count: np.ndarray[Any, Any], n: int) -> FloatArray:
-    """Return corrections at the walls by grain, shape (m, n), of grains and corrections by contact."""
-    correction = np.zeros((len(grain), n))
-    index, pairs = np.arange(grain.shape[1]), count["pairs"][:, np.newaxis]
-    scene, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
-    correction[scene, grain[scene, place]] = dv[scene, place]
-    return correction

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.arrays import IntArray
 from warpgrains.kernels.record import RunStatistics as Sums
 from warpgrains.kernels.record import StepState
 from warpgrains.scene.state import Corrections, State, VerletList
+from warpgrains.scene.walls import INNER, body_of, wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import RunStatistics, StepHistory, StepReport
 
@@ -65,28 +66,31 @@ class SceneMemory:
         return body[is_pair], index[is_pair]
 
     def listed_walls(self) -> tuple[IntArray, IntArray]:
-        """Return the listed grains at the walls, in ascending order, and the indices of their contacts."""
+        """Return grains and the device's walls of the listed contacts, shape (m, 2), and their indices."""
         body, index = self._listed()
         is_wall = body[:, 1] >= self._scene.n
-        return body[is_wall, 0], index[is_wall]
+        return body[is_wall] - np.array([0, self._scene.n], np.int32), index[is_wall]
+
+    def _listed_sides(self) -> IntArray:
+        """Return grains and walls of the listed contacts, the annulus as its outer circle, shape (m, 2)."""
+        wall = self.listed_walls()[0]
+        wall[:, 1] = wall_of(wall[:, 1], np.zeros(len(wall)))
+        return wall
 
     def corrections(self) -> Corrections:
         """Return what the contacts carry after the last good step."""
-        pair, index = self.listed_pairs()
-        dv = self.array("contacts.dv")[index]
-        active = dv != 0.0
-        return Corrections(pair[active], dv[active], self.wall_correction())
-
-    def wall_correction(self) -> FloatArray:
-        """Return what the grains carry at the walls [m/s], shape (n,)."""
-        return self._records.wall_corrections(np.array([self._k]))[0]
+        (pair, at_pair), (wall, at_wall) = self.listed_pairs(), self.listed_walls()
+        dv, dv_wall = (self.array("contacts.dv")[index] for index in (at_pair, at_wall))
+        active, at_side = dv != 0.0, dv_wall != 0.0
+        wall[:, 1] = wall_of(wall[:, 1], dv_wall)
+        return Corrections(pair[active], dv[active], wall[at_side], np.abs(dv_wall[at_side]))
 
     def state(self, steps: int) -> State:
         """Return the exact state, after so many steps."""
         numbers = self._records.verlet_numbers(self._k).copy()
         lists = VerletList(
             pair=self.listed_pairs()[0],
-            wall=self.listed_walls()[0],
+            wall=self._listed_sides(),
             **{name: self.array(f"verlet.{name}").copy() for name in VERLET},
             frame=numbers[:6].reshape(3, 2),
             scalar=numbers[6:],
@@ -102,8 +106,7 @@ class SceneMemory:
         """Continue from a state."""
         lists, corrections = state.lists, state.corrections
         if lists is None:
-            wall = np.flatnonzero(corrections.wall_correction).astype(np.int32)
-            self._list(corrections.pair, wall, corrections)
+            self._list(corrections.pair, corrections.wall, corrections)
             self._forget_list()
         else:
             self._list(lists.pair, lists.wall, corrections)
@@ -129,17 +132,17 @@ class SceneMemory:
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
         """List pairs in lexicographic order and grains at the walls, with what they carry."""
-        n = self._scene.n
-        body = np.concatenate([pair, np.stack([wall, np.full_like(wall, n)], axis=1)])
-        dv, key = np.zeros(len(body)), np.array([n, 1])
-        dv[np.searchsorted(pair @ key, corrections.pair @ key)] = corrections.pair_correction
-        dv[len(pair) :] = corrections.wall_correction[wall]
+        n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 1, 1])
+        carrying, body = (_bodies(*of, n) for of in ((corrections.pair, corrections.wall), (pair, wall)))
+        sign = np.where(corrections.wall[:, 1] == INNER, -1.0, 1.0)
+        dv, order = np.zeros(len(body)), np.lexsort(body.T[::-1])
+        place = order[np.searchsorted((body @ key)[order], carrying @ key)]
+        dv[place] = np.concatenate([corrections.pair_correction, sign * corrections.wall_correction])
         self._records.make_room(self._k, len(body))
         for name in ("dv", "dv_start"):
             self.array(f"contacts.{name}")[: len(body)] = dv
         contact = self.array("contacts.contact")[: len(body)]
         contact["i"], contact["j"] = body.T
-        order = np.lexsort(body.T[::-1])
         for rows in ("neighbors", "workspace.old"):
             self.array(f"{rows}.start")[:] = np.searchsorted(body[order, 0], np.arange(n + 1))
             self.array(f"{rows}.neighbor")[: len(body)] = body[order, 1]
@@ -189,3 +192,8 @@ class SceneMemory:
     def _gap_error(self, residual: float) -> float:
         """Return dt * residual in smallest radii."""
         return self._scene.dt * residual / self._scene.smallest_radius
+
+
+def _bodies(pair: IntArray, wall: IntArray, n: int) -> IntArray:
+    """Return contacts of n grains as the device has them, shape (m, 2): walls are bodies from n on."""
+    return np.concatenate([pair, np.stack([wall[:, 0], n + body_of(wall[:, 1])], axis=1)])

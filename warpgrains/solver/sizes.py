@@ -58,7 +58,7 @@ class Sizes:
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([not scene.has_equal_masses for scene in scenes], np.int64)
-        walls = np.array([1 + len(scene.discs) for scene in scenes])
+        walls = np.array([1 + len(scene.walls) for scene in scenes])
         return cls(
             n,
             first_pairs(n) + n * walls,
@@ -107,7 +107,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "limits": n * size.walls,
             "set_start": contacts + 2 + size.walls,
         },
-        "walls": {"discs": size.walls - 1},
+        "walls": {"shape": size.walls - 1},
         "verlet": {
             **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
             **dict.fromkeys(("reference_position", "reference_velocity"), n),

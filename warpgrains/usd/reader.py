@@ -38,8 +38,8 @@ class RecordingReader:
         Frames a second [1/s].
     radius : ndarray
         Radii of the grains [m], shape (n,).
-    walls : list of (float, float)
-        Inner and outer radius of each wall, as thick as it is drawn [m].
+    walls : list of Ring
+        As they are drawn.
     scale : ColorScale or None
         What the colors stand for.
     chain_scale : ChainScale or None

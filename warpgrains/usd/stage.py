@@ -12,10 +12,9 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 import warpgrains
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import Frame, linear
-from warpgrains.drawing.shapes import WALL_COLOR, Shape, ring, rings
+from warpgrains.drawing.shapes import WALL_COLOR, Ring, Shape, rings
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.document import parameters_text
-from warpgrains.scene.walls import Annulus
 from warpgrains.usd.output import RECORDED_BY
 
 if TYPE_CHECKING:
@@ -77,10 +76,10 @@ def static_layer(
     }
     _define_material(stage)
     _define_lights(stage)
-    _define_camera(stage, _MARGIN * max(outer for _, outer in rings(scene.walls).values()))
+    _define_camera(stage, _MARGIN * max(ring.outer for ring in rings(scene).values()))
     for drawing in drawings:
         drawing.define(stage)
-    _define_walls(stage, scene.walls)
+    _define_walls(stage, scene)
     return layer
 
 
@@ -157,18 +156,23 @@ def _define_camera(stage: Usd.Stage, shown: float) -> None:
     camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
 
 
-def _define_walls(stage: Usd.Stage, walls: Annulus) -> None:
+def _define_walls(stage: Usd.Stage, scene: Scene) -> None:
     """Author the prims of the walls, outside the space that they leave to the grains."""
     set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
-    for name, (inner, outer) in rings(walls).items():
-        define_mesh(stage, WALLS.AppendChild(name), ring(inner, outer), np.array(WALL_COLOR))
+    for name, ring in rings(scene).items():
+        define_mesh(stage, WALLS.AppendChild(name), ring.shape(), np.array(WALL_COLOR))
 
 
-def read_walls(stage: Usd.Stage) -> list[tuple[float, float]]:
-    """Return inner and outer radius of each wall, as thick as it is drawn [m]."""
+def read_walls(stage: Usd.Stage) -> list[Ring]:
+    """Return the walls as they are drawn."""
     walls = stage.GetPrimAtPath(WALLS).GetChildren()
-    points = [np.array(wall.GetAttribute("points").Get(), dtype=np.float64) for wall in walls]
-    return [(float(rho.min()), float(rho.max())) for rho in (np.hypot(*ring[:, :2].T) for ring in points)]
+    return [_read_ring(np.array(wall.GetAttribute("points").Get(), np.float64)[:, :2]) for wall in walls]
+
+
+def _read_ring(points: NDArray[np.float64]) -> Ring:
+    x, y = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
+    rho = np.hypot(*(points - (x, y)).T)
+    return Ring(float(rho.min()), float(rho.max()), (x, y))
 
 
 def triples(values: NDArray[Any]) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import linear
-from warpgrains.drawing.shapes import WALL_COLOR, ring
+from warpgrains.drawing.shapes import WALL_COLOR
 from warpgrains.pictures.shots import Setting, Shot
 
 _SEGMENTS = 48  # of a circle
@@ -28,8 +28,8 @@ class Stage:
         self._scene.configure_default_lights(False)
         self._scene.configure_environment_map(None)
         self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors as they are
-        for number, (inner, outer) in enumerate(setting.walls):
-            wall = ring(inner, outer)
+        for number, ring in enumerate(setting.walls):
+            wall = ring.shape()
             self._add_mesh(f"/walls/{number}", wall.points, wall.corners, WALL_COLOR)
         grains = len(setting.radius)
         corners, faces = _disc()
