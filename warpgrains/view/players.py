@@ -199,5 +199,5 @@ class Recorded:
         return told
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Return nothing: a recording holds no masses and no iterations."""
+        """Return nothing: a recording holds no iterations."""
         return {}
