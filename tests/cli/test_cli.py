@@ -228,15 +228,8 @@ def test_what_a_library_prints_from_c_goes_to_stderr():
     assert set(done.stderr.split()) == {"python", "c"}
 
 
-def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, monkeypatch):
-    advance = Simulation.advance
-
-    def interrupt_fifth_step(self, steps, on_progress):
-        if self.time >= 0.04:
-            raise KeyboardInterrupt
-        return advance(self, steps, on_progress)
-
-    monkeypatch.setattr(Simulation, "advance", interrupt_fifth_step)
+def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, stop_at):
+    stop_at(7)
     assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
     frames = tmp_path / "out.usdc.frames"
     advice = f"warpgrains: error: interrupted; for the frames so far: warpgrains recover {frames}"

@@ -39,25 +39,6 @@ def summary_of(capfd):
     return {name: value for name, value in summary.items() if name not in ("seconds", "output")}
 
 
-@pytest.fixture
-def stop_at(monkeypatch):
-    """Make the step after so many steps fail as a killed process would, once."""
-
-    def stop(steps):
-        advance = Simulation.advance
-
-        def advance_or_stop(self, count, on_progress):
-            if self.steps + count <= steps:
-                return advance(self, count, on_progress)
-            advance(self, steps - self.steps, on_progress)
-            monkeypatch.setattr(Simulation, "advance", advance)
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(Simulation, "advance", advance_or_stop)
-
-    return stop
-
-
 @pytest.mark.parametrize("order", ORDERS)
 class TestResume:
     def test_same_state_recording_and_summary(self, order, tmp_path, stop_at, capfd):
