@@ -51,6 +51,7 @@ def test_every_key_has_a_meaning_and_numbers_have_units(layout):
         )
     units = {key.name: key.unit for key in keys(layout)}
     assert units["gravity"] == "m/s2"
+    assert units["method"] == ""
     assert units["radius"] == "m"
     assert units["density"] == "kg/m2"
     if layout:
