@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 from simulate import WAYS, Simulate
 
-from warpgrains import Scene
+from warpgrains import Scene, Simulation
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
+from warpgrains.solver.advance import OnProgress
+from warpgrains.solver.statistics import RunStatistics
 
 HOLD = """
 import sys
@@ -49,6 +51,25 @@ def held_elsewhere() -> Iterator[Callable[[Path], subprocess.Popen[bytes]]]:
     for holder in holders:
         holder.kill()
         holder.wait(timeout=60)
+
+
+@pytest.fixture
+def stop_at(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Interrupt the next simulation after so many steps, once."""
+
+    def stop(steps: int) -> None:
+        advance = Simulation.advance
+
+        def advance_or_stop(self: Simulation, count: int, on_progress: OnProgress) -> RunStatistics:
+            if self.steps + count <= steps:
+                return advance(self, count, on_progress)
+            advance(self, steps - self.steps, on_progress)
+            monkeypatch.setattr(Simulation, "advance", advance)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(Simulation, "advance", advance_or_stop)
+
+    return stop
 
 
 @pytest.fixture(autouse=True)

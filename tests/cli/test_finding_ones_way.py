@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from command import exit_code, require_refusal
 
-from warpgrains import Scene, Simulation, console
+from warpgrains import Scene, console
 from warpgrains.cli.scenes import REQUIRED, keys, parameters_of
 from warpgrains.scene.document import shipped
 from warpgrains.scene.layouts import LAYOUTS
@@ -51,6 +51,7 @@ def test_every_key_has_a_meaning_and_numbers_have_units(layout):
         )
     units = {key.name: key.unit for key in keys(layout)}
     assert units["gravity"] == "m/s2"
+    assert units["method"] == ""
     assert units["radius"] == "m"
     assert units["density"] == "kg/m2"
     if layout:
@@ -110,15 +111,8 @@ def test_a_log_has_a_line_now_and_then(capfd, monkeypatch):
     assert printed.err == "60 of 100 steps, 0 s, 0 s left\n"
 
 
-def test_an_interrupt_says_how_to_go_on(tmp_path, capfd, monkeypatch):
-    advance = Simulation.advance
-
-    def interrupted(self, steps, on_progress):
-        if self.steps >= 400:
-            raise KeyboardInterrupt
-        return advance(self, steps, on_progress)
-
-    monkeypatch.setattr(Simulation, "advance", interrupted)
+def test_an_interrupt_says_how_to_go_on(tmp_path, capfd, stop_at):
+    stop_at(450)
     kept, output = tmp_path / "kept one.npz", tmp_path / "run.usdc"
     options = ("--checkpoint", kept, "--every", 100, "-o", output)
     assert exit_code("run", "annulus", *options) == 130
@@ -126,7 +120,6 @@ def test_an_interrupt_says_how_to_go_on(tmp_path, capfd, monkeypatch):
         f"warpgrains: error: interrupted; to go on: warpgrains run --resume '{kept}';"
         f" for the frames so far: warpgrains recover {output}.frames"
     )
-    monkeypatch.undo()
     assert exit_code("run", "--resume", kept) == 0
 
 

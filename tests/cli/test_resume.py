@@ -11,11 +11,11 @@ from dataclasses import replace
 import lightusd
 import numpy as np
 import pytest
+from command import exit_code, require_refusal
 from recordings import GRAINS
 from same_bits import contents
 
 from warpgrains import Scene, Simulation
-from warpgrains.cli.main import main
 from warpgrains.frame_log import FrameLog
 from warpgrains.simulation.checkpoint import read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
@@ -31,31 +31,12 @@ def scene_in(order):
 
 def run(*arguments):
     """Run the command line in this process and return its exit code."""
-    return main(["run", *(str(argument) for argument in arguments)])
+    return exit_code("run", *arguments)
 
 
 def summary_of(capfd):
     summary = json.loads(capfd.readouterr().out)
     return {name: value for name, value in summary.items() if name not in ("seconds", "output")}
-
-
-@pytest.fixture
-def stop_at(monkeypatch):
-    """Make the step after so many steps fail as a killed process would, once."""
-
-    def stop(steps):
-        advance = Simulation.advance
-
-        def advance_or_stop(self, count, on_progress):
-            if self.steps + count <= steps:
-                return advance(self, count, on_progress)
-            advance(self, steps - self.steps, on_progress)
-            monkeypatch.setattr(Simulation, "advance", advance)
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(Simulation, "advance", advance_or_stop)
-
-    return stop
 
 
 @pytest.mark.parametrize("order", ORDERS)
@@ -117,10 +98,10 @@ class TestResumeOnce:
         options = ["-o", output, "--checkpoint", tmp_path / "run.npz", "--every", 5, "--fps", 100]
         assert run("annulus", *options) == 130
         capfd.readouterr()
-        assert main(["recover", str(log_of(output))]) == 0
+        assert exit_code("recover", log_of(output)) == 0
         assert capfd.readouterr().out == f"{output}: 16 frames\n"
         assert inspect_recording(output) == []
-        assert main(["recover", str(output)]) == 2
+        assert exit_code("recover", output) == 2
 
     def test_both_files_may_move(self, tmp_path, stop_at, monkeypatch):
         here, there = tmp_path / "here", tmp_path / "there"
@@ -186,53 +167,51 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "complaint"),
         [
-            (["annulus"], "SCENE cannot go with --resume"),
-            (["-o", "other.usdc"], "--output cannot go with --resume"),
-            (["--fps", "0"], "--fps cannot"),
-            (["--color-by", "speed"], "--color-by cannot"),
-            (["--forces"], "--forces cannot"),
-            (["--as", "discs"], "--as cannot"),
-            (["--as-spheres"], "--as cannot"),
-            (["--order", "color"], "--order cannot"),
-            (["--set", "physics.drag=0"], "--set cannot"),
-            (["--steps", "19"], "end at step 19: its checkpoint is at step 20"),
-            (["--duration", "0.1"], "end at step 10: its checkpoint is at step 20"),
-            (["--every", "0"], "every is 0"),
-            (["--checkpoint", "other.txt"], "must end in .npz"),
+            ("annulus", "SCENE cannot go with --resume"),
+            ("-o other.usdc", "--output cannot go with --resume"),
+            ("--fps 0", "--fps cannot"),
+            ("--color-by speed", "--color-by cannot"),
+            ("--forces", "--forces cannot"),
+            ("--as discs", "--as cannot"),
+            ("--as-spheres", "--as cannot"),
+            ("--order color", "--order cannot"),
+            ("--method exact", "--method cannot"),
+            ("--until rest", "--until cannot"),
+            ("--measure energy", "--measure cannot"),
+            ("--set physics.drag=0", "--set cannot"),
+            ("--steps 19", "end at step 19: its checkpoint is at step 20"),
+            ("--duration 0.1", "end at step 10: its checkpoint is at step 20"),
+            ("--every 0", "every is 0"),
+            ("--checkpoint other.txt", "must end in .npz"),
         ],
     )
     def test_what_cannot_go_with_resume(self, kept, capfd, arguments, complaint):
-        assert run("--resume", kept, *arguments) == 2
-        self.require_one_line(capfd, complaint)
+        assert run("--resume", kept, *arguments.split()) == 2
+        require_refusal(capfd, complaint)
 
-    def test_recording_that_is_gone(self, kept, capfd):
+    @pytest.mark.parametrize("found", ["nothing", "something else"])
+    def test_recording_that_is_not_there(self, kept, capfd, found):
         kept.with_name("run.usdc").unlink()
+        if found == "something else":
+            assert run("column", "--steps", 19, "-o", kept.with_name("run.usdc")) == 0
+            capfd.readouterr()
         assert run("--resume", kept) == 2
-        self.require_one_line(capfd, "run.usdc.frames")
+        require_refusal(capfd, "run.usdc.frames" if found == "nothing" else "no frames of this scene")
 
-    def test_recording_of_something_else(self, kept, tmp_path, capfd):
-        assert run("column", "--steps", 19, "-o", tmp_path / "run.usdc") == 0
-        capfd.readouterr()
-        assert run("--resume", kept) == 2
-        self.require_one_line(capfd, "no frames of this scene")
-
-    def test_what_resume_needs(self, tmp_path, capfd):
-        for arguments, complaint in (
-            ([], "SCENE is missing"),
-            (["annulus", "--every", 5], "--every needs --checkpoint"),
-            (["annulus", "--checkpoint", tmp_path / "run.usdc"], "must end in .npz"),
-            (["--resume", tmp_path / "missing.npz"], "does not exist"),
-        ):
-            assert run(*arguments) == 2
-            self.require_one_line(capfd, complaint)
+    @pytest.mark.parametrize(
+        ("arguments", "complaint"),
+        [
+            ("", "SCENE is missing"),
+            ("annulus --every 5", "--every needs --checkpoint"),
+            ("annulus --checkpoint run.usdc", "must end in .npz"),
+            ("--resume missing.npz", "does not exist"),
+        ],
+    )
+    def test_what_resume_needs(self, tmp_path, monkeypatch, capfd, arguments, complaint):
+        monkeypatch.chdir(tmp_path)
+        assert run(*arguments.split()) == 2
+        require_refusal(capfd, complaint)
         assert list(tmp_path.iterdir()) == []
-
-    def require_one_line(self, capfd, complaint):
-        printed = capfd.readouterr()
-        assert printed.out == ""
-        assert printed.err.startswith("warpgrains: error: ")
-        assert printed.err.count("\n") == 1
-        assert complaint in printed.err
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Checkpoints: the state to the last bit, in a file that is whole or not there."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -78,22 +79,13 @@ class TestFile:
             header = json.loads(archive["header"].tobytes())
             found = {name: archive[name].shape[1:] for name in archive.files}
             assert (archive["lists.frame"].shape, archive["lists.scalar"].shape) == ((3, 2), (7,))
-        assert list(header) == [
-            *("format", "version", "warpgrains", "plan", "tally"),
-            *("scene", "state", "corrections", "lists"),
-        ]
-        vectors = ["scene.position", "scene.velocity", "state.position", "state.velocity"]
-        vectors += ["lists.built_position", "lists.built_velocity", "lists.frame"]
-        pairs = ["corrections.pair", "lists.pair"]
-        numbers = ["header", "scene.radius", "scene.mass", "corrections.pair_correction"]
-        numbers += [
-            "corrections.wall_correction",
-            "lists.wall",
-            "lists.reach",
-            "lists.recent",
-            "lists.scalar",
-        ]
-        assert found == dict.fromkeys([*vectors, *pairs], (2,)) | dict.fromkeys(numbers, ())
+        parts = ["scene", "state", "corrections", "lists"]
+        assert list(header) == ["format", "version", "warpgrains", "plan", "tally", *parts]
+        vectors = "scene.position scene.velocity state.position state.velocity corrections.pair lists.pair"
+        vectors += " lists.built_position lists.built_velocity lists.frame"
+        numbers = "header scene.radius scene.mass corrections.pair_correction corrections.wall_correction"
+        numbers += " lists.wall lists.reach lists.recent lists.scalar"
+        assert found == dict.fromkeys(vectors.split(), (2,)) | dict.fromkeys(numbers.split(), ())
 
     @pytest.mark.parametrize("damage", ["write", "read", "replace"])
     def test_failed_save_leaves_the_earlier_one(self, simulation, saved, monkeypatch, damage):
@@ -155,24 +147,23 @@ class TestBadFile:
         assert "\n" not in str(refusal.value)
         assert str(path) in str(refusal.value)
 
-    @pytest.mark.parametrize("content", [b"", b"text", b"PK\x03\x04", b"\x80\x04}."])
+    @pytest.mark.parametrize(
+        "content",
+        [
+            *(b"", b"text", b"PK\x03\x04", b"\x80\x04}."),
+            *({}, {"x": np.zeros(3)}, {"header": np.zeros(3, np.uint8)}, {"header": np.zeros((), "U9")}),
+            np.zeros(3),
+        ],
+    )
     def test_something_else(self, tmp_path, content):
         path = tmp_path / "other.npz"
-        path.write_bytes(content)
-        self.require_refusal(path, "no checkpoint of warpgrains")
-
-    def test_archives_of_something_else(self, tmp_path):
-        path = tmp_path / "other.npz"
-        for entries in (
-            {},
-            {"x": np.zeros(3)},
-            {"header": np.zeros(3, np.uint8)},
-            {"header": np.zeros((), "U9")},
-        ):
-            np.savez(path, **entries)
-            self.require_refusal(path, "no checkpoint of warpgrains")
-        with path.open("wb") as file:
-            np.save(file, np.zeros(3))
+        if isinstance(content, dict):
+            np.savez(path, **content)
+        elif isinstance(content, bytes):
+            path.write_bytes(content)
+        else:
+            with path.open("wb") as file:
+                np.save(file, content)
         self.require_refusal(path, "no checkpoint of warpgrains")
 
     def test_pickles_are_not_opened(self, saved, tmp_path):
@@ -225,14 +216,8 @@ class TestBadFile:
             ({"scene__radius": np.full(15, -1.0)}, "radius of grain 0 is -1.0"),
             ({"scene__mass": None}, "mass"),
             ({"corrections__wall_correction": np.zeros(3)}, "wall_correction of the state"),
-            (
-                {"corrections__pair": np.array([[1, 15]], np.int32)},
-                "pair of the state is not of",
-            ),
-            (
-                {"corrections__pair": np.array([[-1, 3]], np.int32)},
-                "pair of the state is not of",
-            ),
+            ({"corrections__pair": np.array([[1, 15]], np.int32)}, "pair of the state is not of"),
+            ({"corrections__pair": np.array([[-1, 3]], np.int32)}, "pair of the state is not of"),
             ({"corrections__pair": np.array([[3, 1]], np.int32)}, "pair of the state is not of"),
             ({"lists__pair": np.array([[0, 2], [0, 1]], np.int32)}, "listed pair of the state is not in"),
             ({"lists__pair": np.zeros((0, 2), np.int32)}, "carries a correction and is not listed"),
@@ -245,10 +230,7 @@ class TestBadFile:
     )
     def test_what_no_scene_can_be_in(self, saved, change, complaint):
         rewrite(saved, **change)
-        with pytest.raises(SceneError) as refusal:
-            read_checkpoint(saved)
-        assert complaint in str(refusal.value)
-        assert str(saved) in str(refusal.value)
+        self.require_refusal(saved, re.escape(complaint))
 
     def test_state_of_other_grains_is_not_restored(self, simulation):
         with pytest.raises(SceneError, match="position of the state"):

@@ -1,21 +1,14 @@
 """State out and in: a run continues with the same bits, also after a step that failed."""
 
-from dataclasses import fields
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from same_bits import contents
 
-from warpgrains import Scene, Simulation, SimulationError, State
+from warpgrains import Scene, Simulation, SimulationError
 
 ORDERS = ("sequential", "color")
-
-
-def assert_same_state(one: State, other: State) -> None:
-    assert one.steps == other.steps
-    for name in ("position", "velocity"):
-        assert np.array_equal(getattr(one, name), getattr(other, name))
-    for field in fields(one.corrections):
-        assert np.array_equal(getattr(one.corrections, field.name), getattr(other.corrections, field.name))
 
 
 @pytest.fixture(params=ORDERS)
@@ -23,25 +16,18 @@ def scene(request: pytest.FixtureRequest) -> Scene:
     return Scene.load("polydisperse").replace(order=request.param)
 
 
-def test_state_that_was_restored(scene: Scene) -> None:
+def test_restored_state_continues_with_the_same_bits(scene: Scene) -> None:
     simulation, fresh = Simulation(scene), Simulation(scene)
     simulation.run(steps=100)
     state = simulation.state()
     assert len(state.corrections.pair) > 0
     assert np.count_nonzero(state.corrections.wall_correction) > 0
     fresh.restore(state)
-    assert_same_state(fresh.state(), state)
     assert fresh.time == simulation.time
-
-
-def test_fresh_simulation_continues_with_the_same_bits(scene: Scene) -> None:
-    simulation, fresh = Simulation(scene), Simulation(scene)
-    simulation.run(steps=100)
-    fresh.restore(simulation.state())
     for _ in range(50):
+        assert contents(simulation.state()) == contents(fresh.state())
         one, other = simulation.step(), fresh.step()
         assert (one.iterations, one.zeta) == (other.iterations, other.zeta)
-        assert_same_state(simulation.state(), fresh.state())
 
 
 def test_same_simulation_goes_back(scene: Scene) -> None:
@@ -52,7 +38,7 @@ def test_same_simulation_goes_back(scene: Scene) -> None:
     first = simulation.state()
     simulation.restore(state)
     simulation.run(steps=50)
-    assert_same_state(simulation.state(), first)
+    assert contents(simulation.state()) == contents(first)
 
 
 def test_state_is_a_copy(scene: Scene) -> None:
@@ -60,7 +46,7 @@ def test_state_is_a_copy(scene: Scene) -> None:
     simulation.run(steps=100)
     state, again = simulation.state(), simulation.state()
     simulation.run(steps=5)
-    assert_same_state(state, again)
+    assert contents(state) == contents(again)
 
 
 def test_step_that_is_not_finite(scene: Scene) -> None:
@@ -70,18 +56,18 @@ def test_step_that_is_not_finite(scene: Scene) -> None:
     good = simulation.state()
     velocity = good.velocity.copy()
     velocity[3] = [1e308, -1e308]
-    bad = State(good.steps, good.position, velocity, good.corrections)
+    bad = replace(good, velocity=velocity, lists=None)
     simulation.restore(bad)
     for _ in range(2):
         with pytest.raises(SimulationError, match=r"step 101, .*: grain \d+ reached"):
             simulation.step()
-        assert_same_state(simulation.state(), bad)
+        assert contents(replace(simulation.state(), lists=None)) == contents(bad)
     simulation.restore(good)
     simulation.run(steps=20)
     undisturbed = Simulation(scene)
     undisturbed.restore(good)
     undisturbed.run(steps=20)
-    assert_same_state(simulation.state(), undisturbed.state())
+    assert contents(simulation.state()) == contents(undisturbed.state())
 
 
 def test_failed_step_names_the_grain() -> None:

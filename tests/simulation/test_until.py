@@ -72,22 +72,14 @@ def test_a_callable_cannot_go_into_a_checkpoint(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, monkeypatch):
+def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
     whole, parts = tmp_path / "whole.npz", tmp_path / "parts.npz"
     options = ("--until", "rest,speed=0.05,time=1.0", "--duration", 20, "--json")
     assert exit_code("run", "annulus", "--checkpoint", whole, *options) == 0
     expected = json.loads(capfd.readouterr().out)
     assert expected["met"]
-    advance = Simulation.advance
-
-    def interrupted(self, steps, on_progress):
-        if self.steps >= expected["steps"] - 60:
-            raise KeyboardInterrupt
-        return advance(self, steps, on_progress)
-
-    monkeypatch.setattr(Simulation, "advance", interrupted)
+    stop_at(expected["steps"] - 60)
     assert exit_code("run", "annulus", "--checkpoint", parts, "--every", 7, *options) == 130
-    monkeypatch.undo()
     capfd.readouterr()
     assert exit_code("run", "--resume", parts, "--json") == 0
     resumed = json.loads(capfd.readouterr().out)

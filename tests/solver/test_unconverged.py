@@ -2,9 +2,7 @@
 
 import json
 import warnings
-from dataclasses import replace
 
-import numpy as np
 import pytest
 from same_bits import contents
 from sample_scenes import chain
@@ -140,25 +138,6 @@ def test_a_resumed_run_tells_of_all_its_steps(tmp_path) -> None:
     kept = Checkpoint(scene, first_state(scene), None, statistics)
     write_checkpoint(path, kept)
     assert contents(read_checkpoint(path)) == contents(kept)
-
-
-def test_checkpoint_of_version_1(tmp_path) -> None:
-    """Written before these fields were there: they have their defaults."""
-    path, scene = tmp_path / "old.npz", chain(5, 1e-3)
-    state = replace(first_state(scene), steps=3)
-    write_checkpoint(path, Checkpoint(scene, state, None, RunStatistics(steps=3)))
-    with np.load(path) as archive:
-        entries = {name: archive[name] for name in archive.files}
-    header = json.loads(entries["header"].tobytes())
-    header["version"] = 1
-    del header["scene"]["on_unconverged"]
-    for name in ("infeasible", "infeasible_grains", "residual", "gap_error"):
-        del header["tally"][name]
-    entries["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
-    np.savez(path, **entries)
-    old = read_checkpoint(path)
-    assert old.scene.on_unconverged == "report"
-    assert old.statistics == RunStatistics(steps=3)
 
 
 def test_many_grains_are_named_by_the_first() -> None:

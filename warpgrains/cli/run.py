@@ -1,4 +1,4 @@
-"""`warpgrains run`: begin a run, or resume one, and tell what it did."""
+"""`warpgrains run`: begin or resume a run, and print its summary."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
 
 
 def _how_to_go_on(options: RunOptions) -> Iterator[str]:
-    """Yield what can be done after an interrupt, with what is on the disk."""
+    """Yield the commands that continue an interrupted run, or recover its frames."""
     if options.checkpoint is not None and Path(options.checkpoint).exists():
         yield f"to go on: warpgrains run --resume {shlex.quote(options.checkpoint)}"
     if options.record is not None and Path(f"{options.record}.frames").exists():
@@ -145,7 +145,7 @@ def _require_needed(given: dict[str, Any]) -> None:
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
-    """Return how many steps lie between two checkpoints, and two rows of a series, if it is told."""
+    """Return the options for the steps between two checkpoints and two rows of a series."""
     if every is None:
         return {}
     if checkpoint is series is None:
@@ -192,12 +192,12 @@ def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arg
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:
-    """Say on standard error what the run warns of, above its progress bar."""
+    """Print a warning on standard error, above the progress bar."""
     tqdm.write(f"warpgrains: warning: {message}", file=sys.stderr)
 
 
 def _warn_of_rate(scene: Scene, fps: float) -> None:
-    """Say what a recording has instead of the frames a second that are asked for, if it cannot have them."""
+    """Warn if a recording cannot have so many frames a second [1/s], and print its true rate."""
     rate = true_rate(scene, fps)
     if rate != fps:
         steps = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
@@ -205,7 +205,7 @@ def _warn_of_rate(scene: Scene, fps: float) -> None:
 
 
 def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> dict[str, Any]:
-    """Return what there is to tell of a run, by name."""
+    """Return the results of a run by name, as `--json` prints them."""
     summary, overlaps = statistics.summary(options.record), scene.count_overlaps()
     results = {
         "scene": scene.name,
@@ -224,7 +224,7 @@ def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> 
 
 
 def summary_lines(results: dict[str, Any]) -> str:
-    """Return the same in aligned lines."""
+    """Return results as aligned lines."""
     start = results["overlaps_at_start"]
     rows = {
         "scene": f"{results['scene']}, {results['grains']} grains",
@@ -260,5 +260,5 @@ def _without_solution(results: dict[str, Any]) -> str:
 
 
 def true_rate(scene: Scene, fps: float) -> float:
-    """Return the true rate of a recording that is to have so many frames a second [1/s]."""
+    """Return the rate of a recording for which `fps` frames per second are wanted [1/s]."""
     return FrameTimes.of(scene.dt, fps).rate

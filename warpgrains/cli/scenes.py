@@ -78,7 +78,7 @@ class Key(NamedTuple):
     @property
     def unit(self) -> str:
         """Its unit, if it has one."""
-        found = re.search(r"\[([^\]]+)\]", self.meaning)
+        found = re.search(r"(?<!`)\[([^\]]+)\]", self.meaning)
         return found[1] if found else ""
 
     @property

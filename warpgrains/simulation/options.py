@@ -1,4 +1,4 @@
-"""What a run is to do beside simulating its scene, which a resumed run must know again, and by what means."""
+"""Options of a run, which its checkpoints keep, and of the execution of runs."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 OnProgress = Callable[[float], None]
-"""Hears of progress, in runs."""
+"""Called with the progress since the last call [runs]."""
 
 DEFAULT_RATE = 24.0
 """Frames per second [1/s] at which Blender plays unless it is told otherwise."""
 FILES = ("record", "series")
-"""What a run writes beside its checkpoint."""
+"""Files that a run writes beside its checkpoint."""
 
 
 def _file(field: str, name: Any) -> str:
@@ -131,12 +131,12 @@ class RunOptions:
 
     @property
     def shows(self) -> str | None:
-        """What is drawn instead of recorded, by the ending of its file: a "still", a "film" or nothing."""
+        """The kind of picture that `record` is by its ending, "still" or "film"; None for a recording."""
         return "still" if self._suffix in STILLS else "film" if self._suffix in FILMS else None
 
     @property
     def rate(self) -> float:
-        """Wanted frames per second of simulated time [1/s], as far as the kind of file has them."""
+        """Frames per second of simulated time [1/s] that are wanted, and that the kind of file can hold."""
         return min(self.fps, FASTEST.get(self._suffix, self.fps))
 
     def _require_no_recording(self, kind: str) -> None:
@@ -153,20 +153,20 @@ class RunOptions:
         return Path(self.checkpoint) if self.checkpoint is not None and is_due else None
 
     def stored(self, checkpoint: Path) -> dict[str, Any]:
-        """Return what a checkpoint keeps: other files as seen from there, so that all may be moved."""
+        """Return what a checkpoint keeps; files are relative to it, so that all can be moved together."""
         files = {name: getattr(self, name) for name in FILES}
         seen = {name: file and os.path.relpath(file, checkpoint.parent) for name, file in files.items()}
         return {**asdict(self), **seen, "checkpoint": checkpoint.name}
 
     @classmethod
     def restored(cls, stored: dict[str, Any], checkpoint: Path) -> Self:
-        """Return the options that a checkpoint keeps; the next checkpoints are to replace it."""
+        """Return the options that a checkpoint keeps; the next checkpoint replaces it."""
         files = {name: _seen_from(checkpoint, name, stored[name]) for name in FILES}
         return cls(**{**stored, **files, "checkpoint": str(checkpoint)})
 
 
 def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
-    """Return how many steps a run of a scene has: so many, or for a duration [s]; by default, for its own."""
+    """Return the number of steps of a run: as given, or of a duration [s], by default that of the scene."""
     if steps is not None and duration is not None:
         raise SceneError("a run has steps and duration: it needs one of them")
     if steps is not None:
@@ -175,7 +175,7 @@ def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
 
 
 def _seen_from(checkpoint: Path, field: str, stored: Any) -> str | None:
-    """Return the name of a file, if there is one, that a checkpoint keeps."""
+    """Return the path of a file whose path relative to a checkpoint is stored; None if none is."""
     if stored is None:
         return None
     name = _file(field, stored)
@@ -185,18 +185,18 @@ def _seen_from(checkpoint: Path, field: str, stored: Any) -> str | None:
 
 
 OPTIONS = described_fields(RunOptions)
-"""All that a run can be asked for beside its length, by name."""
+"""The described fields of `RunOptions`, by name."""
 FLAGS: dict[str, str] = {
     name: flag
     for name, option in OPTIONS.items()
     if (flag := option.metadata.get("flag", f"--{name.replace('_', '-')}")) is not None
 }
-"""What the command line calls them."""
+"""Their flags on the command line."""
 
 
 @dataclass(frozen=True)
 class ExecutionOptions:
-    """With what runs are executed."""
+    """Device and threads of runs, and what the runs of a sweep write."""
 
     device: str = "cpu"
     """A Warp device, "cpu" or "cuda:0"."""

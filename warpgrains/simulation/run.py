@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -16,10 +16,10 @@ from warpgrains.files import require_place
 from warpgrains.pictures.kinds import FILMS, STILLS, require_drawing
 from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
-from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
+from warpgrains.simulation.checkpoint import Checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import Criterion, steps_to_test
-from warpgrains.solver.statistics import RunStatistics, Summary, named
+from warpgrains.solver.statistics import RunStatistics, named
 
 if TYPE_CHECKING:
     from warpgrains.pictures.film import Film
@@ -56,31 +56,6 @@ class Outputs(NamedTuple):
     until: Criterion | None = None
 
 
-def run(
-    simulation: Simulation,
-    options: RunOptions,
-    statistics: RunStatistics,
-    progress: bool = False,
-    outputs: Outputs = Outputs(),  # noqa: B008  # it is never changed
-) -> Summary:
-    """Do what is left of a run, with its outputs locked; see `carry_out`. The recorder is made here.
-
-    Raises
-    ------
-    SceneError
-        The recording cannot be written there, or cannot be continued; as an `OutputError`, if another
-        process writes one of the outputs.
-    SimulationError
-        A step failed.
-    """
-    with (
-        nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
-        open_outputs(options, simulation.scene, statistics) as recorder,
-    ):
-        carry_out(simulation, options, statistics, outputs._replace(recorder=recorder), progress)
-    return statistics.summary(options.record)
-
-
 @contextmanager
 def open_outputs(
     options: RunOptions, scene: Scene, statistics: RunStatistics
@@ -111,19 +86,14 @@ def carry_out(
     outputs: Outputs,
     progress: bool,
 ) -> None:
-    """Do what is left of a run.
+    """Do what is left of a run; `statistics` says what it has done, and counts on.
 
     Parameters
     ----------
-    simulation : Simulation
-    options : RunOptions
-        What the run is to do.
-    statistics : RunStatistics
-        What it has done; it is counted on.
     outputs : Outputs
-        The recorder is what `open_outputs` gives.
+        The recorder is that of `open_outputs`.
     progress : bool
-        Whether to tell of progress on standard error, see `progress_bar`.
+        Whether to show progress on standard error, see `progress_bar`.
 
     Raises
     ------
@@ -133,7 +103,7 @@ def carry_out(
     Warns
     -----
     UserWarning
-        Grains cannot fit, said once a run; or what was to end it was not met.
+        Grains cannot fit, once a run; or the run was not ended by its criterion.
     """
     start = perf_counter() - statistics.seconds
     with progress_bar(options.steps, statistics.steps, progress) as bar, _flushed(outputs.observer):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -16,7 +17,7 @@ from warpgrains.simulation.checkpoint import (
     write_checkpoint,
 )
 from warpgrains.simulation.options import OPTIONS, RunOptions, steps_of
-from warpgrains.simulation.run import Observer, Outputs, require_observer, run
+from warpgrains.simulation.run import Observer, Outputs, carry_out, open_outputs, require_observer
 from warpgrains.simulation.stepper import Stepper, continued
 from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.statistics import RunStatistics, Summary
@@ -136,9 +137,14 @@ class Simulation(Stepper):
             raise SceneError("until is a callable, which no checkpoint can hold")
         if observer is not None:
             require_observer(observer)
-        outputs = Outputs(observer=observer, until=criterion(until, self.scene))
-        with self._driver.alone():
-            return run(self, options, RunStatistics(), progress, outputs)
+        ends, statistics = criterion(until, self.scene), RunStatistics()
+        with (
+            self._driver.alone(),
+            nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
+            open_outputs(options, self.scene, statistics) as recorder,
+        ):
+            carry_out(self, options, statistics, Outputs(recorder, observer, ends), progress)
+        return statistics.summary(options.record)
 
     def view(self, port: int = 8080) -> Page:
         """Play it in a page of this machine's browser, from where it is; a notebook shows the page.
@@ -159,15 +165,13 @@ class Simulation(Stepper):
 
         return Page(Live(self), port).start()
 
-    def plot(self, color_by: str = "speed", forces: bool = False) -> Picture:
+    @documented([OPTIONS["color_by"], OPTIONS["forces"]])
+    def plot(self, color_by: str = RunOptions.color_by, forces: bool = RunOptions.forces) -> Picture:
         """Return a picture of the present state, which a notebook shows.
 
         Parameters
         ----------
-        color_by : str
-            Color of the grains: "speed", "pressure", "radius", or "palette", which tells neighbors apart.
-        forces : bool
-            Whether to draw force chains.
+        {fields}
 
         Raises
         ------

@@ -162,7 +162,7 @@ class Recorded:
         return told
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Return none: these are of a simulation."""
+        """Return nothing: a recording holds no iterations."""
         return {}
 
 
