@@ -63,7 +63,7 @@ class StepProblem:
         """
         scene, position = self.scene, self.position
         pair = pairs_within(position, scene.radius, scene.dt * speed)
-        every = StepConstraints.at(scene, position, pair, np.arange(scene.n), scene.dt * sliding)
+        every = StepConstraints.at(scene, position, pair, np.arange(scene.n)).sliding(scene.dt * sliding)
         near = every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
         return projection_of(near, self.free_velocity)
 

@@ -24,6 +24,8 @@ class StepConstraints:
     Attributes
     ----------
     scene : Scene
+    position : ndarray
+        Centres of the grains [m], shape (n, 2).
     first, second : ndarray
         Grain i of every contact, shape (m,), and j of the pairs, shape (k,).
     normal : ndarray
@@ -35,6 +37,7 @@ class StepConstraints:
     """
 
     scene: Scene
+    position: FloatArray
     first: Grains
     second: Grains
     normal: FloatArray
@@ -42,25 +45,27 @@ class StepConstraints:
     sign: FloatArray
 
     @classmethod
-    def at(
-        cls, scene: Scene, position: FloatArray, pair: Grains, grain: Grains, move: FloatArray | None = None
-    ) -> Self:
-        """Return those of some pairs, shape (k, 2), and of some grains at all walls, at these positions [m].
-
-        For grains that move by so much in the step [m], shape (n, 2), a round wall has the gaps of eq. 18.
-        """
+    def at(cls, scene: Scene, position: FloatArray, pair: Grains, grain: Grains) -> Self:
+        """Return those of some pairs, shape (k, 2), and of some grains at all walls, at these positions."""
         i, j = pair.T
-        move = None if move is None else move[grain]
-        walls = scene.walls.seen_from(position[grain], scene.radius[grain], move)
+        walls = scene.walls.seen_from(position[grain], scene.radius[grain])
         gaps = [pair_gaps(position, scene.radius, i, j), *(wall.gap for wall in walls)]
         return cls(
             scene=scene,
+            position=position,
             first=np.concatenate([i, *[grain] * len(walls)]),
             second=j,
             normal=np.concatenate([pair_normals(position, i, j), *(wall.normal for wall in walls)]),
             gap_rate=np.concatenate(gaps) / scene.dt,
             sign=np.repeat([wall.sign for wall in walls], len(grain)),
         )
+
+    def sliding(self, move: FloatArray) -> Self:
+        """Return them for grains with these moves [m], shape (n, 2), along a round wall (eq. 18)."""
+        scene, grain = self.scene, self.wall_grain
+        walls = scene.walls.seen_from(self.position[grain], scene.radius[grain], move[grain])
+        gap = np.select([self.sign == wall.sign for wall in walls], [wall.gap for wall in walls])
+        return replace(self, gap_rate=np.append(self.gap_rate[: len(self.second)], gap / scene.dt))
 
     def only(self, at_walls: BoolArray) -> Self:
         """Return those of all pairs, and of the contacts with walls that are marked, shape (m - k,)."""

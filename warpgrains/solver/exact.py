@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from warpgrains.solver.scene_memory import SceneMemory
 
 ASKED = 0.5  # of the tolerance, so that the kernels' rounding does not undo it
-NO_PAIRS = np.zeros((0, 2), np.int32)
 BETTER = 0.01  # of the sweeps' residual: what an answer must come to
 
 
@@ -88,22 +87,22 @@ class FrozenContacts:
     """
 
     def __init__(self, scene: Scene, memory: SceneMemory):
-        walls, self._place = memory.array("contacts.walls"), memory.array("workspace.sweep_index")
-        self._wall, self._place = walls[: memory.walls], self._place[: memory.pairs]
-        self._pair_dv, pairs = memory.array("contacts.pair_dv"), memory.array("contacts.pairs")[self._place]
-        self._scene, self._position = scene, memory.array("grains.position")
-        pair = np.stack([pairs["i"], pairs["j"]], axis=1)
-        self._constraints = StepConstraints.at(scene, self._position, pair, self._wall["i"])
+        self._place = memory.array("workspace.sweep_index")[: memory.pairs]
+        self._wall, self._pair_dv = (
+            memory.array("contacts.walls")[: memory.walls],
+            memory.array("contacts.pair_dv"),
+        )
+        pairs = memory.array("contacts.pairs")[self._place]
+        pair, position = np.stack([pairs["i"], pairs["j"]], axis=1), memory.array("grains.position")
+        self._constraints = StepConstraints.at(scene, position, pair, self._wall["i"])
         self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
 
     def problem_at(self, q: FloatArray) -> Projection:
         """Return the step's problem, with the gaps that the walls have for the velocities of corrections."""
-        scene, free, pairs = self._scene, self.problem.free, self._constraints.gap_rate[: len(self._place)]
-        root = np.sqrt(scene.contact_mass)[:, np.newaxis]
-        move = scene.dt * ((free - self.problem.rows.T @ q).reshape(-1, 2) / root)
-        walls = StepConstraints.at(scene, self._position, NO_PAIRS, self._wall["i"], move)
-        gap_rate = np.concatenate([pairs, walls.gap_rate])
-        return self.problem._replace(bound=self.problem.unit * gap_rate)
+        rows, _, free, unit = self.problem
+        scene = self._constraints.scene
+        velocity = (free - rows.T @ q).reshape(-1, 2) / np.sqrt(scene.contact_mass)[:, np.newaxis]
+        return self.problem._replace(bound=unit * self._constraints.sliding(scene.dt * velocity).gap_rate)
 
     def corrections(self) -> FloatArray:
         """Return the corrections, in the units of the problem."""
