@@ -13,7 +13,7 @@ from warpgrains.reference.reference import find_c_reference
 from warpgrains.report import report
 from warpgrains.report.report import markdown
 from warpgrains.report.rows import SCHEMES, Budget, Findings, PathRow, StepRow, fitted_order
-from warpgrains.report.steps import Snapshot, follow_history, measure_steps
+from warpgrains.report.steps import HistoryStep, follow_history, measure_steps
 from warpgrains.report.trajectories import FRACTIONS, measure_frontier, measure_paths
 from warpgrains.scene.state import first_state
 
@@ -202,7 +202,7 @@ def test_without_a_compiler_there_is_no_c_reference(
     try:
         assert find_c_reference().start is None
         assert "needs a C compiler" in find_c_reference().status
-        snapshot = Snapshot("start", first_state(column), 0)
+        snapshot = HistoryStep("start", first_state(column), 0)
         rows = list(measure_steps(column, snapshot, Budget(repeats=1, most_iterations=1)))
         assert {row.code for row in rows} == {"warpgrains"}
     finally:

@@ -63,9 +63,8 @@ class StepProblem:
         """
         scene, position = self.scene, self.position
         pair = pairs_within(position, scene.radius, scene.dt * speed)
-        every = StepConstraints.at(
-            scene, position, pair, every_wall(scene, np.arange(scene.n)), scene.dt * sliding
-        )
+        wall = every_wall(scene, np.arange(scene.n))
+        every = StepConstraints.at(scene, position, pair, wall).sliding(scene.dt * sliding)
         near = every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
         return projection_of(near, self.free_velocity)
 

@@ -91,9 +91,7 @@ def contact_normals(scene: Scene, position: FloatArray, pair: IntArray) -> Float
     (i, j), normal = pair.T, np.zeros(pair.shape)
     between = j >= 0
     normal[between] = pair_normals(position, i[between], j[between])
-    for number in np.unique(-1 - j[~between]).tolist():
-        at_wall = j == -1 - number
-        normal[at_wall] = scene.side(number, position[i[at_wall]], scene.radius[i[at_wall]]).normal
+    normal[~between], _ = scene.wall_frames(position, np.stack([i[~between], -1 - j[~between]], axis=1))
     return normal
 
 

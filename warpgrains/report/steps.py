@@ -31,7 +31,7 @@ TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)  # m/s, of the exact method
 Result = TypeVar("Result")
 
 
-class Snapshot(NamedTuple):
+class HistoryStep(NamedTuple):
     """A step of the history, from where it starts."""
 
     name: str
@@ -48,7 +48,7 @@ class History:
     """Before the first step in which a contact acts."""
     hardest: State
     """Before the step of most iterations."""
-    snapshots: list[Snapshot]
+    snapshots: list[HistoryStep]
     """onset: the first step with half as many contacts as there will ever be; hardest; end: the last step.
     A step that is two of them is there once."""
 
@@ -72,18 +72,18 @@ def follow_history(scene: Scene, longest: int) -> History:
         No contact acts in it.
     """
     simulation = Simulation(scene, **ACCURATE)
-    records: list[Snapshot] = []  # steps with more contacts than any before
-    hardest = end = Snapshot("", simulation.state(), 0)
+    records: list[HistoryStep] = []  # steps with more contacts than any before
+    hardest = end = HistoryStep("", simulation.state(), 0)
     most_iterations = 0
     for _ in range(min(scene.steps, longest)):
         state = simulation.state()
         report = simulation.step()
-        end = Snapshot("end", state, report.contacts)
+        end = HistoryStep("end", state, report.contacts)
         if report.contacts > (records[-1].contacts if records else 0):
-            records.append(Snapshot("onset", state, report.contacts))
+            records.append(HistoryStep("onset", state, report.contacts))
         if report.contacts and report.iterations > most_iterations:
             most_iterations = report.iterations
-            hardest = Snapshot("hardest", state, report.contacts)
+            hardest = HistoryStep("hardest", state, report.contacts)
     if not records:
         raise SceneError(f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps")
     onset = next(record for record in records if 2 * record.contacts >= records[-1].contacts)
@@ -91,7 +91,7 @@ def follow_history(scene: Scene, longest: int) -> History:
     return History(records[0].state, hardest.state, [by_step[step] for step in sorted(by_step)])
 
 
-def measure_steps(scene: Scene, snapshot: Snapshot, budget: Budget) -> Iterator[StepRow]:
+def measure_steps(scene: Scene, snapshot: HistoryStep, budget: Budget) -> Iterator[StepRow]:
     """Solve the step after a snapshot in every configuration, with ever more iterations."""
     problem = StepProblem(scene, snapshot.state.position, snapshot.state.velocity, snapshot.state.staggered)
     accurate = Simulation(scene.replace(**EXACT, stop="default", tolerance=CONVERGED))
@@ -124,7 +124,7 @@ def _difference(velocity: FloatArray, other: FloatArray) -> float:
 
 
 def _configurations(
-    scene: Scene, snapshot: Snapshot, budget: Budget
+    scene: Scene, snapshot: HistoryStep, budget: Budget
 ) -> Iterator[tuple[Configuration, Iterator[Measurement]]]:
     """Yield every configuration, and a step solved in it with ever more iterations, or to less residuals."""
     unlimited = scene.replace(stop="default", tolerance=0.0)
@@ -142,7 +142,7 @@ def _configurations(
         yield configuration, (_solve_in_c(scene, snapshot, budget, limit) for limit in budget.iterations)
 
 
-def _solve(scene: Scene, threads: int, snapshot: Snapshot, budget: Budget) -> Measurement:
+def _solve(scene: Scene, threads: int, snapshot: HistoryStep, budget: Budget) -> Measurement:
     """Take the step with a simulation of a scene that says when to stop."""
     simulation = Simulation(scene, threads=threads)
 
@@ -160,7 +160,7 @@ def _solve(scene: Scene, threads: int, snapshot: Snapshot, budget: Budget) -> Me
     return Measurement(iterations, wall_time, simulation.velocity, done)
 
 
-def _solve_in_c(scene: Scene, snapshot: Snapshot, budget: Budget, limit: int) -> Measurement:
+def _solve_in_c(scene: Scene, snapshot: HistoryStep, budget: Budget, limit: int) -> Measurement:
     """Take the step with the C reference, which does not return its iterations."""
     begin = find_c_reference().start
     assert begin is not None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.described import documented
@@ -199,6 +200,21 @@ class Scene(SceneFields, Shown):
         if number > INNER:
             return self.walls[number - INNER - 1].side(position, radius)
         return self.annulus.side(number, position, radius, move)
+
+    def wall_frames(
+        self, position: FloatArray, wall: NDArray[np.integer[Any]], move: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return normals, shape (m, 2), and gaps [m], shape (m,), of grains and walls, shape (m, 2).
+
+        Centres are at these positions [m], shape (n, 2); for grains that move so, see `side`.
+        """
+        normal, gap = np.zeros(wall.shape), np.zeros(len(wall))
+        for number in np.unique(wall[:, 1]).tolist():
+            at_wall = wall[:, 1] == number
+            grain = wall[at_wall, 0]
+            own = None if move is None else move[grain]
+            normal[at_wall], gap[at_wall] = self.side(number, position[grain], self.radius[grain], own)
+        return normal, gap
 
     @property
     def stops_on_residual(self) -> bool:

@@ -24,6 +24,10 @@ class StepConstraints:
     Attributes
     ----------
     scene : Scene
+    position : ndarray
+        Centres of the grains [m], shape (n, 2).
+    wall : ndarray
+        Grain and wall of every contact with a wall, shape (m - k, 2).
     first, second : ndarray
         Grain i of every contact, shape (m,), and j of the pairs, shape (k,).
     normal : ndarray
@@ -33,36 +37,35 @@ class StepConstraints:
     """
 
     scene: Scene
+    position: FloatArray
+    wall: Grains
     first: Grains
     second: Grains
     normal: FloatArray
     gap_rate: FloatArray
 
     @classmethod
-    def at(
-        cls, scene: Scene, position: FloatArray, pair: Grains, wall: Grains, move: FloatArray | None = None
-    ) -> Self:
+    def at(cls, scene: Scene, position: FloatArray, pair: Grains, wall: Grains) -> Self:
         """Return those of some pairs, shape (k, 2), and of some grains and walls, shape (m - k, 2).
 
-        Centres are at these positions [m], shape (n, 2); contacts with walls are in the order of the walls.
-
-        For grains that move by so much in the step [m], shape (n, 2), a round wall has the gaps of eq. 18.
+        Centres are at these positions [m], shape (n, 2).
         """
-        (i, j), (grain, number) = pair.T, wall.T
-        gaps, normals = [pair_gaps(position, scene.radius, i, j)], [pair_normals(position, i, j)]
-        for one in scene.wall_numbers:
-            at_wall = grain[number == one]
-            own = None if move is None else move[at_wall]
-            side = scene.side(one, position[at_wall], scene.radius[at_wall], own)
-            gaps.append(side.gap)
-            normals.append(side.normal)
+        (i, j), (grain, _) = pair.T, wall.T
+        normal, gap = scene.wall_frames(position, wall)
         return cls(
             scene=scene,
+            position=position,
+            wall=wall,
             first=np.concatenate([i, grain]),
             second=j,
-            normal=np.concatenate(normals),
-            gap_rate=np.concatenate(gaps) / scene.dt,
+            normal=np.concatenate([pair_normals(position, i, j), normal]),
+            gap_rate=np.concatenate([pair_gaps(position, scene.radius, i, j), gap]) / scene.dt,
         )
+
+    def sliding(self, move: FloatArray) -> Self:
+        """Return them for grains with these moves [m], shape (n, 2), along a round wall (eq. 18)."""
+        _, gap = self.scene.wall_frames(self.position, self.wall, move)
+        return replace(self, gap_rate=np.append(self.gap_rate[: len(self.second)], gap / self.scene.dt))
 
     def only(self, at_walls: BoolArray) -> Self:
         """Return those of all pairs, and of the contacts with walls that are marked, shape (m - k,)."""
@@ -72,12 +75,13 @@ class StepConstraints:
             first=self.first[kept],
             normal=self.normal[kept],
             gap_rate=self.gap_rate[kept],
+            wall=self.wall[at_walls],
         )
 
     @property
     def wall_grain(self) -> Grains:
         """Grain of every contact with a wall, shape (m - k,)."""
-        return self.first[len(self.second) :]
+        return self.wall[:, 0]
 
 
 def every_wall(scene: Scene, grain: Grains) -> Grains:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from warpgrains.solver.scene_memory import SceneMemory
 
 ASKED = 0.5  # of the tolerance, so that the kernels' rounding does not undo it
-NO_PAIRS = np.zeros((0, 2), np.int32)
 BETTER = 0.01  # of the sweeps' residual: what an answer must come to
 
 
@@ -89,26 +88,22 @@ class FrozenContacts:
     """
 
     def __init__(self, scene: Scene, memory: SceneMemory):
-        self._scene, self._position = scene, memory.array("grains.position")
-        self._dv, (pair, self._place) = memory.array("contacts.dv"), memory.listed_pairs()
+        (pair, self._place), self._dv = memory.listed_pairs(), memory.array("contacts.dv")
         listed, index = memory.listed_walls()
         sides = [(number, body_of(np.array(number)) == listed[:, 1]) for number in scene.wall_numbers]
         self._at_wall = np.concatenate([index[own] for _, own in sides])
-        self._wall = np.concatenate(
-            [np.stack([listed[own, 0], np.full(own.sum(), number)], axis=1) for number, own in sides]
-        )
-        self._sign = np.where(self._wall[:, 1] == INNER, -1.0, 1.0)
-        self._constraints = StepConstraints.at(scene, self._position, pair, self._wall)
+        grain = np.concatenate([listed[own, 0] for _, own in sides])
+        wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
+        self._sign = np.where(wall[:, 1] == INNER, -1.0, 1.0)
+        self._constraints = StepConstraints.at(scene, memory.array("grains.position"), pair, wall)
         self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
 
     def problem_at(self, q: FloatArray) -> Projection:
         """Return the step's problem, with the gaps that the walls have for the velocities of corrections."""
-        scene, free, pairs = self._scene, self.problem.free, self._constraints.gap_rate[: len(self._place)]
-        root = np.sqrt(scene.contact_mass)[:, np.newaxis]
-        move = scene.dt * ((free - self.problem.rows.T @ q).reshape(-1, 2) / root)
-        walls = StepConstraints.at(scene, self._position, NO_PAIRS, self._wall, move)
-        gap_rate = np.concatenate([pairs, walls.gap_rate])
-        return self.problem._replace(bound=self.problem.unit * gap_rate)
+        rows, _, free, unit = self.problem
+        scene = self._constraints.scene
+        velocity = (free - rows.T @ q).reshape(-1, 2) / np.sqrt(scene.contact_mass)[:, np.newaxis]
+        return self.problem._replace(bound=unit * self._constraints.sliding(scene.dt * velocity).gap_rate)
 
     def corrections(self) -> FloatArray:
         """Return the corrections, in the units of the problem."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.tables import Tabular
@@ -81,16 +79,11 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
 
 def wall_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> WallContacts:
     """Return the contacts with the walls, of grains whose centres were at `position` [m], shape (n, 2)."""
-    grain, number = corrections.wall.T
-    normal, gap = np.zeros((len(grain), 2)), np.zeros(len(grain))
-    for wall in np.unique(number):
-        at_wall = number == wall
-        side = scene.side(int(wall), position[grain[at_wall]], scene.radius[grain[at_wall]])
-        normal[at_wall], gap[at_wall] = side
+    normal, gap = scene.wall_frames(position, corrections.wall)
     return WallContacts(
         wall=corrections.wall,
         normal=normal,
         gap=gap,
         correction=corrections.wall_correction,
-        force=scene.contact_mass[grain] * corrections.wall_correction / scene.dt,
+        force=scene.contact_mass[corrections.wall[:, 0]] * corrections.wall_correction / scene.dt,
     )

@@ -51,7 +51,7 @@ class Page:
         self._server.gui.main_panel.dock_right()
         self._stage = Stage(self._server, player.setting)
         self._add_controls()
-        self._told_at = 0.0
+        self._texts_at = 0.0
         self._show(texts=True)
 
     @property
@@ -80,7 +80,7 @@ class Page:
         start = time.perf_counter()
         self._player.advance(max(1, round(self._speed / _FRAMES / self._player.dt)))
         self.is_playing = not self._player.is_over
-        self._show(texts=not self.is_playing or start - self._told_at > 1.0 / _TEXTS)
+        self._show(texts=not self.is_playing or start - self._texts_at > 1.0 / _TEXTS)
         time.sleep(max(0.0, 1.0 / _FRAMES - (time.perf_counter() - start)))
 
     def start(self) -> Self:
@@ -130,7 +130,7 @@ class Page:
             self._stage.show(self._player.shot())
         if not texts:
             return
-        self._told_at = time.perf_counter()
+        self._texts_at = time.perf_counter()
         state = "running" if self.is_playing else "stopped"
         rows = self._player.readout()
         error = rows.pop("error", None)

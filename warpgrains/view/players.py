@@ -98,20 +98,20 @@ class Live:
 
     def readout(self) -> dict[str, str]:
         """Return numbers of the last step."""
-        told = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
-        told |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), NONE_YET)
+        rows = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
+        rows |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), NONE_YET)
         report = self._report
         if report is not None:
-            told |= {
+            rows |= {
                 "iterations": f"{report.iterations}",
                 "zeta": f"{report.zeta:.2e} m/s",
                 "residual": f"{report.residual:.2e} m/s",
                 "contacts": f"{report.contacts}",
                 "converged": "yes" if report.converged else "no",
             }
-        told["kinetic energy"] = f"{self._energy():.4g} J"
-        told["drag"] = f"{self.scene.drag:.4g} kg/s"
-        return told | ({"error": self.error} if self.error else {})
+        rows["kinetic energy"] = f"{self._energy():.4g} J"
+        rows["drag"] = f"{self.scene.drag:.4g} kg/s"
+        return rows | ({"error": self.error} if self.error else {})
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Return zeta over the iterations of the last step, and the kinetic energy over time."""
@@ -156,10 +156,10 @@ class Recorded:
 
     def readout(self) -> dict[str, str]:
         """Return numbers of the frame."""
-        told = {"time": f"{self._reader.time[self.steps]:.4g} s", "frame": f"{self.steps} of {self.last}"}
+        rows = {"time": f"{self._reader.time[self.steps]:.4g} s", "frame": f"{self.steps} of {self.last}"}
         if self.has_chains:
-            told["contacts"] = f"{len(self._reader.chains(self.steps).force)}"
-        return told
+            rows["contacts"] = f"{len(self._reader.chains(self.steps).force)}"
+        return rows
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Return nothing: a recording holds no iterations."""
