@@ -7,7 +7,8 @@ from recordings import GRAINS
 from same_bits import contents
 from sweeps import SMALL, batch, results, table, write
 
-from warpgrains import Scene, Simulation
+from warpgrains import Scene, Simulation, SimulationError
+from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.check import inspect_recording
 
@@ -90,6 +91,18 @@ class TestResults:
         assert good["steps"] == "10"
         assert bad["error"].startswith("step 1, from t = 0.0 s: ")
         assert "first run 1: step 1, from t = 0.0 s: " in capfd.readouterr().out
+
+    @pytest.mark.parametrize("options", [(), ("--folders",)])
+    def test_runs_that_do_not_fit_in_memory(self, tmp_path, done, monkeypatch, options):
+        def require_memory(needed, grains, device):
+            if grains == 15:
+                raise SimulationError("15 grains are too many")
+
+        monkeypatch.setattr(resident, "require_memory", require_memory)
+        assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
+        found, others = table(tmp_path / "out" / "results.csv"), table(done / "results.csv")
+        assert [row["error"] for row in found if row["run"] in "15"] == ["15 grains are too many"] * 2
+        assert found[::2] == others[::2]
 
     def test_summary(self, tmp_path, capfd):
         sweep = write(tmp_path, SMALL.replace("100.0, ", ""))
