@@ -27,7 +27,7 @@ Ending = tuple[Criterion, RunStatistics]
 
 
 class Done(NamedTuple):
-    """What scene k has done: its statistics, its last report, and why it stopped early, if it did."""
+    """Statistics of the steps of scene k, its last report, and why it stopped early, if it did."""
 
     k: int
     statistics: RunStatistics
@@ -103,7 +103,7 @@ class ResidentSet:
     def advance(
         self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
     ) -> None:
-        """Do so many steps of each scene, or fewer, to where its criterion is met.
+        """Advance each scene by its number of steps, or to where its criterion is met.
 
         A scene that is halted or fails stops between two steps.
         """
@@ -119,15 +119,15 @@ class ResidentSet:
                 taken = endings[k][1].steps
                 due[k] = min(end - taken, steps_to_test(taken))
             self._launch(due, on_progress)
-            going = {k: end for k, end in going.items() if self._goes_on(k, due[k], end, *endings[k])}
+            going = {k: end for k, end in going.items() if self._continues(k, due[k], end, *endings[k])}
 
     def _launch(self, steps: Sequence[int], on_progress: OnProgress) -> None:
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
         advance([engine for engine, _ in self._engines], self._threads, on_progress)
 
-    def _goes_on(self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics) -> bool:
-        """Count the steps that scene k has just done; return whether it goes on to step `end`."""
+    def _continues(self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics) -> bool:
+        """Count the steps that scene k has just done; return whether it continues to step `end`."""
         last = self.scenes[k].done()
         statistics.add(last.statistics)
         self._done[k] = last._replace(statistics=statistics, report=last.report or self._done[k].report)
@@ -145,7 +145,7 @@ class ResidentSet:
             engine.halt()
 
     def alike(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
-        """Yield the scenes of an engine that have as many grains: the engine, their numbers and indices."""
+        """Yield the scenes of an engine with the same number of grains: engine, numbers and indices."""
         for engine, numbers in self._engines:
             n = np.array([scene.n for scene in engine.scenes])
             for count in np.unique(n):

@@ -61,6 +61,8 @@ class ShortRuns:
         As for `finish_runs`.
     left : dict of int to str
         Gets why runs are left to other processes, by their numbers.
+    held : ExitStack
+        Gets the locks on runs.
 
     Attributes
     ----------
@@ -69,7 +71,12 @@ class ShortRuns:
     """
 
     def __init__(
-        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[int, str]
+        self,
+        folder: SweepFolder,
+        execution: ExecutionOptions,
+        on_progress: OnProgress,
+        left: dict[int, str],
+        held: ExitStack,
     ):
         self.longer: list[ResumePoint] = []
         self._left, self._folder, self._on_progress = left, folder, on_progress
@@ -78,10 +85,7 @@ class ShortRuns:
         self._alike: dict[tuple[BaseScene, str], Scene] = {}
         folder.shards.path.mkdir(parents=True, exist_ok=True)
         self._locks = RunLocks(folder.shards.path / ".claims")
-
-    def close(self) -> None:
-        """Leave the runs to other processes."""
-        self._locks.close()
+        held.callback(self._locks.close)
 
     def begin(self, points: list[ResumePoint], held: ExitStack) -> ShortGroup:
         """Put the scenes of runs in memory; nothing is held."""
