@@ -160,19 +160,16 @@ class ResidentSets:
         for method in {scene.method for scene in scenes}:
             exact_solver(method)
         self._scenes, self._device, self._threads = scenes, device, threads
-        self._teams = [self._team(scene) for scene in scenes]
+        alone = device.is_cuda  # where no threads share a scene
+        self._teams = [1 if alone or paying_threads(scene) == 1 else threads for scene in scenes]
         self._sets = self._divide()
         self._states: list[State | None] = [None] * len(scenes)
         self._resident: ResidentSet | None = None
         self._in_memory = -1
         self._is_halted = False
 
-    def _team(self, scene: Scene) -> int:
-        """Return how many threads share a scene: one where it is small, and all where it is large."""
-        return 1 if self._device.is_cuda or paying_threads(scene) == 1 else self._threads
-
     def _divide(self) -> list[list[int]]:
-        """Put small scenes together as long as there is memory; large ones come alone."""
+        """Put small scenes together as long as there is memory; those that threads share come alone."""
         sizes = self._bytes()
         largest = int(sizes.argmax())
         require_memory(sizes[largest].item(), self._scenes[largest].n, self._device)
