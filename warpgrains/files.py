@@ -30,7 +30,7 @@ def require_writable_folder(folder: Path) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Create a folder for outputs, unless it is there; raise SceneError if it cannot be written."""
+    """Create a folder for outputs, unless it exists; raise SceneError if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -157,7 +157,7 @@ def _unguarded(cell: Any) -> Any:
 
 
 def _is_formula(cell: str) -> bool:
-    """Whether a spreadsheet would take a cell for a formula, without the apostrophes before it."""
+    """Return whether a spreadsheet would take a cell for a formula, without the apostrophes before it."""
     return cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
 
 
@@ -170,13 +170,7 @@ def _is_number(cell: str) -> bool:
 
 
 def read_table(path: Path) -> list[Row]:
-    """Read a table.
-
-    Raises
-    ------
-    SceneError
-        It is not there, or no table.
-    """
+    """Read a table as rows of text, by column; raise SceneError if it is none."""
     with _opened(path) as lines:
         rows = csv.DictReader(lines, strict=True)
         return [{name: _unguarded(cell) for name, cell in row.items()} for row in rows]

@@ -1,14 +1,14 @@
-"""Locks on outputs: of two processes that would write the same file, the second is refused.
+"""Locks on outputs: of two processes that write the same file, the second is refused.
 
-The lock on ``run.npz`` is an exclusive flock(2) on the empty file ``.run.npz.lock`` beside it. The operating
+The lock on ``run.npz`` is an exclusive flock(2) on the empty file ``.run.npz.lock`` next to it. The operating
 system frees it when its process ends, however that ends: what a killed process leaves of the file locks
 nothing. It is held by one opening of the file, so a thread of the same process is kept out as well, and a
 forked child does not have it.
 
 Machines that share a file system keep one another out as far as it does: on NFS, Linux turns flock into a
 lock of the server, which outlives a machine that has crashed by the server's grace time. Where there are no
-locks (some mounts of Lustre, Windows), a warning says so and the work goes on. These locks bind this program
-only: they do not keep anyone from deleting or replacing files.
+locks (some mounts of Lustre, Windows), a warning says so and the work continues. These locks bind this
+program only: they do not keep anyone from deleting or replacing files.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Lock:
 
 
 def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
-    """Return the lock on a file; raise OutputError if it is there and not of a kind that may be replaced."""
+    """Return the lock on a file; raise OutputError if it exists and is not of a kind that may be replaced."""
     lock = Lock(path)
     if path.exists() and not is_own(path):
         lock.release()
@@ -169,7 +169,7 @@ def _is_locked(lock: Callable[[], None], path: Path) -> bool:
 
 
 def _is_under(file: Path, descriptor: int) -> bool:
-    """Whether a file still has its name; opening asks the server of a shared file system, stat may not."""
+    """Return whether a file still has its name; opening asks the server of a shared disk, stat may not."""
     try:
         again = os.open(file, os.O_RDONLY)
     except FileNotFoundError:

@@ -57,27 +57,27 @@ def test_step_by_step(scenes: list[Scene], expected: list[Alone]) -> None:
     assert np.array_equal(batch.velocity(3), expected[3][0].velocity)
 
 
-def test_resident_sets(
+@pytest.mark.parametrize(
+    ("module", "name", "value"),
+    [
+        pytest.param(resident, "free_memory", lambda _: 200_000.0, id="sets take turns in memory"),
+        pytest.param(sizes, "first_pairs", np.ones_like, id="lists grow during a step"),
+        pytest.param(tuning, "TILE", dict.fromkeys(ORDERS, 5), id="tiles of pairs"),
+    ],
+)
+def test_in_other_ways(
     scenes: list[Scene],
     expected: list[Alone],
     monkeypatch: pytest.MonkeyPatch,
+    module: object,
+    name: str,
+    value: object,
 ) -> None:
-    monkeypatch.setattr(resident, "free_memory", lambda _: 200_000.0)
+    monkeypatch.setattr(module, name, value)
     batch = Batch(scenes, threads=2)
-    assert len(batch._sets._sets) > 3
+    assert (len(batch._sets._sets) > 3) == (module is resident)
     batch.run(steps=STEPS - 1)
     batch.step()
-    assert_as_alone(batch, list(range(len(scenes))), expected)
-
-
-def test_lists_grow_amid_a_step(
-    scenes: list[Scene],
-    expected: list[Alone],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
-    batch = Batch(scenes, threads=2)
-    batch.run(steps=STEPS)
     assert_as_alone(batch, list(range(len(scenes))), expected)
 
 
@@ -93,17 +93,6 @@ def test_a_scene_that_threads_share(
     batch.run(steps=STEPS - 1)
     batch.step()
     assert_as_alone(batch, list(range(12)), expected)
-
-
-def test_tiles_of_pairs(
-    scenes: list[Scene],
-    expected: list[Alone],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(tuning, "TILE", dict.fromkeys(ORDERS, 5))
-    batch = Batch(scenes, threads=2)
-    batch.run(steps=STEPS)
-    assert_as_alone(batch, list(range(len(scenes))), expected)
 
 
 def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:

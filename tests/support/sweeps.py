@@ -3,7 +3,9 @@
 import csv
 from pathlib import Path
 
+from warpgrains.batch.resident import ResidentSets
 from warpgrains.cli.main import main
+from warpgrains.sweep import runner, sizes
 
 SMALL = """
 scene = "annulus"
@@ -51,3 +53,26 @@ def table(path: Path) -> list[dict[str, str]]:
 def results(folder: Path) -> bytes:
     """Read the table of results as it lies on disk."""
     return (folder / "results.csv").read_bytes()
+
+
+class Interrupted(KeyboardInterrupt):
+    """What stands for a killed process."""
+
+
+class Slices:
+    """Slices of four steps, after each of which runs are kept; the one after `left` more is interrupted."""
+
+    def __init__(self, patch):
+        self.left, self.steps = 1_000, []
+        patch.setattr(runner, "BETWEEN_CHECKPOINTS", 0.0)
+        patch.setattr(sizes, "GROWTH", 1)
+        advance = ResidentSets.advance
+
+        def advance_or_die(sets, steps, *arguments):
+            if self.left == 0:
+                raise Interrupted
+            self.left -= 1
+            self.steps.append(max(steps))
+            return advance(sets, steps, *arguments)
+
+        patch.setattr(ResidentSets, "advance", advance_or_die)

@@ -1,7 +1,4 @@
-"""`warpgrains batch`: every run as if done alone, and the line for bad input."""
-
-import signal
-import sys
+"""`warpgrains batch`: every run as if done alone."""
 
 import lightusd
 import numpy as np
@@ -10,7 +7,8 @@ from recordings import GRAINS
 from same_bits import contents
 from sweeps import SMALL, batch, results, table, write
 
-from warpgrains import Scene, Simulation
+from warpgrains import Scene, Simulation, SimulationError
+from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.check import inspect_recording
 
@@ -94,6 +92,18 @@ class TestResults:
         assert bad["error"].startswith("step 1, from t = 0.0 s: ")
         assert "first run 1: step 1, from t = 0.0 s: " in capfd.readouterr().out
 
+    @pytest.mark.parametrize("options", [(), ("--folders",)])
+    def test_runs_that_do_not_fit_in_memory(self, tmp_path, done, monkeypatch, options):
+        def require_memory(needed, grains, device):
+            if grains == 15:
+                raise SimulationError("15 grains are too many")
+
+        monkeypatch.setattr(resident, "require_memory", require_memory)
+        assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
+        found, others = table(tmp_path / "out" / "results.csv"), table(done / "results.csv")
+        assert [row["error"] for row in found if row["run"] in "15"] == ["15 grains are too many"] * 2
+        assert found[::2] == others[::2]
+
     def test_summary(self, tmp_path, capfd):
         sweep = write(tmp_path, SMALL.replace("100.0, ", ""))
         assert batch(sweep, "-o", tmp_path / "out") == 0
@@ -136,50 +146,3 @@ class TestResults:
         simulation = Simulation(Scene.load(recording.with_name("scene.toml")))
         simulation.run(steps=40)
         assert np.array_equal(np.asarray(points.get(20))[:, :2], simulation.position.astype(np.float32))
-
-
-class TestBadInput:
-    @pytest.mark.parametrize(
-        ("arguments", "complaint"),
-        [
-            ([], "SWEEP is missing"),
-            (["no_sweep"], "unknown sweep"),
-            (["SWEEP", "--index", "0"], "--index and --count go together"),
-            (["SWEEP", "--index", "3", "--count", "3"], "--index is 3: it must be between 0 and 2"),
-            (["SWEEP", "--count", "0", "--index", "0"], "--count is 0"),
-            (["SWEEP", "--fps", "30"], "--fps needs --usd"),
-            (["SWEEP", "--usd", "--fps", "-1"], "--fps is -1.0"),
-            (["SWEEP", "--device", "gpu"], "device 'gpu' is unknown here"),
-            (["SWEEP", "--threads", "0"], "threads is 0"),
-            (["SWEEP", "--scheduler", "tcp://127.0.0.1:1", "--slurm", "2"], "not allowed with"),
-            (["SWEEP", "--scheduler", "nowhere"], "no dask scheduler answers at 'nowhere'"),
-            (["SWEEP", "--slurm", "0"], "--slurm is 0"),
-            (["SWEEP", "--slurm", "1"], "--slurm needs dask-jobqueue's configuration, jobqueue.yaml"),
-            (["SWEEP", "--plot", "x=physics.drag"], "it must name x and y"),
-            (["SWEEP", "--plot", "x=physics.dragg,y=time"], "unknown column to plot 'physics.dragg'"),
-        ],
-    )
-    def test_is_one_line(self, tmp_path, capfd, arguments, complaint):
-        sweep = write(tmp_path)
-        arguments = [str(sweep) if word == "SWEEP" else word for word in arguments]
-        assert batch(*arguments, "-o", tmp_path / "out") == 2
-        printed = capfd.readouterr()
-        assert printed.out == ""
-        assert printed.err.startswith("warpgrains: error: ")
-        assert printed.err.count("\n") == 1
-        assert complaint in printed.err
-        assert not list((tmp_path / "out").rglob("*.*"))
-
-    def test_slurm_leaves_interrupts_as_they_are(self, tmp_path, monkeypatch):
-        """dask_jobqueue sets a handler where it is imported: Ctrl-C would then end in exit code 0."""
-        for name in [name for name in sys.modules if name.startswith("dask_jobqueue")]:
-            monkeypatch.delitem(sys.modules, name)
-        before = signal.getsignal(signal.SIGINT)
-        assert batch(write(tmp_path), "-o", tmp_path / "out", "--slurm", "1") == 2
-        assert "dask_jobqueue.runner" in sys.modules
-        assert signal.getsignal(signal.SIGINT) is before
-
-    def test_output_is_a_file(self, tmp_path, capfd):
-        sweep = write(tmp_path)
-        assert batch(sweep, "-o", sweep) == 2
-        assert capfd.readouterr().err.count("\n") == 1

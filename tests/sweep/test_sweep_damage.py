@@ -4,7 +4,6 @@ import os
 import shutil
 
 import pytest
-from command import exit_code, require_refusal
 from sweeps import SMALL, batch, results, table, write
 
 from warpgrains.frame_log import FrameLog, LogReader
@@ -34,21 +33,13 @@ def resume_damaged(folder, whole, damage, *options):
     return rows
 
 
-def without(column):
-    """Return a damage that takes a column out of a result."""
-
-    def damage(run):
-        (row,) = table(run / "result.csv")
-        row.pop(column)
-        (run / "result.csv").write_text(f"{','.join(row)}\n{','.join(row.values())}\n")
-
-    return damage
-
-
 def with_value(column, value):
+    """Return a damage that changes a cell of a result, or takes a column out of it."""
+
     def damage(run):
         (row,) = table(run / "result.csv")
         row[column] = value
+        row = {name: cell for name, cell in row.items() if cell is not None}
         (run / "result.csv").write_text(f"{','.join(row)}\n{','.join(row.values())}\n")
 
     return damage
@@ -63,8 +54,8 @@ DAMAGED_RESULTS = {
     "names only": cut_result(200),
     "short": cut_result(-60),
     "twice": lambda run: (run / "result.csv").write_bytes((run / "result.csv").read_bytes() * 2),
-    "no seconds": without(SECONDS),
-    "no run": without("run"),
+    "no seconds": with_value(SECONDS, None),
+    "no run": with_value("run", None),
     "of another run": with_value("run", "3"),
     "no number": with_value("unconverged", "many"),
     "not UTF-8": lambda run: (run / "result.csv").write_bytes(b"\xff\xfe"),
@@ -171,14 +162,6 @@ def test_checkpoint_of_another_run_is_not_continued(tmp_path, whole):
     assert "checkpoint.npz' is of another run" in rows[1]["error"]
 
 
-def test_run_of_another_sweep_is_not_taken_for_a_damaged_one(tmp_path, whole, capfd):
-    """Only the values of one axis differ: what the runs have in common is the same."""
-    shutil.copytree(whole, tmp_path / "out")
-    other = write(tmp_path, GOOD.replace("[5, 15]", "[5, 14]"))
-    assert exit_code("batch", other, "-o", tmp_path / "out", "--resume") == 2
-    require_refusal(capfd, "is another scene than this run of the sweep: choose another -o")
-
-
 @pytest.mark.parametrize("damage", [lambda path: path.write_bytes(b"1"), piped], ids=["cut", "pipe"])
 def test_damaged_part_is_done_again(tmp_path, damage, capfd):
     sweep, out = write(tmp_path, GOOD), tmp_path / "out"
@@ -188,18 +171,9 @@ def test_damaged_part_is_done_again(tmp_path, damage, capfd):
     damage(part)
     capfd.readouterr()
     assert batch(sweep, "-o", out, "--resume") == 0
-    assert "is damaged: its runs are done again" in capfd.readouterr().err
+    assert f"'{part}' is damaged: its runs are done again" in capfd.readouterr().err
+    assert part.with_name(f"{part.name}.damaged").exists()
     assert results(out) == before
-
-
-def test_scene_of_a_sweep_that_is_a_pipe_is_refused(tmp_path, capfd):
-    """Nobody may ever write to it."""
-    folder = tmp_path / "scenes"
-    folder.mkdir()
-    os.mkfifo(folder / "scene.toml")
-    for sweep in (folder, write(tmp_path, 'scene = "scenes/scene.toml"')):
-        assert exit_code("batch", sweep, "-o", tmp_path / "out") == 2
-        require_refusal(capfd, "scene.toml' of the sweep is not a regular file")
 
 
 def test_file_in_the_place_of_a_run(tmp_path, capfd):

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from sweeps import batch
 
-from warpgrains import SceneError
 from warpgrains.sweep import plot
 from warpgrains.sweep.plot import SweepPlot
 
@@ -91,29 +90,3 @@ def test_of_very_many_runs_some_are_points_and_all_are_in_the_means(monkeypatch)
     assert points.get_xdata().tolist() == [1] * 5 + [2] * 5
     assert np.array_equal(line.get_xydata(), [[1, 49], [2, 50]])
     assert axes.get_title() == "100 runs, a point for one of 10"
-
-
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("", "it must be x=COLUMN,y=COLUMN"),
-        ("x,y", "it must be x=COLUMN,y=COLUMN"),
-        ("x=a", "it must name x and y"),
-        ("x=a,y=b,size=c", "unknown key of --plot 'size'"),
-    ],
-)
-def test_what_asks_for_no_picture(text, complaint):
-    with pytest.raises(SceneError, match=complaint):
-        SweepPlot.parse(text)
-
-
-def test_nothing_to_draw(tmp_path):
-    plot = SweepPlot.parse("x=a,y=c")
-    with pytest.raises(SceneError, match="cannot be read"):
-        plot.draw(tmp_path / "results.csv")
-    (tmp_path / "results.csv").write_text("a,c,error\n1,,it broke\n")
-    with pytest.raises(SceneError, match="no run has come to its end"):
-        plot.draw(tmp_path / "results.csv")
-    (tmp_path / "results.csv").write_text("a,b,error\n1,2,\n")
-    with pytest.raises(SceneError, match="unknown column to plot 'c'"):
-        plot.draw(tmp_path / "results.csv")

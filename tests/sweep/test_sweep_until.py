@@ -5,14 +5,9 @@ import shutil
 import warnings
 
 import pytest
-from command import exit_code
-from same_bits import contents
 from sweeps import batch, results, table, write
 
 from warpgrains import Scene, Simulation
-from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.solver import engine, threads
-from warpgrains.sweep import short
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.results import Columns
 
@@ -65,66 +60,11 @@ def test_summary_counts_runs_that_move_still(tmp_path, ended, capfd):
     assert unmet > 0
 
 
-@pytest.mark.parametrize("options", [["--folders"], ["--usd"], ["--measure", "packing", "--every", "7"]])
-def test_same_results_after_interruptions(tmp_path, ended, slices, options):
-    sweep, out = write(tmp_path, SWEEP), tmp_path / "out"
-    for number, left in enumerate((4, 9, 1_000)):
-        slices.left = left
-        resume = ["--resume"] * (number > 0)
-        assert batch(sweep, "-o", out, *UNTIL, *options, *resume) == (1 if left == 1_000 else 130)
-    assert results(out) == results(ended)
-    for row in table(out / "results.csv"):
-        if not row["error"]:
-            folder = out / "runs" / f"{int(row['run']):05}"
-            simulation = Simulation(Scene.load(folder / "scene.toml"))
-            simulation.run(steps=int(row["steps"]))
-            kept = read_checkpoint(folder / "checkpoint.npz")
-            assert contents(kept.state) == contents(simulation.state())
-            assert kept.options.until == UNTIL[1]
-
-
-def test_a_run_that_takes_long_goes_on_in_a_folder(tmp_path, ended, monkeypatch):
-    """From where it is when the time is over."""
-    monkeypatch.setattr(short, "SHORT", 0.0)
-    monkeypatch.setattr(engine, "BRIEF", 0)
-    monkeypatch.setattr(threads, "GLANCE", 1e-3)
-    out = tmp_path / "out"
-    assert batch(write(tmp_path, SWEEP), "-o", out, *UNTIL) == 1
-    assert results(out) == results(ended)
-    assert (out / "runs" / "00000" / "checkpoint.npz").exists()
-
-
-def test_a_run_is_resumed_by_hand_to_the_same_end(tmp_path, ended, slices):
-    out, slices.left = tmp_path / "out", 9
-    assert batch(write(tmp_path, SWEEP), "-o", out, *UNTIL, "--folders") == 130
-    checkpoint = out / "runs" / "00007" / "checkpoint.npz"
-    assert exit_code("run", "--resume", checkpoint) == 0
-    assert read_checkpoint(checkpoint).statistics.steps == int(table(ended / "results.csv")[7]["steps"])
-    slices.left = 1_000
-    assert batch(write(tmp_path, SWEEP), "-o", out, *UNTIL, "--resume") == 1
-    assert results(out) == results(ended)
-
-
-def test_shares_make_the_whole(tmp_path, ended):
-    for index in range(2):
-        batch(write(tmp_path, SWEEP), "-o", tmp_path / "out", *UNTIL, "--index", index, "--count", 2)
-    assert results(tmp_path / "out") == results(ended)
-
-
-@pytest.mark.parametrize("options", [[], ["--until", "rest"]])
-def test_another_end_is_refused(tmp_path, ended, options, capfd):
+def test_another_end_is_refused(tmp_path, ended, capfd):
     shutil.copytree(ended, tmp_path / "out")
-    assert batch(write(tmp_path, SWEEP), "-o", tmp_path / "out", "--resume", *options) == 2
+    assert batch(write(tmp_path, SWEEP), "-o", tmp_path / "out", "--resume") == 2
     assert "has another --until: choose another -o" in capfd.readouterr().err
     assert results(tmp_path / "out") == results(ended)
-
-
-def test_bad_criterion_is_one_line(tmp_path, capfd):
-    assert batch(write(tmp_path, SWEEP), "-o", tmp_path / "out", "--until", "rst") == 2
-    said = capfd.readouterr().err
-    assert "did you mean 'rest'" in said
-    assert said.count("\n") == 1
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_scene_that_the_criterion_does_not_fit_fails(tmp_path):
@@ -137,9 +77,7 @@ def test_a_scene_that_the_criterion_does_not_fit_fails(tmp_path):
     assert (good["error"], good["met"]) == ("", "0")
 
 
-def test_other_processes_know_what_ends_runs(tmp_path):
-    folder = pickle.loads(
-        pickle.dumps(SweepFolder(tmp_path, Columns(("physics.drag",), ("rattlers",), "rest")))
-    )
-    assert folder.columns.until == "rest"
-    assert "met" in folder.columns.all
+def test_other_processes_know_the_columns(tmp_path):
+    columns = Columns(("physics.drag",), ("rattlers",), "rest")
+    assert pickle.loads(pickle.dumps(SweepFolder(tmp_path, columns))).columns == columns
+    assert columns.all[-3:] == ["met", "rattlers", "error"]

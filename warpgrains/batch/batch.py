@@ -26,7 +26,7 @@ from warpgrains.turns import Driver
 
 @dataclass(frozen=True, repr=False)
 class SceneSummary(Summary):
-    """What a run of a batch did with one of its scenes; `seconds` is what it took of one core's time.
+    """A summary of one scene in a run of a batch; `seconds` is its share of one core's time.
 
     Examples
     --------
@@ -187,7 +187,7 @@ class Batch(Shown):
     def _advance(
         self, steps: list[int], on_progress: OnProgress, endings: list[Ending] | None = None
     ) -> list[Done]:
-        """Do so many steps of each scene, or fewer where its criterion is met, and keep the last reports."""
+        """Advance each scene, see `ResidentSet.advance`, and keep the last reports."""
         outcomes: list[Done] = []
         with self._driver.advancing():
             for resident in self._sets.advance(steps, on_progress, endings):

@@ -27,7 +27,7 @@ Ending = tuple[Criterion, RunStatistics]
 
 
 class Done(NamedTuple):
-    """What scene k has done: its statistics, its last report, and why it stopped early, if it did."""
+    """Statistics of the steps of scene k, its last report, and why it stopped early, if it did."""
 
     k: int
     statistics: RunStatistics
@@ -103,7 +103,7 @@ class ResidentSet:
     def advance(
         self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
     ) -> None:
-        """Do so many steps of each scene, or fewer, to where its criterion is met.
+        """Advance each scene by its number of steps, or to where its criterion is met.
 
         A scene that is halted or fails stops between two steps.
         """
@@ -119,15 +119,15 @@ class ResidentSet:
                 taken = endings[k][1].steps
                 due[k] = min(end - taken, steps_to_test(taken))
             self._launch(due, on_progress)
-            going = {k: end for k, end in going.items() if self._goes_on(k, due[k], end, *endings[k])}
+            going = {k: end for k, end in going.items() if self._continues(k, due[k], end, *endings[k])}
 
     def _launch(self, steps: Sequence[int], on_progress: OnProgress) -> None:
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
         advance([engine for engine, _ in self._engines], self._threads, on_progress)
 
-    def _goes_on(self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics) -> bool:
-        """Count the steps that scene k has just done; return whether it goes on to step `end`."""
+    def _continues(self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics) -> bool:
+        """Count the steps that scene k has just done; return whether it continues to step `end`."""
         last = self.scenes[k].done()
         statistics.add(last.statistics)
         self._done[k] = last._replace(statistics=statistics, report=last.report or self._done[k].report)
@@ -145,7 +145,7 @@ class ResidentSet:
             engine.halt()
 
     def alike(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
-        """Yield the scenes of an engine that have as many grains: the engine, their numbers and indices."""
+        """Yield the scenes of an engine with the same number of grains: engine, numbers and indices."""
         for engine, numbers in self._engines:
             n = np.array([scene.n for scene in engine.scenes])
             for count in np.unique(n):
@@ -160,19 +160,16 @@ class ResidentSets:
         for method in {scene.method for scene in scenes}:
             exact_solver(method)
         self._scenes, self._device, self._threads = scenes, device, threads
-        self._teams = [self._team(scene) for scene in scenes]
+        alone = device.is_cuda  # where no threads share a scene
+        self._teams = [1 if alone or paying_threads(scene) == 1 else threads for scene in scenes]
         self._sets = self._divide()
         self._states: list[State | None] = [None] * len(scenes)
         self._resident: ResidentSet | None = None
         self._in_memory = -1
         self._is_halted = False
 
-    def _team(self, scene: Scene) -> int:
-        """Return how many threads share a scene: one where it is small, and all where it is large."""
-        return 1 if self._device.is_cuda or paying_threads(scene) == 1 else self._threads
-
     def _divide(self) -> list[list[int]]:
-        """Put small scenes together as long as there is memory; large ones come alone."""
+        """Put small scenes together as long as there is memory; those that threads share come alone."""
         sizes = self._bytes()
         largest = int(sizes.argmax())
         require_memory(sizes[largest].item(), self._scenes[largest].n, self._device)

@@ -1,4 +1,4 @@
-"""`warpgrains batch`: carry out the runs of a sweep, or those that are left, and tell what came of them."""
+"""`warpgrains batch`: carry out the unfinished runs of a sweep, and print a summary."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _columns(axes: tuple[str, ...], arguments: Namespace) -> Columns:
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
-    """Return the runs of this process: all of them, or every so many."""
+    """Return the runs of this process: all of them, or every `--count`-th from `--index`."""
     index, count = arguments.index, arguments.count
     if (index is None) != (count is None):
         raise SceneError("--index and --count go together")
@@ -102,7 +102,7 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
 def _finish(
     folder: SweepFolder, sweep: Sweep, left: list[Run], total: int, arguments: Namespace
 ) -> dict[int, str]:
-    """Finish what is left, here or on a cluster; return why some runs are not finished, by their numbers."""
+    """Finish the runs that are left, here or on a cluster; return why some are not, by their numbers."""
     execution = _execution(arguments)
     with progress_bar(total, total - len(left), unit="run", bar_format=_BAR) as bar:
         if arguments.scheduler is None and arguments.slurm is None:

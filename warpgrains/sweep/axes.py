@@ -1,7 +1,7 @@
 """Axes of a sweep: what values a key takes, one run after the other.
 
 ========================================== ==========================================================
-value in the sweep file                    what it stands for
+value in the sweep file                    its values
 ========================================== ==========================================================
 [0.1, 0.2, 0.5]                            these values, of any kind that the key takes
 {range = [0.0, 1.0], count = 5}            evenly spaced, both ends included

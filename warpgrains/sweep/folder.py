@@ -28,7 +28,7 @@ GO_ON = "--resume continues a sweep, or choose another -o"
 
 
 class Tables(NamedTuple):
-    """What the tables hold of the runs that are finished."""
+    """Finished runs, as the tables have them, by their numbers."""
 
     finished: set[int]
     failed: dict[int, str]
@@ -40,7 +40,7 @@ class Tables(NamedTuple):
 
 
 class SweepFolder:
-    """Where a sweep writes.
+    """The folder that a sweep writes to.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class SweepFolder:
         return self._runs / f"{number:05}"
 
     def prepare(self, sweep: Sweep) -> None:
-        """Write what the runs have in common, unless it is there: the folder then holds all of the sweep."""
+        """Write what the runs have in common, unless it exists: the folder then holds all of the sweep."""
         for base in sweep.bases:
             files = {self._scene_file(base): self._common(base)}
             copies = base.grain_files.values()
@@ -141,7 +141,6 @@ class SweepFolder:
         return (numbers & self.shards.lines.keys()) | self._with_result(numbers)
 
     def _with_result(self, numbers: set[int]) -> set[int]:
-        """Return those that have a result in a folder."""
         return {number for number in numbers & self.begun() if (self._of(number) / RESULT).exists()}
 
     def write_tables(self, sweep: Sweep) -> Tables:

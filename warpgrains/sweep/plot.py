@@ -28,7 +28,7 @@ Columns = Mapping[str, list[str]]
 
 @dataclass(frozen=True)
 class SweepPlot:
-    """What is drawn: a point a run, and a line through the means at each x."""
+    """A picture of a point a run, and a line through the means at each x."""
 
     x: str
     y: str
@@ -57,7 +57,7 @@ class SweepPlot:
                 checks.one_of("column to plot", name, columns)
 
     def draw(self, results: Path) -> Path:
-        """Draw the results in a table, and return the picture, which is beside it.
+        """Draw the results in a table, and return the picture, which is next to it.
 
         Raises
         ------
@@ -121,7 +121,7 @@ def _coded(cells: list[str]) -> tuple[list[str], IndexArray]:
 
 
 def _is_geometric(values: FloatArray) -> bool:
-    """Whether the middle value is nearer to the geometric than to the arithmetic mean of the extremes."""
+    """Return whether the median is nearer to the geometric than to the arithmetic mean of the extremes."""
     low, middle, high = np.quantile(np.unique(values), [0.0, 0.5, 1.0])
     if low <= 0.0 or high < LEAST_RATIO_FOR_LOG * low:
         return False

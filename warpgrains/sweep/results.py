@@ -44,7 +44,7 @@ Values = tuple[Any, ...]
 
 
 class Columns(NamedTuple):
-    """What a sweep's results hold."""
+    """The columns of a sweep's results."""
 
     axes: tuple[str, ...] = ()
     """Keys of the axes of the sweep."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class ResumePoint(NamedTuple):
-    """Where a run begins, or goes on after steps without a folder."""
+    """The start of a run, or the end of its steps without a folder."""
 
     run: Run
     state: State | None = None

@@ -1,4 +1,4 @@
-"""The folder of one run, which holds what it takes to go on with it.
+"""The folder of one run, which holds all that it takes to continue it.
 
 ================== ==========================================================================================
 scene.toml         what is simulated; alone it gives the run again
@@ -59,7 +59,7 @@ class RunFolder:
         self.result = path / RESULT
 
     def require_own(self) -> None:
-        """Raise OutputError if what is there is a run of something else, and SceneError if it is damaged."""
+        """Raise OutputError if the folder is that of another run, and SceneError if it is damaged."""
         if not self.scene_file.exists():
             return
         try:
@@ -78,7 +78,7 @@ class RunFolder:
             raise OutputError(f"'{self.result}' {OTHERWISE}")
 
     def require_no_other(self) -> None:
-        """Raise OutputError if what is there is a run of something else; damage is found in its turn."""
+        """Raise OutputError if the folder is that of another run; damage makes the run fail in its turn."""
         try:
             self.require_own()
         except OutputError:
@@ -125,8 +125,8 @@ class RunFolder:
         Raises
         ------
         SceneError
-            Its scene is none, or its checkpoint is damaged; as an `OutputError`, if it is finished, or is
-            the run of something else.
+            Its scene is none, or its checkpoint is damaged; as an `OutputError`, if it is finished, or the
+            folder is that of another run.
         """
         self.require_own()
         if self.result.exists():

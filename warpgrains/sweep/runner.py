@@ -1,9 +1,9 @@
 """Runs of a sweep in one process, in groups: while a group is carried out, another thread begins the next.
 
 Runs without a folder come first, thousands at a time: what a group of them did is one shard, written before
-the next group is advanced. Those that take longer than `SHORT` or fail go on with a folder, where every run
-begins if that is asked for. These proceed in slices of about a second. Now and then, and at the end, they
-save where they are, so that a killed process loses little.
+the next group is advanced. Those that take longer than `SHORT` or fail continue with a folder, where every
+run begins if that is asked for. These proceed in slices of about a second. Now and then, and at the end,
+they save where they are, so that a killed process loses little.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def finish_runs(
 ) -> dict[int, str]:
     """Carry out runs that are not finished to their end, each from where it is.
 
-    A run that fails gets a result that says why, and the others go on. So they do if another process has
+    A run that fails gets a result that says why, and the others continue. So they do if another process has
     a run, or its files cannot be used.
 
     Returns
@@ -57,12 +57,12 @@ def finish_runs(
     points: Iterable[ResumePoint] = map(ResumePoint, runs)
     with ExitStack() as held:
         if not execution.needs_folders and execution.device == "cpu":
-            short = ShortRuns(folder, execution, on_progress, left)
-            held.callback(short.close)
+            short = ShortRuns(folder, execution, on_progress, held)
             _in_groups(short, points)
-            points = short.longer
-        _in_groups(FolderRuns(folder, execution, on_progress, left), points)
-    return left
+            left, points = short.left, short.longer
+        others = FolderRuns(folder, execution, on_progress)
+        _in_groups(others, points)
+    return left | others.left
 
 
 def _in_groups(runs: ShortRuns | FolderRuns, points: Iterable[ResumePoint]) -> None:
@@ -92,22 +92,24 @@ class FolderRuns:
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
+
+    Attributes
+    ----------
     left : dict of int to str
-        Gets why runs are not carried out to their end, by their numbers.
+        Why runs are not carried out to their end, by their numbers.
     """
 
-    def __init__(
-        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[int, str]
-    ):
-        self._folder, self._execution, self._on_progress, self._left = folder, execution, on_progress, left
+    def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress):
+        self.left: dict[int, str] = {}
+        self._folder, self._execution, self._on_progress = folder, execution, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.widest = WIDTH if execution.fps is None else RECORDED_WIDTH
         self.narrowest = min(LEAST_WIDTH, self.widest)
 
     def begin(self, points: list[ResumePoint], held: ExitStack) -> list[GroupedRun]:
-        """Return the runs that can go on, each where it is; `held` gets their locks and outputs."""
+        """Return the runs that can continue, each where it is; `held` gets their locks and outputs."""
         begun = [(point, GroupedRun.begin(self._folder, point, self._execution, held)) for point in points]
-        self._left |= {point.run.number: run for point, run in begun if isinstance(run, str)}
+        self.left |= {point.run.number: run for point, run in begun if isinstance(run, str)}
         runs = [run for _, run in begun if not isinstance(run, str)]
         self._on_progress(len(points) - len(runs))
         return runs
@@ -123,7 +125,7 @@ class FolderRuns:
         self._on_progress(sum(run.progress for run in runs))
         self._advance([run for run in runs if run.goes_on])
         troubles = [(run, run.complete()) for run in runs]
-        self._left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
+        self.left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
         _write(GroupedRun.finish, [run for run, trouble in troubles if trouble is None])
         return sum(run.scene.n for run in runs)
 

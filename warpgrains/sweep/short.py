@@ -59,29 +59,29 @@ class ShortRuns:
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
-    left : dict of int to str
-        Gets why runs are left to other processes, by their numbers.
+    held : ExitStack
+        Gets the locks on runs.
 
     Attributes
     ----------
+    left : dict of int to str
+        Why runs are left to other processes, by their numbers.
     longer : list of ResumePoint
         What is to be carried out as runs with a folder.
     """
 
     def __init__(
-        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, left: dict[int, str]
+        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, held: ExitStack
     ):
+        self.left: dict[int, str] = {}
         self.longer: list[ResumePoint] = []
-        self._left, self._folder, self._on_progress = left, folder, on_progress
+        self._folder, self._on_progress = folder, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.narrowest, self.widest = self._threads, WIDTH
         self._alike: dict[tuple[BaseScene, str], Scene] = {}
         folder.shards.path.mkdir(parents=True, exist_ok=True)
         self._locks = RunLocks(folder.shards.path / ".claims")
-
-    def close(self) -> None:
-        """Leave the runs to other processes."""
-        self._locks.close()
+        held.callback(self._locks.close)
 
     def begin(self, points: list[ResumePoint], held: ExitStack) -> ShortGroup:
         """Put the scenes of runs in memory; nothing is held."""
@@ -106,7 +106,7 @@ class ShortRuns:
         self._folder.shards.refresh(free)
         free -= self._folder.shards.lines.keys()
         others = [run for run in runs if run.number not in free]
-        self._left |= {run.number: "another process has it" for run in others}
+        self.left |= {run.number: "another process has it" for run in others}
         self._on_progress(len(others))
         return [run for run in runs if run.number in free]
 

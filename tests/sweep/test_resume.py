@@ -1,0 +1,143 @@
+"""`warpgrains batch --resume`: after kill -9, after failures, in a longer sweep, beside other processes."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from sweeps import LONG, SMALL, batch, results, table, write
+from trimmed import trimmed
+
+from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.solver import engine, threads
+from warpgrains.sweep import folder as sweep_folder
+from warpgrains.sweep import short
+from warpgrains.sweep.run import GroupedRun
+
+DRIVER = """
+import sys
+from warpgrains.cli.main import main
+from warpgrains.sweep import runner, short
+short.SHORT, short.WIDTH, runner.FIRST_WIDTH, runner.WIDTH, runner.SLICE = {short}, {width}, {width}, 4, 0.02
+runner.BETWEEN_CHECKPOINTS = 0.5 if "--usd" in sys.argv else 0.05
+sys.exit(main(sys.argv[1:]))
+"""
+MANY = """
+scene = "annulus"
+[set]
+time.duration = 0.05
+[axes]
+physics.drag = {range = [0.1, 0.9], count = 600}
+"""
+
+
+def steps_kept(out):
+    return sum(read_checkpoint(path).statistics.steps for path in out.glob("runs/*/checkpoint.npz"))
+
+
+def shards(out):
+    return list(out.glob("parts/[0-9]*.csv"))
+
+
+def kill_and_resume(folder, text, driver, options, moments, how_far):
+    """Kill a sweep once `how_far` of its output reaches each moment; check and return the output."""
+    sweep, out = write(folder, text), folder / "out"
+    assert batch(sweep, "-o", folder / "undisturbed") == 0
+    command = [sys.executable, "-c", driver, "batch", str(sweep), "-o", str(out), "--resume", *options]
+    for moment in moments:
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        while process.poll() is None and how_far(out) < moment:
+            time.sleep(0.001)
+        process.send_signal(signal.SIGKILL)
+        process.wait(timeout=60)
+    assert subprocess.run(command, stdout=subprocess.DEVNULL, timeout=120).returncode == 0
+    assert results(out) == results(folder / "undisturbed")
+    return out
+
+
+@pytest.mark.parametrize(
+    ("options", "moments"),
+    [
+        ([], [1_000, 5_000]),
+        pytest.param(["--measure", "packing", "--every", "100"], [700, 4_000, 9_000], marks=pytest.mark.slow),
+        pytest.param(["--usd"], [50, 3_000, 8_000], marks=pytest.mark.slow),
+    ],
+)
+def test_killed(tmp_path, options, moments):
+    out = kill_and_resume(tmp_path, LONG, DRIVER.format(short=0.1, width=4), options, moments, steps_kept)
+    assert len(table(out / "timing.csv")) == 12
+    for series in out.glob("runs/*/series.csv"):
+        assert [int(row["step"]) for row in table(series)] == list(range(0, 801, 100))
+
+
+@pytest.mark.parametrize("moments", [[3], pytest.param(range(1, 1 + trimmed(20)), marks=pytest.mark.slow)])
+def test_killed_while_shards_are_written(tmp_path, moments):
+    """No run that is in one is done again."""
+    driver = DRIVER.format(short=20.0, width=32)
+    out = kill_and_resume(tmp_path, MANY, driver, [], moments, lambda out: len(shards(out)))
+    runs = [row["run"] for shard in shards(out) for row in table(shard)]
+    assert sorted(map(int, runs)) == list(range(600))
+
+
+def test_what_failed_once_stays_failed(tmp_path, slices, monkeypatch):
+    """Even if it could go on later, such as when there is memory again: it has missed steps."""
+    count = GroupedRun.count
+
+    def fail_once(run, done):
+        fails = len(slices.steps) == 2 and run.folder.number == 0
+        count(run, done._replace(error="no room") if fails else done)
+
+    monkeypatch.setattr(GroupedRun, "count", fail_once)
+    assert batch(write(tmp_path), "-o", tmp_path / "out", "--folders") == 1
+    errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
+    assert errors[:2] == ["no room", ""]
+
+
+@pytest.mark.parametrize("options", [[], ["--until", "rest,speed=0.05,time=0.35"]])
+def test_run_that_takes_long_gets_a_folder(tmp_path, monkeypatch, options):
+    """It goes on from where it is when the time is over."""
+    sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
+    assert batch(sweep, "-o", tmp_path / "short", *options) == 0
+    assert not (tmp_path / "short" / "runs").exists()
+    monkeypatch.setattr(short, "SHORT", 0.0)
+    monkeypatch.setattr(engine, "BRIEF", 0)
+    monkeypatch.setattr(threads, "GLANCE", 1e-3)  # before the run is over, on any machine
+    out = tmp_path / "out"
+    assert batch(sweep, "-o", out, *options) == 0
+    assert results(out) == results(tmp_path / "short")
+    kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
+    assert str(kept.statistics.steps) == table(out / "results.csv")[0]["steps"]
+
+
+def test_longer_sweep_goes_on(tmp_path, done):
+    """Values at the end of the first axis are runs that follow those that are there."""
+    shutil.copytree(done, tmp_path / "out")
+    longer = write(tmp_path, SMALL.replace("0.5]", "0.5, 0.6]"))
+    assert batch(longer, "-o", tmp_path / "out", "--resume") == 1
+    assert results(tmp_path / "out").startswith(results(done))
+    assert len(table(tmp_path / "out" / "results.csv")) == 8
+
+
+def test_shares_make_the_whole(tmp_path, done):
+    sweep, out = write(tmp_path), tmp_path / "out"
+    codes = [batch(sweep, "-o", out, "--index", index, "--count", 3) for index in (2, 0, 1)]
+    assert codes == [1, 1, 0]  # the failed runs are 2 and 3, of the shares 2 and 0
+    assert results(out) == results(done)
+
+
+def test_late_results_are_not_lost(tmp_path, kept, monkeypatch):
+    """Runs that finish while the tables are written: who writes last has them all."""
+    shutil.copytree(kept, tmp_path / "out")
+    last = tmp_path / "out" / "runs" / "00005" / "result.csv"
+    late, write_whole = last.rename(tmp_path / "late.csv"), sweep_folder.write_whole
+
+    def write_as_another_run_finishes(*arguments):
+        write_whole(*arguments)
+        if late.exists():
+            late.rename(last)
+
+    monkeypatch.setattr(sweep_folder, "write_whole", write_as_another_run_finishes)
+    assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume", "--index", 0, "--count", 6) == 0
+    assert results(tmp_path / "out") == results(kept)

@@ -1,0 +1,172 @@
+"""Sweeps that are interrupted, resumed, shared and damaged, in any order: same results as undisturbed."""
+
+import shutil
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory, mkdtemp
+
+import pytest
+from command import exit_code
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
+from same_bits import contents
+from sweeps import Interrupted, Slices, batch, results, table, write
+from trimmed import trimmed
+
+from warpgrains import Scene, Simulation, files
+from warpgrains.simulation.checkpoint import read_checkpoint
+
+NUMBERS = [0, 1, 4, 5]  # of the small sweep's runs: the others fail
+UNTIL = ("--until", "rest,speed=1.5,time=0.05")  # some end after 20 steps, some never
+MEASURE = ("--measure", "packing")
+FOLDERS = [(), ("--folders",), ("--usd",), (*MEASURE, "--every", "7")]
+
+
+@cache
+def undisturbed(*options):
+    """Return the output of a sweep that nothing disturbs."""
+    folder = Path(mkdtemp())
+    assert batch(write(folder), "-o", folder / "out", *options) == 1
+    return folder / "out"
+
+
+@cache
+def end(scene, steps):
+    """Return the state of a run alone after so many steps."""
+    simulation = Simulation(Scene.load(scene))
+    simulation.run(steps=steps)
+    return contents(simulation.state())
+
+
+class Sequences(RuleBasedStateMachine):
+    """Actions on one sweep; no result that is on the disk is ever written again."""
+
+    def __init__(self):
+        super().__init__()
+        self.folder, self.patch = TemporaryDirectory(), pytest.MonkeyPatch()
+        self.slices, self.sweep = Slices(self.patch), write(Path(self.folder.name))
+        self.out, self.written, self.lost = Path(self.folder.name, "out"), {}, []
+        self.options = None
+
+    def teardown(self):
+        if self.options is not None:
+            self.resume()
+            self.check()
+        self.patch.undo()
+        self.folder.cleanup()
+
+    def check(self):
+        assert results(self.out) == results(undisturbed(*self.results_of))
+        for row in table(self.out / "results.csv"):
+            folder = self.out / "runs" / f"{int(row['run']):05}"
+            if not row["error"] and folder.exists():
+                kept, steps = read_checkpoint(folder / "checkpoint.npz"), int(row["steps"])
+                assert contents(kept.state) == end(
+                    undisturbed("--folders") / "runs" / folder.name / "scene.toml", steps
+                )
+                assert (folder / "recording.usdc").exists() == (kept.options.record is not None)
+                if kept.options.series is not None:
+                    series = (
+                        undisturbed(*MEASURE, "--every", "7", *self.until)
+                        / "runs"
+                        / folder.name
+                        / "series.csv"
+                    )
+                    assert (folder / "series.csv").read_bytes() == series.read_bytes()
+        assert not [path for name in ("*.lock", "*.frames", ".draft*") for path in self.out.rglob(name)]
+
+    def resume(self, *more, codes=(0, 1, 130)):
+        assert batch(self.sweep, "-o", self.out, *self.options, *more, "--resume") in codes
+
+    @initialize(folders=st.sampled_from(FOLDERS), until=st.sampled_from([(), UNTIL]), left=st.integers(1, 9))
+    def begin(self, folders, until, left):
+        self.options, self.until = (*folders, *until), until
+        self.results_of = (*(MEASURE if "--measure" in folders else ()), *until)
+        self.interrupted(left)
+
+    @rule(left=st.integers(0, 9))
+    def interrupted(self, left):
+        self.slices.left = left
+        self.resume()
+        self.slices.left = 1_000
+
+    @rule(publication=st.integers(1, 20), before=st.booleans())
+    def interrupted_in_writing(self, publication, before):
+        left = [publication]
+
+        def die(draft, target):
+            left[0] -= 1
+            if left[0] == 0 and before:
+                raise Interrupted
+            publish(draft, target)
+            if left[0] == 0:
+                raise Interrupted
+
+        publish = files.publish
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(files, "publish", die)
+            with suppress(Interrupted):  # while the tables are written
+                self.resume()
+
+    @rule(index=st.integers(0, 2))
+    def shared(self, index):
+        self.resume("--index", index, "--count", 3)
+
+    @rule()
+    def resumed_by_hand(self):
+        for checkpoint in self.out.glob("runs/*/checkpoint.npz"):
+            if not checkpoint.with_name("result.csv").exists():
+                assert exit_code("run", "--resume", checkpoint) == 0
+
+    @rule()
+    def folders_are_no_longer_asked_for(self):
+        """Runs that are begun keep theirs, and the others need none."""
+        self.options = self.results_of
+
+    @rule(number=st.sampled_from(NUMBERS))
+    def folder_is_gone(self, number):
+        shutil.rmtree(self.out / "runs" / f"{number:05}", ignore_errors=True)
+
+    @rule()
+    def shards_are_gone(self):
+        for shard in self.out.glob("parts/[0-9]*.csv"):
+            self.lost.append((shard, shard.read_bytes()))
+            shard.unlink()
+
+    @rule()
+    def shards_are_back(self):
+        """As when a file system shows them late: their runs are done twice."""
+        for shard, content in self.lost:
+            if not shard.exists():
+                shard.write_bytes(content)
+        self.lost.clear()
+
+    @rule()
+    def shards_are_damaged(self):
+        for shard in self.out.glob("parts/[0-9]*.csv"):
+            shard.write_bytes(shard.read_bytes().replace(b"annulus", b"annalus", 1))
+            self.written.pop(shard, None)
+
+    @rule()
+    def series_are_beyond_their_checkpoints(self):
+        for series in self.out.glob("runs/*/series.csv"):
+            kept = read_checkpoint(series.with_name("checkpoint.npz"))
+            if kept.statistics.steps < kept.options.steps:
+                series.write_text(f"{series.read_text()}99,0.99,1\n")
+
+    @invariant()
+    def no_result_is_written_again(self):
+        if self.options is not None:
+            there = [*self.out.glob("parts/[0-9]*.csv"), *self.out.glob("runs/*/result.csv")]
+            moments = {path: path.stat().st_mtime_ns for path in there}
+            assert all(moments.get(path, moment) == moment for path, moment in self.written.items())
+            self.written = moments
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(trimmed(200), marks=pytest.mark.slow)])
+def test_sequences(count):
+    quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
+    how = settings(max_examples=count, stateful_step_count=6, derandomize=count < 10, **quiet)
+    run_state_machine_as_test(Sequences, settings=how)
