@@ -75,7 +75,7 @@ def test_lists_grow_amid_a_step(
     expected: list[Alone],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
+    monkeypatch.setattr(sizes, "first_contacts", np.ones_like)
     batch = Batch(scenes, threads=2)
     batch.run(steps=STEPS)
     assert_as_alone(batch, list(range(len(scenes))), expected)

@@ -97,7 +97,7 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     expected: list[Alone],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(sizes, "first_pairs", np.ones_like)
+    monkeypatch.setattr(sizes, "first_contacts", np.ones_like)
     batch = Batch(scenes, threads=2)
 
     def interrupt(_: int) -> None:
