@@ -1,7 +1,8 @@
-"""In which order the pairs are swept, and which of them may be swept together.
+"""In which order the contacts are swept, and which of them may be swept together.
 
 Every candidate pair (in lexicographic order, as the neighbor list holds them) is given an independent set.
 The sets are swept one after the other; pairs of one set share no grain, so they may be swept together.
+Contacts with walls follow, in sets of their own.
 
 - levels: a pair's set is above those of all earlier pairs that share a grain with it. Sweeping by sets gives
   every pair exactly what it would have read in the sequential loop: the same bits.
@@ -87,7 +88,7 @@ def renumber_extra_colors(s: Scene) -> int:
 
 @wp.func
 def keep_colors(s: Scene) -> int:
-    """Let pairs of the old list keep their colors; others have -1. Returns the first extra one."""
+    """Let pairs of the old list keep their colors; other contacts have -1. Returns the first extra color."""
     rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
     extra = int(0)
     for i in range(grain_count(s)):
@@ -106,6 +107,9 @@ def keep_colors(s: Scene) -> int:
                 else:
                     extra += 1
             put(color, k, kept)
+            k += 1
+        while k < at(rows.start, i + 1):
+            put(color, k, -1)
             k += 1
         put(used, i, own)
     if extra == 0:
@@ -213,7 +217,6 @@ def place_walls(s: Scene):
     """
     rows, n, first_set = s.neighbors, grain_count(s), s.contacts.count.sets
     place = pair_count(s)
-    put(s.contacts.set_start, first_set, place)
     sets = int(0)
     placing = bool(True)
     while placing:
@@ -235,7 +238,7 @@ def place_walls(s: Scene):
 
 @wp.func
 def group_pairs(s: Scene):
-    """Give every pair its set; contacts with walls have none, and no color."""
+    """Give every pair its set; contacts with walls have none yet."""
     if s.by_color != 0:
         colors(s)
     else:
@@ -245,7 +248,6 @@ def group_pairs(s: Scene):
         k, end = pair_end(s.neighbors, i), at(s.neighbors.start, i + 1)
         while k < end:
             put(s.workspace.group, k, -1)
-            put(s.workspace.color, k, -1)
             k += 1
         i += 1
 

@@ -35,7 +35,7 @@ def library() -> ctypes.CDLL:
     loaded.run.restype = None
     loaded.run.argtypes = [ctypes.POINTER(Grains), whole, number, number, number]
     loaded.sweeps.restype = number
-    loaded.sweeps.argtypes = [whole, whole, array, array, whole, array, array]
+    loaded.sweeps.argtypes = [whole, whole, whole, array, array, array]
     loaded.cellList.restype = whole
     loaded.cellList.argtypes = [whole, array, number, number, whole, *[array] * 5]
     loaded.firstFit.restype = whole
@@ -88,7 +88,5 @@ class CellList:
 
 def sweep_in_c(arrays: Sweeps, count: int) -> float:
     """Sweep the solver's own arrays so often, in their order; return the last zeta [m/s]."""
-    pairs, dv, walls, velocity = (
-        array.ctypes.data for array in (arrays.pairs, arrays.pair_dv, arrays.walls, arrays.velocity)
-    )
-    return library().sweeps(count, len(arrays.pairs), pairs, dv, len(arrays.walls), walls, velocity)
+    swept = (array.ctypes.data for array in (arrays.contact, arrays.dv, arrays.velocity))
+    return library().sweeps(count, arrays.pairs, arrays.walls, *swept)

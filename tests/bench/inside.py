@@ -17,11 +17,7 @@ from ..support.stages import kernel_of
 from .timing import seconds
 
 VEC = ("<f8", (2,))
-PAIR = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
-WALL = np.dtype(
-    [("n", *VEC), *((name, "<f8") for name in ("gap_rate_out", "gap_rate_in", "reach", "dv")), ("i", "<i4")],
-    align=True,
-)
+CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
 
 UP_TO_THE_LIST = (Each(grain_count, free_velocity), *WARM_START)
 """What a step does before it finds that its list will not do."""
@@ -69,10 +65,9 @@ def seconds_of_a_list(simulation: Simulation) -> float:
     return taken
 
 
-def listed_pairs(simulation: Simulation) -> np.ndarray:
-    """Return the pairs of the list; a view."""
-    record = Record(simulation)
-    return record.array("contacts.pairs")[: record.numbers["contacts"]["count"]["pairs"]]
+def pair_count(simulation: Simulation) -> int:
+    """Return the number of pairs of the list."""
+    return int(Record(simulation).numbers["contacts"]["count"]["pairs"])
 
 
 class Sweeps:
@@ -80,17 +75,19 @@ class Sweeps:
 
     Attributes
     ----------
-    pairs, pair_dv, walls, velocity : ndarray
-        The arrays themselves, in sweeping order: records `Pair` and `Wall` of sweep.c, corrections of the
-        pairs and velocities of the grains [m/s].
+    pairs, walls : int
+        Numbers of pairs, and of the contacts with walls that come after them.
+    contact, dv, velocity : ndarray
+        The arrays themselves: the records `Contact` of sweep.c and their corrections [m/s], in sweeping
+        order, and velocities of the grains [m/s].
     """
 
     def __init__(self, simulation: Simulation):
         record = Record(simulation)
-        pairs, _, walls = record.numbers["contacts"]["count"]
-        self.pairs = _known(record.array("contacts.pairs"), PAIR)[:pairs]
-        self.pair_dv = record.array("contacts.pair_dv")[:pairs]
-        self.walls = _known(record.array("contacts.walls"), WALL)[:walls]
+        count = record.numbers["contacts"]["count"]
+        self.pairs, self.walls = int(count["pairs"]), int(count["walls"])
+        self.contact = _known(record.array("contacts.contact"), CONTACT)
+        self.dv = record.array("contacts.dv")
         self.velocity = record.array("grains.next_velocity")
         self._free = record.array("grains.free_velocity")
         self._peak, self._peak_limit = (record.array(f"verlet.peak_{of}") for of in ("deviation", "limit"))
@@ -100,17 +97,17 @@ class Sweeps:
 
     def contents(self) -> tuple[np.ndarray, ...]:
         """Return a copy of all that a sweep changes."""
-        return self.pair_dv.copy(), self.walls["dv"].copy(), self.velocity.copy()
+        return self.dv.copy(), self.velocity.copy()
 
     def start_freely(self) -> None:
         """Let the sweeps start from free velocities, no contact carrying anything, and no skin too narrow."""
-        self.pair_dv[:], self.walls["dv"], self.velocity[:] = 0.0, 0.0, self._free
+        self.dv[:], self.velocity[:] = 0.0, self._free
         self._peak_limit[:] = np.inf
         self._start = self.contents()
 
     def reset(self, monitored: bool = False) -> None:
         """Put everything back to where the sweeps start."""
-        self.pair_dv[:], self.walls["dv"], self.velocity[:] = self._start
+        self.dv[:], self.velocity[:] = self._start
         self._peak[:] = 0.0
         self._numbers["tuning"]["monitor_threshold"] = self._threshold if monitored else np.inf
         self._numbers["control"]["iterating"] = 1

@@ -12,7 +12,7 @@ from warpgrains.arrays import FloatArray, IntArray
 from ..support.same_bits import assert_same_bits
 from .compiled import COMPILER, CellList, CReference
 from .flow import SOLVED, flowing, splashed, splashing
-from .inside import Sweeps, listed_pairs, seconds_of_a_list
+from .inside import Sweeps, pair_count, seconds_of_a_list
 from .kept import continued
 from .options import Options
 from .piles import settled_pile
@@ -85,7 +85,7 @@ def _large_lists(n: int, options: Options) -> Iterator[dict[str, str]]:
 def _one_list(kind: str, simulation: Simulation, repeats: int) -> dict[str, str]:
     scene, x = simulation.scene, simulation.position
     seconds_of_a_list(simulation)  # once, so that the kernels are loaded
-    cells = CellList(x, _reach(x, len(listed_pairs(simulation))), scene.radius_out)
+    cells = CellList(x, _reach(x, pair_count(simulation)), scene.radius_out)
     ours, in_c = in_turn(
         max(repeats, 5) * (20 if scene.n < LARGE else 2),
         lambda: seconds_of_a_list(simulation) * 1e6,

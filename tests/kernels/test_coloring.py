@@ -1,12 +1,12 @@
-"""Independent sets: no two pairs that share a grain, every pair once, levels in the sequential order."""
+"""Independent sets: no two pairs that share a grain, every contact once, levels in the sequential order."""
 
 import graphs
 import numpy as np
 import pytest
-from stages import OneRecord, record_of_graph
+from stages import OneRecord, grain_total, listed, record_of_graph, write_rows
 
 from warpgrains.arrays import IntArray
-from warpgrains.kernels.coloring import gather, group_pairs, place_pairs, tile_pairs
+from warpgrains.kernels.coloring import gather, group_pairs, place_pairs, place_walls, tile_pairs
 from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each, Serial
 
@@ -32,14 +32,34 @@ def by_color(request: pytest.FixtureRequest) -> bool:
     return request.param
 
 
-def grouped(pairs: IntArray, by_color: bool, merge: bool = False) -> tuple[OneRecord, IntArray]:
-    """Return the record with every pair in its place, and the set of every pair."""
-    record = record_of_graph(pairs)
+@pytest.fixture(params=[0, 2], ids=["no walls", "walls"])
+def at_walls(request: pytest.FixtureRequest, pairs: IntArray) -> IntArray:
+    """Return at how many walls each grain is."""
+    return np.random.default_rng(3).integers(0, request.param + 1, grain_total(pairs))
+
+
+def grouped(
+    pairs: IntArray, at_walls: IntArray, by_color: bool, merge: bool = False
+) -> tuple[OneRecord, IntArray]:
+    """Return the record with every pair at its index, and the set of every pair."""
+    record = record_of_graph(pairs, at_walls)
     record.record["by_color"], record.record["merge"] = by_color, merge
     record.run(Serial(group_pairs), Serial(place_pairs))
-    count = record.record["contacts"]["count"]
-    assert count["pairs"] == len(pairs)
-    return record, record["workspace.group"][: len(pairs)].copy()
+    assert record.record["contacts"]["count"]["pairs"] == len(pairs)
+    group = of_pairs(record, "group")
+    assert (record["workspace.group"][of_walls(record)] == -1).all()
+    return record, group
+
+
+def of_walls(record: OneRecord) -> IntArray:
+    """Return the places of contacts with walls in the list."""
+    rows = record["neighbors.start"]
+    return np.flatnonzero(record["neighbors.neighbor"][: rows[-1]] >= len(rows) - 1)
+
+
+def of_pairs(record: OneRecord, name: str) -> IntArray:
+    """Return an array of the workspace for the pairs alone, in the order of the list."""
+    return np.delete(record[f"workspace.{name}"][: record["neighbors.start"][-1]], of_walls(record))
 
 
 def assert_no_shared_grain(pairs: IntArray, group: IntArray) -> None:
@@ -49,79 +69,111 @@ def assert_no_shared_grain(pairs: IntArray, group: IntArray) -> None:
 
 def assert_sequential_order(pairs: IntArray, group: IntArray) -> None:
     """Of two pairs that share a grain, the earlier one has the lower set."""
-    for grain in range(int(pairs.max(initial=0)) + 1):
+    for grain in range(grain_total(pairs)):
         assert (np.diff(group[(pairs == grain).any(axis=1)]) > 0).all()
 
 
-def test_levels_are_the_lowest_possible(pairs: IntArray) -> None:
-    _, level = grouped(pairs, by_color=False)
+def test_levels_are_the_lowest_possible(pairs: IntArray, at_walls: IntArray) -> None:
+    _, level = grouped(pairs, at_walls, by_color=False)
     assert level.tolist() == graphs.levels(pairs)
     assert_no_shared_grain(pairs, level)
     assert_sequential_order(pairs, level)
 
 
-def test_colors_are_first_fit(pairs: IntArray) -> None:
-    _, color = grouped(pairs, by_color=True)
+def test_colors_are_first_fit(pairs: IntArray, at_walls: IntArray) -> None:
+    _, color = grouped(pairs, at_walls, by_color=True)
     assert color.tolist() == graphs.first_fit_colors(pairs)
     assert_no_shared_grain(pairs, color)
 
 
-def test_every_pair_has_its_place(pairs: IntArray, by_color: bool) -> None:
-    record, group = grouped(pairs, by_color)
-    place = record["workspace.sweep_index"][: len(pairs)]
+def test_every_pair_has_its_index(pairs: IntArray, at_walls: IntArray, by_color: bool) -> None:
+    record, group = grouped(pairs, at_walls, by_color)
+    index = of_pairs(record, "sweep_index")
     start = record["contacts.set_start"][: record.record["contacts"]["count"]["sets"] + 1]
-    assert np.array_equal(np.argsort(place), np.argsort(group, kind="stable"))
-    assert np.array_equal(np.sort(place), np.arange(len(pairs)))
+    assert np.array_equal(np.argsort(index), np.argsort(group, kind="stable"))
+    assert np.array_equal(np.sort(index), np.arange(len(pairs)))
     assert np.array_equal(np.diff(start), np.bincount(group))
     assert start[0] == 0
-    merged, _ = grouped(pairs, by_color, merge=True)
-    assert np.array_equal(merged["workspace.sweep_index"][: len(pairs)], place)
+    merged, _ = grouped(pairs, at_walls, by_color, merge=True)
+    assert np.array_equal(of_pairs(merged, "sweep_index"), index)
     assert merged["contacts.set_start"][:2].tolist() == [0, len(pairs)]
     assert merged.record["contacts"]["count"]["sets"] == 1
 
 
+@pytest.mark.parametrize("merge", [False, True])
+@pytest.mark.parametrize("most", [0, 1, 2])
+def test_walls_come_last(pairs: IntArray, by_color: bool, merge: bool, most: int) -> None:
+    """The first contacts of all grains with walls are a set, the second ones the next, each by grain."""
+    at_walls = np.random.default_rng(4).integers(0, most + 1, grain_total(pairs))
+    record, _ = grouped(pairs, at_walls, by_color, merge)
+    index, count = of_pairs(record, "sweep_index"), record.record["contacts"]["count"]
+    start = record["contacts.set_start"][: count["sets"] + 1].tolist()
+    record.run(Serial(place_walls))
+    assert np.array_equal(of_pairs(record, "sweep_index"), index)
+    body = listed(pairs, at_walls)
+    walls = body[body[:, 1] >= len(at_walls)]
+    at = record["workspace.sweep_index"][of_walls(record)]
+    assert np.array_equal(at, len(pairs) + np.argsort(np.lexsort(walls.T)))
+    sets = at_walls.max()
+    assert (count["pairs"], count["walls"], count["wall_sets"]) == (len(pairs), len(walls), sets)
+    start += (len(pairs) + np.cumsum([(at_walls > k).sum() for k in range(sets)], dtype=int)).tolist()
+    assert record["contacts.set_start"][: len(start)].tolist() == start
+
+
+@pytest.mark.parametrize("most_walls", [0, 2])
 @pytest.mark.parametrize("name", ["star", "complete", "dense"])
-def test_kept_colors_stay_within_the_capacity(name: str) -> None:
+def test_kept_colors_stay_within_the_capacity(name: str, most_walls: int) -> None:
     """Of lists that follow each other within a step, colors keep their order, and sets stay few."""
     every, rng = GRAPHS[name], np.random.default_rng(0)
-    listed = np.ones(len(every), bool)
-    record, color = grouped(every, by_color=True)
+    n = grain_total(every)
+    is_listed = np.ones(len(every), bool)
+    record, color = grouped(every, np.full(n, most_walls), by_color=True)
     record.record["control"]["resuming"] = 1
     for _ in range(60):
-        before, old = np.flatnonzero(listed), color
-        listed = rng.random(len(every)) < 0.8
-        now = np.flatnonzero(listed)
-        rows = np.arange(record.record["grains"]["position"]["shape"][0] + 1)
+        before, old = listed_places(record), color
         record["workspace.old.start"][:] = record["neighbors.start"]
-        record["workspace.old_color"][: len(old)] = old
-        record["neighbors.start"][:] = np.searchsorted(every[now, 0], rows)
-        record["neighbors.neighbor"][: len(now)] = every[now, 1]
-        place = np.where(np.isin(now, before), np.searchsorted(before, now), -1)
-        record["workspace.old_place"][: len(now)] = place
+        record["workspace.old_color"][list(before.values())] = old
+        is_listed = rng.random(len(every)) < 0.8
+        pairs = every[is_listed]
+        write_rows(record, listed(pairs, rng.integers(0, most_walls + 1, n)))
+        now = listed_places(record)
+        for pair, k in now.items():
+            record["workspace.old_place"][k] = before.get(pair, -1)
         record.run(Serial(group_pairs), Serial(place_pairs))
-        color = record["workspace.group"][: len(now)].copy()
-        kept = place >= 0
-        first, second = old[place[kept]], color[kept]
+        color = of_pairs(record, "group")
+        colors = dict(zip(before, old.tolist(), strict=True))
+        kept = np.array([pair in before for pair in now])
+        first, second = np.array([colors[pair] for pair in now if pair in before]), color[kept]
         assert np.array_equal(first[first < 64], second[first < 64])
         assert np.array_equal(np.argsort(first, kind="stable"), np.argsort(second, kind="stable"))
-        assert_no_shared_grain(every[now], color)
+        assert_no_shared_grain(pairs, color)
         sets = record.record["contacts"]["count"]["sets"]
         assert sets == color.max() + 1 <= len(every)
         assert np.array_equal(np.unique(color[color >= 64]), np.arange(64, max(sets, 64)))
 
 
+def listed_places(record: OneRecord) -> dict[tuple[int, int], int]:
+    """Return where each pair is in the list."""
+    rows = record["neighbors.start"]
+    first = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
+    second = record["neighbors.neighbor"][: rows[-1]]
+    places = zip(first.tolist(), second.tolist(), range(len(first)), strict=True)
+    return {(i, j): k for i, j, k in places if j < len(rows) - 1}
+
+
 @pytest.mark.parametrize("tile", [1, 7, 100])
-def test_tiles(pairs: IntArray, tile: int, by_color: bool) -> None:
+def test_tiles(pairs: IntArray, at_walls: IntArray, tile: int, by_color: bool) -> None:
     """Of two pairs that share a grain, the one that was swept first still is; tiles follow each other."""
-    record, _ = grouped(pairs, by_color, merge=True)
-    before = record["workspace.sweep_index"][: len(pairs)].copy()
+    record, _ = grouped(pairs, at_walls, by_color, merge=True)
+    before = of_pairs(record, "sweep_index")
     record.record["tuning"]["tile"] = tile
     record.run(Each(grain_count, gather), Serial(tile_pairs))
-    assert np.array_equal(record["workspace.sequence"][before, :2], pairs)
-    after = record["workspace.sweep_index"][: len(pairs)]
+    places = np.array(list(listed_places(record).values()), int)
+    assert np.array_equal(record["workspace.sequence"][before], np.column_stack([pairs, places]))
+    after = of_pairs(record, "sweep_index")
     assert np.array_equal(np.sort(after), np.arange(len(pairs)))
-    for grain in range(int(pairs.max(initial=0)) + 1):
+    for grain in range(grain_total(pairs)):
         on_grain = (pairs == grain).any(axis=1)
         assert np.array_equal(np.argsort(after[on_grain]), np.argsort(before[on_grain]))
     if not by_color:
-        assert (np.diff(np.argsort(after) // tile) >= 0).all()
+        assert (np.diff(places[np.argsort(after)] // tile) >= 0).all()

@@ -2,20 +2,23 @@
 
 import numpy as np
 import pytest
-from stages import OneRecord
+import warp as wp
+from stages import OneRecord, listed, record_of_graph
 
 from warpgrains import Scene
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import IntArray
 from warpgrains.kernels import contact_list, neighbors
-from warpgrains.kernels.record import WITHOUT_ROOM
-from warpgrains.kernels.stages import Serial
+from warpgrains.kernels.access import put
+from warpgrains.kernels.record import WITHOUT_ROOM, grain_count
+from warpgrains.kernels.record import Scene as SceneOnDevice
+from warpgrains.kernels.stages import Each, Serial
 from warpgrains.kernels.step import NEW_LIST, SAVE, sweeping_order
 
 N, WIDE, NARROW, NOTHING = 120, 0.35, 0.05, 0.0
 EXPIRE = [*SAVE, Serial(contact_list.expire)]
 LISTED = [*NEW_LIST, *sweeping_order(dealt=False)]
-PAIR = {"now": "contacts.pair_dv", "start": "contacts.pair_dv_start", "last": "momentum.pair_last"}
-WALL = {"now": "contacts.walls", "start": "contacts.wall_dv_start", "last": "momentum.wall_last"}
+NOW, START, LAST = "contacts.dv", "contacts.dv_start", "momentum.last_dv"
+Bodies = tuple[int, int]  # a grain, and another one or the wall, which is body N
 
 
 def cloud(order: str, method: str, equal: bool) -> Scene:
@@ -37,8 +40,8 @@ class Listed:
     """A record with a list for a skin, and what its contacts carry."""
 
     def __init__(self, scene: Scene, skin: float):
-        self.scene, self.record = scene, OneRecord(scene, pairs=N * N)
-        self.names = ["now", "start"] + ["last"] * (scene.method == "accelerated")
+        self.scene, self.record = scene, OneRecord(scene, contacts=N * N)
+        self.names = [NOW, START] + [LAST] * (scene.method == "accelerated")
         self.record["grains.position"][:], self.record["grains.radius"][:] = scene.position, scene.radius
         self.record["grains.contact_mass"][:] = scene.contact_mass
         self.record["verlet.reference_velocity"][:] = 0.0
@@ -51,55 +54,52 @@ class Listed:
         assert self.record.record["control"]["roomy"]
 
     @property
-    def pairs(self) -> list[tuple[int, int]]:
-        return list(map(tuple, self.record.memory.listed_pairs().tolist()))
+    def bodies(self) -> list[Bodies]:
+        """Return the bodies of the listed contacts, row by row."""
+        rows = self.record["neighbors.start"]
+        first, second = np.repeat(np.arange(N), np.diff(rows)), self.record["neighbors.neighbor"][: rows[-1]]
+        return list(zip(first.tolist(), second.tolist(), strict=True))
 
     @property
-    def walls(self) -> list[int]:
-        return self.record["contacts.walls"]["i"][: self.record.memory.walls].tolist()
-
-    def _values(self, name: str) -> FloatArray:
-        array = self.record[name]
-        return array["dv"] if name == "contacts.walls" else array
+    def index(self) -> IntArray:
+        """Return the indices of the listed contacts."""
+        return self.record["workspace.sweep_index"][: len(self.bodies)]
 
     def carry(self) -> None:
         """Let half of the contacts carry: now, at the step's start or a sweep back alone, or at all times."""
-        rng, times = np.random.default_rng(1), len(self.names)
-        for kinds, count in ((PAIR, len(self.pairs)), (WALL, len(self.walls))):
-            which = rng.integers(0, 2 * (times + 1), count)
-            for k, name in enumerate(self.names):
-                carries = (which == k) | (which == times)
-                self._values(kinds[name])[:count] = np.where(carries, rng.uniform(0.5, 1.0, count), 0.0)
+        rng, times, count = np.random.default_rng(1), len(self.names), len(self.bodies)
+        which = rng.integers(0, 2 * (times + 1), count)
+        for k, name in enumerate(self.names):
+            carries = (which == k) | (which == times)
+            self.record[name][:count] = np.where(carries, rng.uniform(0.5, 1.0, count), 0.0)
 
-    def carried(self) -> tuple[dict[tuple[int, int], list[float]], dict[int, list[float]]]:
-        """Return what every listed contact carries, by its grains."""
-        place = self.record["workspace.sweep_index"][: len(self.pairs)]
-        swept = self.record["contacts.pairs"][place]
-        assert list(zip(swept["i"].tolist(), swept["j"].tolist(), strict=True)) == self.pairs
-        pair = np.stack([self._values(PAIR[name])[place] for name in self.names], axis=1)
-        wall = np.stack([self._values(WALL[name])[: len(self.walls)] for name in self.names], axis=1)
-        return (
-            dict(zip(self.pairs, pair.tolist(), strict=True)),
-            dict(zip(self.walls, wall.tolist(), strict=True)),
-        )
+    def carried(self) -> dict[Bodies, list[float]]:
+        """Return what every listed contact carries, by its bodies, once those are found to be in order."""
+        bodies, swept = self.bodies, self.record["contacts.contact"][self.index]
+        assert list(zip(swept["i"].tolist(), swept["j"].tolist(), strict=True)) == bodies == sorted(bodies)
+        dv = np.stack([self.record[name][self.index] for name in self.names], axis=1)
+        return dict(zip(bodies, dv.tolist(), strict=True))
 
     def expire(self) -> None:
         """Set the list aside, and spoil what is left of older ones, and what a new one has to write."""
-        self.record["workspace.old_wall_dv"][:], self.record["workspace.was_at_wall"][:] = 9.0, 1
+        for name in ("start", "neighbor"):
+            self.record[f"workspace.old.{name}"][:] = -7
+        self.record["workspace.old_dv"][:] = 9.0
         self.record.run(*EXPIRE)
-        for name in (*(PAIR[name] for name in self.names), "contacts.weights"):
+        for name in (*self.names, "contacts.weights"):
             self.record[name][:] = np.nan
-        self.record["contacts.walls"]["dv"], self.record["contacts.wall_dv_start"][:] = np.nan, np.nan
-        self.record["contacts.pairs"]["i"], self.record["contacts.pairs"]["j"] = -7, -7
+        self.record["contacts.contact"]["i"], self.record["contacts.contact"]["j"] = -7, -7
         self.record["workspace.sweep_index"][:] = -7
 
 
-def within(scene: Scene, skin: float) -> tuple[set[tuple[int, int]], set[int]]:
+def within(scene: Scene, skin: float) -> set[Bodies]:
+    """Return the bodies of the contacts that skins reach."""
     x, distance = scene.position, np.hypot(*scene.position.T)
     i, j = np.triu_indices(N, 1)
     near = np.hypot(*(x[j] - x[i]).T) <= 2.0 * (0.01 + skin)
     gap = np.minimum(scene.radius_out - distance, distance - scene.radius_in) - 0.01
-    return set(zip(i[near].tolist(), j[near].tolist(), strict=True)), set(np.flatnonzero(gap <= 2.0 * skin))
+    pairs = set(zip(i[near].tolist(), j[near].tolist(), strict=True))
+    return pairs | {(i, N) for i in np.flatnonzero(gap <= 2.0 * skin).tolist()}
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
@@ -108,47 +108,46 @@ def within(scene: Scene, skin: float) -> tuple[set[tuple[int, int]], set[int]]:
 def test_what_contacts_carry_is_found_again(order: str, method: str, equal: bool) -> None:
     scene = cloud(order, method, equal)
     listed = Listed(scene, NARROW)
-    assert (set(listed.pairs), set(listed.walls)) == within(scene, NARROW)
+    assert set(listed.bodies) == within(scene, NARROW)
     listed.carry()
     for skin in (WIDE, NARROW, NOTHING, NOTHING, NARROW):
-        pair, wall = listed.carried()
-        active = {key for key, dv in pair.items() if any(dv)}, {i for i, dv in wall.items() if any(dv)}
-        assert min(map(len, active)) > 8
+        before = listed.carried()
+        active = {bodies for bodies, dv in before.items() if any(dv)}
+        at_wall = sum(j == N for _, j in active)
+        assert min(at_wall, len(active) - at_wall) > 8
         listed.expire()
-        assert listed.record["workspace.was_at_wall"].tolist() == [int(i in wall) for i in range(N)]
         listed.search(skin)
-        near = within(scene, skin)
-        assert set(listed.pairs) >= near[0] | active[0]  # and some that the wider skins of these reach
-        assert set(listed.walls) >= near[1] | active[1]
-        now = listed.carried()
+        assert set(listed.bodies) >= within(scene, skin) | active  # and some that wider skins of these reach
         nothing = [0.0] * len(listed.names)
-        assert now[0] == {key: pair.get(key, nothing) for key in listed.pairs}
-        assert now[1] == {i: wall.get(i, nothing) for i in listed.walls}
+        assert listed.carried() == {bodies: before.get(bodies, nothing) for bodies in listed.bodies}
     if skin == NARROW and equal:
         assert len(listed.record["contacts.weights"]) == 0
 
 
 def test_skins_are_not_widened_for_contacts_that_carry_nothing() -> None:
     listed = Listed(cloud("sequential", "gauss-seidel", True), WIDE)
-    for name in (PAIR["now"], PAIR["start"]):
+    for name in listed.names:
         listed.record[name][:] = 0.0
     listed.expire()
     listed.search(NARROW)
-    assert set(listed.pairs) == within(listed.scene, NARROW)[0]
+    assert set(listed.bodies) == within(listed.scene, NARROW)
 
 
 def test_shares_and_their_sums() -> None:
     """A grain takes m_j / (m_i + m_j) of a pair, and all of its walls."""
     scene = cloud("sequential", "gauss-seidel", False)
     listed = Listed(scene, NARROW)
-    place = listed.record["workspace.sweep_index"][: len(listed.pairs)]
-    m, row_sum = scene.mass, np.zeros(N)
-    for (i, j), share in zip(listed.pairs, listed.record["contacts.weights"][place].tolist(), strict=True):
+    m, row_sum = scene.mass, np.ones(N)
+    weights = listed.record["contacts.weights"][listed.index].tolist()
+    for (i, j), share in zip(listed.bodies, weights, strict=True):
+        if j == N:
+            assert share == [1.0, 0.0]
+            continue
         assert share == [m[j] / (m[i] + m[j]), m[i] / (m[i] + m[j])]
         row_sum[[i, j]] += share
-    assert listed.record.verlet_numbers["max_row_sum"] == pytest.approx(row_sum.max() + 1.0, rel=1e-14)
+    assert listed.record.verlet_numbers["max_row_sum"] == pytest.approx(row_sum.max(), rel=1e-14)
     equal = Listed(cloud("sequential", "gauss-seidel", True), NARROW)
-    halves = np.bincount(np.ravel(equal.pairs), minlength=N) / 2.0
+    halves = np.bincount(np.ravel([(i, j) for i, j in equal.bodies if j < N]), minlength=N) / 2.0
     assert equal.record.verlet_numbers["max_row_sum"] == halves.max() + 1.0
 
 
@@ -177,25 +176,44 @@ def test_new_colors_are_asked_for_once() -> None:
     listed.record.run(*SAVE, Serial(contact_list.color_anew))
     assert (control["recoloring"], control["unordered"]) == (0, 1)
     assert np.array_equal(listed.record["workspace.old.start"], listed.record["neighbors.start"])
-    listed.record["contacts.pair_dv"][:] = np.nan
+    listed.record[NOW][:] = np.nan
     listed.record.run(*sweeping_order(dealt=False))
-    assert listed.carried()[0] == carried[0]
+    assert listed.carried() == carried
 
 
 def test_pairs_keep_their_colors_as_long_as_a_step_goes_on() -> None:
     listed = Listed(cloud("color", "gauss-seidel", True), WIDE)
-    rng = np.random.default_rng(0)
-    colors = rng.permutation(64)[: int(listed.record["workspace.color"][: len(listed.pairs)].max()) + 1]
-    listed.record["workspace.color"][:] = colors[listed.record["workspace.color"] % len(colors)]
+
+    def colors() -> dict[Bodies, int]:
+        each = zip(listed.bodies, listed.record["workspace.color"].tolist(), strict=False)
+        return {(i, j): color for (i, j), color in each if j < N}
+
+    renamed = np.random.default_rng(0).permutation(64)[: max(colors().values()) + 1]
+    listed.record["workspace.color"][:] = renamed[listed.record["workspace.color"] % len(renamed)]
     for skin in (NARROW, WIDE):
-        before = dict(zip(listed.pairs, listed.record["workspace.color"].tolist(), strict=False))
+        before = colors()
         listed.record.record["step"]["iterations"] = 1
         listed.expire()
         listed.search(skin)
-        after = dict(zip(listed.pairs, listed.record["workspace.color"].tolist(), strict=False))
+        after = colors()
         both = before.keys() & after.keys()
         assert len(both) > 20
         assert {pair: before[pair] for pair in both} == {pair: after[pair] for pair in both}
+
+
+@wp.func
+def note_pair_end(s: SceneOnDevice, i: int):
+    put(s.workspace.next_level, i, contact_list.pair_end(s.neighbors, i))
+
+
+@pytest.mark.parametrize("at_walls", [[0, 0, 0, 0], [2, 0, 1, 2], [0, 2, 0, 1], [1, 1, 1, 1]])
+@pytest.mark.parametrize("pairs", [[(0, 3), (2, 3)], [(1, 2), (1, 3)]])
+def test_pairs_of_a_row_end_where_its_walls_begin(pairs: list[Bodies], at_walls: list[int]) -> None:
+    record = record_of_graph(np.array(pairs), np.array(at_walls))
+    record.run(Each(grain_count, note_pair_end))
+    bodies = listed(np.array(pairs), np.array(at_walls)).tolist()
+    ends = [sum(k < i or (k == i and j < 4) for k, j in bodies) for i in range(4)]
+    assert record["workspace.next_level"].tolist() == ends
 
 
 def test_step_waits_for_capacity() -> None:

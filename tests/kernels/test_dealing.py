@@ -5,10 +5,10 @@ from itertools import pairwise
 import graphs
 import numpy as np
 import pytest
-from stages import record_of_graph
+from stages import grain_total, record_of_graph
 
 from warpgrains.arrays import IntArray
-from warpgrains.kernels.coloring import gather, group_pairs, place_pairs, tile_pairs
+from warpgrains.kernels.coloring import gather, group_pairs, place_pairs, place_walls, tile_pairs
 from warpgrains.kernels.dealing import deal_out
 from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each, Serial
@@ -26,20 +26,26 @@ TEAMS = [2, 3]
 
 
 class Dealt:
-    """A graph in an order, dealt out to the threads of a team."""
+    """A graph in an order, with none to two walls at each grain, dealt out to the threads of a team."""
 
     def __init__(self, pairs: IntArray, by_color: bool, tile: int, count: int):
-        record = record_of_graph(pairs, team=count)
+        at_walls = np.arange(grain_total(pairs)) % 3
+        record = record_of_graph(pairs, at_walls, team=count)
         record.record["by_color"], record.record["merge"] = by_color, 1
         record.record["tuning"]["tile"] = tile
         record.run(Serial(group_pairs), Serial(place_pairs))
         record.run(Each(grain_count, gather), Serial(tile_pairs), Each(grain_count, gather))
-        self.common = record["workspace.sweep_index"][: len(pairs)].copy()
+        rows = record["neighbors.start"]
+        is_pair = record["neighbors.neighbor"][: rows[-1]] < len(at_walls)
+        self.common = record["workspace.sweep_index"][: rows[-1]][is_pair]
         for name in ("first", "cursor", "seen", "last", "begins", "first_segment", "dependencies"):
             record[f"dealt.{name}"][:] = -7
-        record.run(Serial(deal_out))
-        segments = record.record["contacts"]["count"]["sets"]
-        self.place = record["workspace.sweep_index"][: len(pairs)]
+        record.run(Serial(deal_out), Serial(place_walls))
+        self.count = record.record["contacts"]["count"]
+        segments = self.count["sets"]
+        self.place = record["workspace.sweep_index"][: rows[-1]][is_pair]
+        self.walls = record["workspace.sweep_index"][: rows[-1]][~is_pair]
+        self.wall_start = record["contacts.set_start"][segments : segments + 1 + self.count["wall_sets"]]
         self.start = record["contacts.set_start"][: segments + 1]
         self.first_segment = record["dealt.first_segment"]
         self.after = record["dealt.dependencies"][: segments * count].reshape(segments, count)
@@ -78,9 +84,16 @@ def test_every_thread_has_its_pairs_in_the_common_order(pairs: IntArray, count: 
         assert np.array_equal(np.argsort(dealt.place[own]), np.argsort(dealt.common[own]))
 
 
+def test_walls_come_after_all_segments(pairs: IntArray, dealt: Dealt) -> None:
+    walls = len(dealt.walls)
+    assert dealt.count["walls"] == walls
+    assert np.array_equal(np.sort(dealt.walls), len(pairs) + np.arange(walls))
+    assert (dealt.wall_start[0], dealt.wall_start[-1]) == (len(pairs), len(pairs) + walls)
+
+
 def test_all_threads_have_about_as_many(pairs: IntArray, count: int, dealt: Dealt) -> None:
     """No thread has more than the others by the longest tile that one may be dealt."""
-    longest = 2 * -(-len(pairs) // (8 * count))
+    longest = 2 * -(-(len(pairs) + len(dealt.walls)) // (8 * count))
     assert np.diff(dealt.first).min() >= np.diff(dealt.first).max() - longest
 
 

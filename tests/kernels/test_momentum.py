@@ -20,10 +20,10 @@ def accept_or_reject(s: Scene):
 def record_with(**state: float) -> OneRecord:
     """Return a record after a sweep whose parts of (14) add up to nothing."""
     scene = grains_apart(N).replace(method="accelerated", tolerance=TOLERANCE, max_iterations=1000)
-    record = OneRecord(scene, pairs=300)
-    for name in ("pair_part", "wall_part", "grain_part"):
+    record = OneRecord(scene, contacts=300 + N)
+    for name in ("contact_part", "grain_part"):
         record[f"momentum.{name}"][:] = 0.0
-    record.record["contacts"]["count"] = 300, 1, N
+    record.record["contacts"]["count"] = 300, 1, N, 1
     known = {"t": 4.0, "beta": 0.5, "relaxation": 0.25, "first_zeta": 1.0}
     for name, value in (known | state).items():
         record.record["momentum"]["state"][name] = value
@@ -38,7 +38,7 @@ def state(record: OneRecord, name: str) -> float:
 
 
 RISES = [
-    # beta, pairs, walls, energy, size, whether phi has risen
+    # beta, what two parts of the contacts add, energy, size, whether phi has risen
     (0.5, -0.75, -0.25, 4.0, 0.0, 0),
     (0.5, -0.75, -0.25 + TINY, 4.0, 0.0, 1),
     (0.5, -0.75 + TINY, -0.25, 4.0, 0.0, 1),
@@ -49,16 +49,16 @@ RISES = [
 ]
 
 
-@pytest.mark.parametrize(("beta", "pairs", "walls", "energy", "size", "rejected"), RISES)
+@pytest.mark.parametrize(("beta", "one", "other", "energy", "size", "rejected"), RISES)
 @pytest.mark.parametrize("t", [4.0, 1.5])
 def test_sweep_that_raises_phi_is_rejected(
-    beta: float, pairs: float, walls: float, energy: float, size: float, rejected: int, t: float
+    beta: float, one: float, other: float, energy: float, size: float, rejected: int, t: float
 ) -> None:
     """phi(y) - phi(a) <= 0.99 gains + 2e-15 beta sum m v^2 (eq. 14); parts lie anywhere."""
-    for part in (0, 1):
+    for first, second, of_grains in ((0, 1, 0), (6, 3, 1), (2, 5, 0)):
         record = record_with(t=t, beta=beta)
-        record["momentum.pair_part"][part, 0], record["momentum.wall_part"][part, 0] = pairs, walls
-        record["momentum.grain_part"][part] = energy, size
+        record["momentum.contact_part"][[first, second], 0] = one, other
+        record["momentum.grain_part"][of_grains] = energy, size
         record.run(Serial(accept_or_reject))
         assert record.record["control"]["rejected"] == rejected
         if rejected:
@@ -69,10 +69,10 @@ def test_sweep_that_raises_phi_is_rejected(
             assert state(record, "t") > t
 
 
-@pytest.mark.parametrize(("pairs", "walls", "stops"), [(0.5, -0.5, 0), (0.5, -0.5 + TINY, 1), (TINY, 0.0, 1)])
-def test_momentum_stops_uphill(pairs: float, walls: float, stops: int) -> None:
+@pytest.mark.parametrize(("one", "other", "stops"), [(0.5, -0.5, 0), (0.5, -0.5 + TINY, 1), (TINY, 0.0, 1)])
+def test_momentum_stops_uphill(one: float, other: float, stops: int) -> None:
     record = record_with()
-    record["momentum.pair_part"][1, 1], record["momentum.wall_part"][1, 1] = pairs, walls
+    record["momentum.contact_part"][[1, 6], 1] = one, other
     record.run(Serial(accept_or_reject))
     assert record.record["control"]["rejected"] == 0
     assert state(record, "relaxation") == 0.25
@@ -124,7 +124,7 @@ def test_when_all_contacts_are_scanned(zeta: float, rejected: int, last: int) ->
         record.record["momentum"]["state"]["beta"] = 0.5
         record.record["step"]["iterations"] = k - 1
         record.record["stopping"]["max_iterations"] = max(last, k * (last == 0))
-        record["partial.zeta"][0], record["momentum.pair_part"][0, 0] = zeta, rejected
+        record["partial.zeta"][0], record["momentum.contact_part"][0, 0] = zeta, rejected
         control["rejected"] = 1 - rejected
         record.run(Serial(restart.decide_ahead))
         assert control["rejected"] == rejected

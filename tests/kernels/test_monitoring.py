@@ -1,12 +1,12 @@
-"""Grains are monitored after every large correction, whatever another pair does to them right after it."""
+"""Grains are monitored after every large correction, whatever another contact does to them right after it."""
 
 import graphs
 import numpy as np
 import pytest
-from stages import OneRecord, record_of_graph
+from stages import OneRecord, grain_total, record_of_graph
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.kernels.gauss_seidel import sweep_pairs
+from warpgrains.kernels.gauss_seidel import sweep
 from warpgrains.kernels.stages import Sets
 
 GRAPHS = {
@@ -24,15 +24,17 @@ def pairs(request: pytest.FixtureRequest) -> IntArray:
 
 
 def swept(pairs: IntArray) -> OneRecord:
-    """Return a record with random contacts, about to be swept."""
-    record, rng = record_of_graph(pairs), np.random.default_rng(5)
-    contacts, angle = record["contacts.pairs"][: len(pairs)], rng.uniform(0.0, 6.3, len(pairs))
-    contacts["i"], contacts["j"] = pairs.T
+    """Return a record with random contacts, every grain at a wall of two sides, about to be swept."""
+    n = grain_total(pairs)
+    record, rng = record_of_graph(pairs, np.ones(n, int)), np.random.default_rng(5)
+    contacts, angle = record["contacts.contact"][: len(pairs) + n], rng.uniform(0.0, 6.3, len(pairs) + n)
+    contacts["i"], contacts["j"] = np.concatenate([pairs, np.column_stack([np.arange(n), np.full(n, n)])]).T
     contacts["n"] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    contacts["gap_rate"] = rng.uniform(-0.1, 0.3, len(pairs))
-    record["contacts.pair_dv"][:] = 0.0
-    record["contacts.set_start"][:2] = 0, len(pairs)
-    record.record["contacts"]["count"] = len(pairs), 1, 0
+    contacts["gap_rate"] = rng.uniform(-0.1, 0.3, len(contacts))
+    record["contacts.limits"][:] = np.stack([rng.uniform(-0.1, 0.3, n), np.full(n, np.inf)], axis=1)
+    record["contacts.dv"][:] = 0.0
+    record["contacts.set_start"][:3] = 0, len(pairs), len(contacts)
+    record.record["contacts"]["count"] = len(pairs), 1, n, 1
     for name in ("grains.next_velocity", "verlet.reference_velocity"):
         record[name][:] = rng.normal(0.0, 1.0, record[name].shape)
     record["verlet.peak_deviation"][:], record["verlet.peak_limit"][:] = 0.0, np.inf
@@ -45,17 +47,22 @@ def swept(pairs: IntArray) -> OneRecord:
 
 
 def peaks(record: OneRecord) -> FloatArray:
-    """Return every grain's largest squared deviation after a large correction, pair by pair."""
+    """Return every grain's largest squared deviation after a large correction, contact by contact."""
     velocity, w = record["grains.next_velocity"].copy(), record["verlet.reference_velocity"]
-    u, peak = record.record["verlet"]["numbers"]["frame_velocity"], np.zeros(len(velocity))
-    for c in record["contacts.pairs"][: record.record["contacts"]["count"]["pairs"]]:
+    n, pairs = len(velocity), record.record["contacts"]["count"]["pairs"]
+    u, peak = record.record["verlet"]["numbers"]["frame_velocity"], np.zeros(n)
+    for k, c in enumerate(record["contacts.contact"][: pairs + n]):
         i, j = c["i"], c["j"]
-        product = (velocity[i] - velocity[j]) * c["n"]
-        dv = max(0.0, product[0] + product[1] - c["gap_rate"])
-        velocity[i] = velocity[i] - dv * c["n"] * 0.5
-        velocity[j] = velocity[j] + dv * c["n"] * 0.5
-        if dv > LARGE:
-            for grain in (i, j):
+        product = (velocity[i] - (velocity[j] if j < n else 0.0)) * c["n"]
+        vn = product[0] + product[1]
+        dv = max(0.0, vn - c["gap_rate"])
+        if j < n:
+            velocity[j] = velocity[j] + dv * c["n"] * 0.5
+        else:
+            dv -= max(0.0, -vn - record["contacts.limits"][k - pairs, 0])
+        velocity[i] = velocity[i] - dv * c["n"] * (0.5 if j < n else 1.0)
+        if abs(dv) > LARGE:
+            for grain in (i, j) if j < n else (i,):
                 deviation = velocity[grain] - w[grain] - u
                 peak[grain] = max(peak[grain], deviation[0] * deviation[0] + deviation[1] * deviation[1])
     return peak
@@ -64,7 +71,7 @@ def peaks(record: OneRecord) -> FloatArray:
 def test_every_moment_after_a_large_correction_is_seen(pairs: IntArray) -> None:
     record = swept(pairs)
     expected = peaks(record)
-    record.run(Sets(sweep_pairs))
+    record.run(Sets(sweep))
     assert np.array_equal(record["verlet.peak_deviation"], expected)
     assert record.record["verlet"]["flags"]["list_expired"] == 0
 
@@ -75,5 +82,5 @@ def test_a_skin_that_is_too_narrow_is_found_out(pairs: IntArray) -> None:
     for factor, expired in ((1.01, 0), (0.99, 1)):
         record = swept(pairs)
         record["verlet.peak_limit"][highest] = factor * np.sqrt(expected[highest])
-        record.run(Sets(sweep_pairs))
+        record.run(Sets(sweep))
         assert record.record["verlet"]["flags"]["list_expired"] == (expired if expected[highest] > 0.0 else 0)

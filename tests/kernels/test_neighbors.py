@@ -66,7 +66,7 @@ def poison(record: OneRecord) -> None:
 def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     radius_out = min(1e10, 5e11 * sought.radius.min())
     scene = Scene(position=sought.position, radius=sought.radius, mass=1.0, radius_out=radius_out)
-    record = OneRecord(scene, pairs=1)
+    record = OneRecord(scene, contacts=1)
     record["grains.position"][:], record["grains.radius"][:] = sought.position, sought.radius
     record["verlet.skin"][:], record["verlet.reference_velocity"][:] = sought.reach, sought.velocity
     record.verlet_numbers["mean_velocity"] = sought.velocity.mean(axis=0)
@@ -78,7 +78,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     poison(record)
     record.run(*SEARCH)
     assert record.record["control"]["roomy"]
-    return record.memory.listed_pairs()
+    return record.memory.listed_pairs()[0]
 
 
 def pairs_within_reach(sought: Cloud, wider: float = 0.0) -> IntArray:

@@ -2,24 +2,28 @@
 
 import numpy as np
 import pytest
-from checked_list import DT, ROUNDING, STRAIGHT, UNMONITORED, U, W, flag, record_with, set_flags
+from checked_list import DT, ROUNDING, STRAIGHT, UNMONITORED, U, W, flag, record_with
 from stages import OneRecord
 
-from warpgrains.kernels import contact_list, neighbors, skins
+from warpgrains.kernels import contact_list, skins
 from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each, Serial
 
+WALL = 2  # the body after two grains
+TOUCHING = {1: [[0.0, 0.0], [3.0, 0.0]], WALL: [[0.0, -63.0], [0.0, 40.0]]}
 
-def amid_sweeps(position: list[list[float]]) -> OneRecord:
-    """Two grains of peaks 3 and 5 m/s that a list has newly, in an attempt that goes on."""
-    record = record_with()
+
+def amid_sweeps(position: list[list[float]], other: int = 1, accelerated: bool = False) -> OneRecord:
+    """List a contact of grain 0 newly, in an attempt that goes on, of two grains of peaks 3 and 5 m/s."""
+    record = record_with(accelerated)
     record.record["control"]["resuming"] = 1
     record["grains.position"][:], record["grains.radius"][:] = position, (1.0, 2.0)
     record["verlet.peak_deviation"][:] = (3.0 - UNMONITORED) ** 2, (5.0 - UNMONITORED) ** 2
     record["verlet.reference_velocity"][:] = [[2.0, 7.0], [-1.0, 9.0]]
-    record["neighbors.start"][:], record["neighbors.neighbor"][0] = (0, 1, 1), 1
+    record["neighbors.start"][:], record["neighbors.neighbor"][0] = (0, 1, 1), other
     record["workspace.sweep_index"][0], record["workspace.old_place"][0] = 0, -1
-    record["workspace.old_wall_dv"][:], record["workspace.was_at_wall"][:] = 0.0, 0
+    annulus = record.record["walls"]["annulus"]
+    annulus["radius_in"], annulus["radius_out"] = 16.0, 64.0
     return record
 
 
@@ -37,38 +41,26 @@ def test_pair_that_stayed_silent(reverse: bool) -> None:
         assert flag(record, "missed") == missed
 
 
-@pytest.mark.parametrize("how", ["listed before", "another attempt", "accelerated"])
-def test_pair_that_was_not_missing(how: str) -> None:
-    record = amid_sweeps([[0.0, 0.0], [3.0, 0.0]])
-    if how == "listed before":
-        record["workspace.old_place"][0] = record["workspace.old_index"][0] = 0
-    elif how == "another attempt":
-        record.record["control"]["resuming"] = 0
-    else:
-        record = record_with(accelerated=True)
-        record.record["control"]["resuming"] = 1
-        record["neighbors.start"][:], record["neighbors.neighbor"][0] = (0, 1, 1), 1
-        record["workspace.sweep_index"][0], record["workspace.old_place"][0] = 0, -1
+@pytest.mark.parametrize("other", TOUCHING)
+@pytest.mark.parametrize("how", ["missing", "listed before", "another attempt", "accelerated"])
+def test_contact_that_was_not_missing(how: str, other: int) -> None:
+    record = amid_sweeps(TOUCHING[other], other, accelerated=how == "accelerated")
+    record["workspace.old_place"][0] = 0 if how == "listed before" else -1
+    record.record["control"]["resuming"] = int(how != "another attempt")
     record.run(TRANSFER)
-    assert flag(record, "missed") == 0
+    assert flag(record, "missed") == int(how == "missing")
 
 
 @pytest.mark.parametrize("wall", ["outer", "inner"])
 def test_walls_that_stayed_off(wall: str) -> None:
-    """gap > dt (|w_i| + p_i), at both walls; a grain that was listed there needs no such proof."""
+    """gap > dt (|w_i| + p_i), at both walls."""
     path = DT * (5.0 + 3.0) + ROUNDING
     for gap, missed in ((path + 2.0**-40, 0), (path, 1)):
         at = 64.0 - 1.0 - gap if wall == "outer" else 16.0 + 1.0 + gap
-        record = amid_sweeps([[0.0, -at], [0.0, 40.0]])
+        record = amid_sweeps([[0.0, -at], [0.0, 40.0]], WALL)
         record["verlet.reference_velocity"][0] = -3.0, 4.0
-        record.record["walls"]["radius_in"], record.record["walls"]["radius_out"] = 16.0, 64.0
-        record.run(Serial(neighbors.list_walls))
-        assert record.record["contacts"]["count"]["walls"] == 2
+        record.run(TRANSFER)
         assert flag(record, "missed") == missed
-        set_flags(record, missed=0)
-        record["workspace.was_at_wall"][0] = 1
-        record.run(Serial(neighbors.list_walls))
-        assert flag(record, "missed") == 0
 
 
 @pytest.mark.parametrize("how", ["step begins", "goes on", "goes on, accelerated"])

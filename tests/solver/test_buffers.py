@@ -7,14 +7,14 @@ from warpgrains.kernels.record import SceneRecord
 from warpgrains.solver.buffers import ALIGNMENT, Layout, bytes_needed, fields
 from warpgrains.solver.sizes import Sizes
 
-PAIRS = 11
+CONTACTS = 11
 GRAINS = np.array([1, 2, 7, 60])
 
 
 @pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "ahead", "dealt", "shared"])
 def sizes(request: pytest.FixtureRequest) -> Sizes:
     accelerated, team = request.param
-    return Sizes(GRAINS, np.full_like(GRAINS, PAIRS), np.array([0, 1, 0, 1]), accelerated, team, team)
+    return Sizes(GRAINS, np.full_like(GRAINS, CONTACTS), np.array([0, 1, 0, 1]), accelerated, team, team)
 
 
 def test_arrays_do_not_overlap(sizes: Sizes) -> None:
@@ -31,6 +31,6 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
     """Those that a scene does not need are empty."""
     length = dict(zip((field.name for field in fields()), Layout.of(sizes).length, strict=True))
     assert (length["grains.position"] == GRAINS).all()
-    assert (length["contacts.weights"] == PAIRS * sizes.weighted).all()
-    assert (length["momentum.pair_last"] == PAIRS * sizes.accelerated).all()
+    assert (length["contacts.weights"] == CONTACTS * sizes.weighted).all()
+    assert (length["momentum.last_dv"] == CONTACTS * sizes.accelerated).all()
     assert (length["dealt.last"] == GRAINS * sizes.is_dealt).all()

@@ -17,7 +17,7 @@ UNMONITORED = 1.0
 def record_with(accelerated: bool = False, **numbers: Any) -> OneRecord:
     """Return two grains on their way, the second with more skin than it ever needs."""
     method = "accelerated" if accelerated else "gauss-seidel"
-    record = OneRecord(grains_apart(2).replace(dt=DT, method=method), pairs=4)
+    record = OneRecord(grains_apart(2).replace(dt=DT, method=method), contacts=4)
     record["verlet.reference_velocity"][:], record["verlet.reference_position"][:] = W, X0
     record["grains.position"][:] = STRAIGHT + np.array([3.0, 4.0]) / 8.0
     record["grains.next_velocity"][:] = W + U + np.array([3.0, 4.0])

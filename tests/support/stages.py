@@ -48,19 +48,19 @@ def new_kernel(*stages: Stage) -> wp.Kernel:
 
 
 class OneRecord:
-    """The record of one scene, with room for so many pairs."""
+    """The record of one scene, with capacity for this many contacts."""
 
-    def __init__(self, scene: Scene, pairs: int, team: int = 1):
+    def __init__(self, scene: Scene, contacts: int, team: int = 1):
         self._records = SceneRecords([scene], team, wp.get_device("cpu"))
-        self._records.make_room(0, pairs)
+        self._records.make_room(0, contacts)
         self.record = self._records.host[0]
         self.memory = SceneMemory(self._records, 0, scene)
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
         return self._records.array(0, name)
 
-    def make_room(self, pairs: int) -> None:
-        self._records.make_room(0, pairs)
+    def make_room(self, contacts: int) -> None:
+        self._records.make_room(0, contacts)
 
     @property
     def verlet_numbers(self) -> np.ndarray[Any, Any]:
@@ -77,15 +77,36 @@ def grains_apart(n: int) -> Scene:
     return Scene(position=np.stack([x, y], axis=1) + 0.5, radius=0.1, mass=1.0, radius_out=200.0 + n)
 
 
-def record_of_graph(pairs: IntArray, team: int = 1) -> OneRecord:
-    """List a graph's pairs, with everything that is to be found poisoned."""
-    n = max(int(pairs.max(initial=0)) + 1, 1)
-    record = OneRecord(grains_apart(n), len(pairs) + 1, team)
-    record["neighbors.start"][:] = np.searchsorted(pairs[:, 0], np.arange(n + 1))
-    record["neighbors.neighbor"][: len(pairs)] = pairs[:, 1]
+def grain_total(pairs: IntArray) -> int:
+    """Return the number of grains of a graph."""
+    return int(pairs.max(initial=0)) + 1
+
+
+def listed(pairs: IntArray, at_walls: IntArray) -> IntArray:
+    """Return the contacts of grains, each of which is at this many walls, in the order of the list."""
+    n = len(at_walls)
+    body = n + np.arange(at_walls.max(initial=0))
+    at = np.nonzero(np.arange(len(body)) < at_walls[:, np.newaxis])
+    contacts = np.concatenate([pairs, np.stack([at[0], body[at[1]]], axis=1)])
+    return contacts[np.lexsort(contacts.T[::-1])]
+
+
+def write_rows(record: OneRecord, contacts: IntArray) -> None:
+    """Make contacts, in lexicographic order, those of the list."""
+    starts = np.arange(len(record["neighbors.start"]))
+    record["neighbors.start"][:] = np.searchsorted(contacts[:, 0], starts)
+    record["neighbors.neighbor"][: len(contacts)] = contacts[:, 1]
+
+
+def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None, team: int = 1) -> OneRecord:
+    """List a graph's pairs, and the walls that each grain is at, with everything to be found poisoned."""
+    n = grain_total(pairs)
+    contacts = listed(pairs, np.zeros(n, int) if at_walls is None else at_walls)
+    record = OneRecord(grains_apart(n), len(contacts) + 1, team)
+    write_rows(record, contacts)
     for name in ("group", "sweep_index", "sequence", "next_level"):
         record[f"workspace.{name}"][:] = -7
     record["workspace.used_colors"][:] = 2**64 - 1
     record["contacts.set_start"][:] = -7
-    record.record["contacts"]["count"] = -7, -7, 0
+    record.record["contacts"]["count"] = -7, -7, -7, -7
     return record

@@ -15,7 +15,7 @@ def swept_pairs(simulation: Simulation) -> IntArray:
     listed = records.host["contacts"]["count"]["pairs"][0]
     if records.sizes.is_dealt:
         return records.array(0, "workspace.sequence")[:listed, :2]
-    pairs = records.array(0, "contacts.pairs")[:listed]
+    pairs = records.array(0, "contacts.contact")[:listed]
     return np.stack([pairs["i"], pairs["j"]], axis=1)
 
 
