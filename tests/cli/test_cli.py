@@ -237,6 +237,22 @@ def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, stop_at):
     assert set(tmp_path.iterdir()) == {scene, frames}
 
 
+def test_an_interrupt_while_usd_is_loaded_ends_the_command(scene, tmp_path):
+    """USD makes a remark of it, and goes on."""
+    script = (
+        "import os, signal, sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(name, *_):\n"
+        "        if name == 'pxr.Pcp': os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Interrupting)\n"
+        "from warpgrains.cli.main import main\n"
+        "sys.exit(main(sys.argv[1:]))"
+    )
+    arguments = [sys.executable, "-c", script, "run", scene, "-o", tmp_path / "out.usdc"]
+    done = subprocess.run(arguments, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "warpgrains: error: interrupted\n")
+
+
 def test_signal_leaves_the_old_recording(tmp_path):
     output = tmp_path / "old.usdc"
     assert exit_code("run", "annulus", "--steps", "1", "-o", output) == 0

@@ -11,6 +11,7 @@ from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from tqdm import tqdm
 
 from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
-from warpgrains.console import in_columns, start_warp, stdout_kept_clean
+from warpgrains.console import in_columns, interrupts_end_at_once, start_warp, stdout_kept_clean
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
 from warpgrains.kernels.access import CHECKED
@@ -77,6 +78,9 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
 
     Bad outputs, and those that another process writes, are refused before Warp starts and compiles kernels.
     """
+    if options.record is not None and options.shows is None:
+        with interrupts_end_at_once():  # USD would print an interrupt while it is loaded, and go on
+            import_module("warpgrains.usd.recorder")
     with stdout_kept_clean(), ExitStack() as held:
         until = criterion(options.until, start.scene)
         series = _series(start, options, arguments)
