@@ -122,7 +122,9 @@ def _add_grade(parser: ArgumentParser) -> None:
     add("homework", metavar="HOMEWORK", nargs="?", help="a homework.c, or a folder of homeworks")
     add("-o", "--output", metavar="CSV", help="of a folder: the table of grades to write")
     add("--json", action="store_true", help="print the verdict as JSON: an object, or a list for a folder")
-    add("--strict", action="store_true", help="let only the bits of the reference pass")
+    add("--strict", action="store_true", help="require bit-identical results")
+    add("--lang", choices=("en", "fr"), default="en", help="language of verdicts (default: en)")
+    add("--html", metavar="DIR", help="write a page for each homework, and one for a class, to a folder")
     empty = "write an empty homework, its header and its task, in English and French (default: here)"
     add("--template", metavar="DIR", nargs="?", const=".", help=empty)
 
