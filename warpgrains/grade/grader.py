@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Lock
 from time import monotonic
 
+from warpgrains.errors import SceneError
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
 from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, CompileError, Compiler, read_homework
 from warpgrains.grade.diagnosis import Model, hint_of
@@ -95,6 +96,25 @@ class Grader:
             return self._grade(source, folder, start)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
+
+    def run(self, source: Path) -> tuple[Child, Child]:
+        """Return the running reference, and a running homework.
+
+        Raises
+        ------
+        SceneError
+            The homework cannot be read, does not compile, or has not both functions.
+        """
+        folder = self._folder / "run"
+        try:
+            library, _ = self._compiler.compile_homework(read_homework(source), folder)
+            child = self._child({name: Function(library, name) for name in (UPDATE, CONTACT)}, self._limits)
+        except (CompileError, EndedError) as error:
+            raise SceneError(f"'{source}' cannot be run: {error}") from None
+        if child.updates and child.iterates:
+            return self._child({}), child
+        child.close()
+        raise SceneError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
 
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
         text, until = read_homework(source), start + self._limits.in_all

@@ -40,7 +40,7 @@ def make_probes(reference: Child) -> Probes:
     contact: list[Probe] = []
     update: list[Probe] = []
     for scene, steps in _scenes():
-        call = _start(scene)
+        call = start_of(scene)
         for step in range(1, max(steps) + 1):
             if step in steps:
                 iterations, zeta = _iterations(reference, call)
@@ -84,7 +84,7 @@ def _scene(
     return Scene(name=name, **{"radius_in": 0.5, "radius_out": 1.5, **arrays, **others})  # type: ignore[arg-type]
 
 
-def _start(scene: Scene) -> Call:
+def start_of(scene: Scene) -> Call:
     """Return the first step of a scene."""
     n = scene.n
     arrays = (*scene.position.T, *scene.velocity.T, scene.radius, scene.mass, np.zeros(n + n * (n - 1) // 2))
