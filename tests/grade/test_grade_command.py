@@ -43,11 +43,11 @@ def test_a_wrong_one_as_the_docs_show_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    path = homework(Path("mine/homework.c"), wrong(WRONG[CONTACT, "masses swapped"]))
+    path = homework(Path("mine/homework.c"), wrong(WRONG[CONTACT, "masses of a pair exchanged"]))
     assert exit_code("grade", path) == 1
     printed = capfd.readouterr().out
-    assert f"{CONTACT}  right         wrong         wrong         right         wrong\n" in printed
-    assert "\n  mistake: masses swapped (grain i takes m_j / (m_i + m_j)" in printed
+    assert f"{CONTACT}  right{'         wrong' * 3}         right         wrong\n" in printed
+    assert "\n  mistake: masses of a pair exchanged\n  course text: v_i -= dv n m_j / (m_i + m_j)" in printed
     assert f"```\n{printed}```\n" in PAGES["course"].read_text()
 
 
@@ -87,6 +87,40 @@ def test_a_folder(tmp_path: Path, capfd: Capture) -> None:
         "does not compile",
     ]
     assert len(read_table(output)) == 2
+
+
+def test_pages_of_a_class(tmp_path: Path, capfd: Capture) -> None:
+    folder, output, pages = tmp_path / "all", tmp_path / "grades.csv", tmp_path / "pages"
+    text = wrong(WRONG[CONTACT, "masses of a pair exchanged"])
+    for name in ("ada.c", "bob/<b>.c"):
+        homework(folder / name, text)
+    homework(folder / "eve.c", PLAIN.replace("double zeta", "doubel zeta", 1))
+    arguments = (folder, "-o", output, "--html", pages, "--lang", "fr")
+    for _ in range(2):  # own pages are replaced
+        assert exit_code("grade", *arguments) == 2
+    assert f"pages             {pages}\n" in capfd.readouterr().out
+    rows = read_table(output)
+    assert [row["status"] for row in rows] == ["wrong", "wrong", "does not compile"]
+    assert rows[0]["mistakes"] == "masses d'une paire échangées"
+    assert "vaut" in rows[0]["first"]
+    assert "error: unknown type name" in rows[2]["first"]
+    index = (pages / "index.html").read_text()
+    assert "masses d&#x27;une paire échangées</td><td>2</td>" in index
+    assert '<a href="000_ada.c.html">ada.c</a>, <a href="001_bob__b_.c.html">bob/&lt;b&gt;.c</a>' in index
+    page = (pages / "001_bob__b_.c.html").read_text()
+    assert "<b>" not in page
+    assert "Le grain le plus léger bouge le plus" in page
+    assert page.count('<circle cx="') == 2
+    assert "attendu" in page
+
+
+def test_one_in_french_with_its_page(tmp_path: Path, capfd: Capture) -> None:
+    path = homework(tmp_path / "homework.c", wrong(WRONG[UPDATE, "gravity missing"]))
+    assert exit_code("grade", path, "--lang", "fr", "--html", tmp_path / "site") == 1
+    printed = capfd.readouterr().out
+    assert printed.startswith(f"{path}: faux\n")
+    assert "\n  erreur : gravité oubliée\n  texte du cours : m_i dv_i/dt = m_i g - gamma v_i\n" in printed
+    assert "gravité oubliée" in (tmp_path / "site" / "index.html").read_text()
 
 
 def test_a_bad_file_is_a_row(tmp_path: Path, capfd: Capture) -> None:
@@ -217,7 +251,8 @@ REFUSED = {
     "no file": (["none.c"], "'none.c' cannot be read"),
     "an empty folder": (["."], "holds no homework"),
     "a table of one": (["homework.c", "-o", "grades.csv"], "-o needs a folder"),
-    "a folder without a table": (["all"], "needs -o TABLE.csv, or --json"),
+    "a folder without a table": (["all"], "needs -o TABLE.csv, --html DIR, or --json"),
+    "foreign pages": (["homework.c", "--html", "site"], "not a page of warpgrains grade"),
     "another ending": (["all", "-o", "grades.txt"], "must end in .csv"),
     "a foreign table": (["all", "-o", "mine.csv"], "no table of grades"),
     "a template of one": (["homework.c", "--template"], "--template goes alone"),
@@ -237,6 +272,8 @@ def test_bad_input_is_one_line(
         homework(tmp_path / "huge.c", " " * (2**20 + 1))
         os.mkfifo(tmp_path / "pipe")
         (tmp_path / "mine.csv").write_text("a,b\n1,2\n")
+        (tmp_path / "site").mkdir()
+        (tmp_path / "site" / "index.html").write_text("<html></html>")
     assert exit_code("grade", *arguments) == 2
     require_refusal(capfd, complaint)
     assert not (tmp_path / "grades.csv").exists()

@@ -11,54 +11,60 @@ _OUT = "double dvOut = fmax(0.0, vn + dvBoundary[i] - (rOut - rr - r[i]) / dt);"
 _MOVE = "        x[i] += vx[i] * dt;\n        y[i] += vy[i] * dt;\n"
 
 WRONG = {
-    (CONTACT, "masses swapped"): _MASSES,
-    (CONTACT, "masses forgotten"): (
+    (CONTACT, "masses of a pair exchanged"): _MASSES,
+    (CONTACT, "masses ignored: half of dv for each grain"): (
         ("m[j] / (m[i] + m[j])", "/ 2"),
         ("m[i] / (m[i] + m[j])", "/ 2"),
         ("* /", "/"),
     ),
-    (CONTACT, "not shared"): (("m[j] / (m[i] + m[j])", "1"), ("m[i] / (m[i] + m[j])", "1")),
-    (CONTACT, "no warm start"): (
+    (CONTACT, "dv not shared: all of it for each grain"): (
+        ("m[j] / (m[i] + m[j])", "1"),
+        ("m[i] / (m[i] + m[j])", "1"),
+    ),
+    (CONTACT, "iteration 0 does nothing"): (
         ("dv = dvContacts[iContact];\n", "dv = 0;\n"),
         ("dv = dvBoundary[i];", "dv = 0;"),
     ),
-    (CONTACT, "no warm start of walls"): (("dv = dvBoundary[i];", "dv = 0;"),),
-    (CONTACT, "warm start applied twice"): (
+    (CONTACT, "iteration 0 does nothing at the walls"): (("dv = dvBoundary[i];", "dv = 0;"),),
+    (CONTACT, "iteration 0 applies the kept corrections twice"): (
         ("dv = dvContacts[iContact];\n", "dv = 2 * dvContacts[iContact];\n"),
         ("dv = dvBoundary[i];", "dv = 2 * dvBoundary[i];"),
     ),
-    (CONTACT, "first iteration computes corrections"): (("iter == 0", "iter < 0"),),
-    (CONTACT, "first iteration updates corrections"): (
+    (CONTACT, "iteration 0 treated as any other"): (("iter == 0", "iter < 0"),),
+    (CONTACT, "iteration 0 adds to the kept corrections"): (
         ("dv = dvContacts[iContact];\n", "dv = dvContacts[iContact]; dvContacts[iContact] += dv;\n"),
         ("dv = dvBoundary[i];", "dv = dvBoundary[i]; dvBoundary[i] += dv;"),
     ),
-    (CONTACT, "gap term missing"): ((" - gap / dt", ""),),
-    (CONTACT, "gap sign wrong"): (("- gap / dt", "+ gap / dt"),),
-    (CONTACT, "gap not divided by dt"): (("- gap / dt", "- gap"),),
-    (CONTACT, "wall sign wrong"): (
+    (CONTACT, "gap of a pair missing in the max"): ((" - gap / dt", ""),),
+    (CONTACT, "gap of a pair of the wrong sign: (r_i + r_j) - r, or added"): (("- gap / dt", "+ gap / dt"),),
+    (CONTACT, "gap of a pair not divided by dt"): (("- gap / dt", "- gap"),),
+    (CONTACT, "correction added to the velocity at the walls"): (
         ("vx[i] -= dv * nx;", "vx[i] += dv * nx;"),
         ("vy[i] -= dv * ny;", "vy[i] += dv * ny;"),
     ),
-    (CONTACT, "wall gap missing"): ((" - (rOut - rr - r[i]) / dt", ""), (" - (rr - rIn - r[i]) / dt", "")),
-    (CONTACT, "inner wall forgotten"): ((_IN, "double dvIn = 0.0;"),),
-    (CONTACT, "outer wall forgotten"): ((_OUT, "double dvOut = 0.0;"),),
-    (CONTACT, "inner wall sign wrong"): (("dvOut - dvIn", "dvOut + dvIn"),),
-    (CONTACT, "walls forgotten"): (
+    (CONTACT, "gap missing at both walls"): (
+        (" - (rOut - rr - r[i]) / dt", ""),
+        (" - (rr - rIn - r[i]) / dt", ""),
+    ),
+    (CONTACT, "no inner wall"): ((_IN, "double dvIn = 0.0;"),),
+    (CONTACT, "no outer wall"): ((_OUT, "double dvOut = 0.0;"),),
+    (CONTACT, "correction of the inner wall added: out + in"): (("dvOut - dvIn", "dvOut + dvIn"),),
+    (CONTACT, "walls missing"): (
         ("for (i = 0; i < n; i++) {\n        double rr", "for (i = 0; i < 0; i++) {\n        double rr"),
     ),
-    (CONTACT, "pair correction not clamped at 0"): (
+    (CONTACT, "max missing for pairs: grains pull one another"): (
         (
             "dv = fmax(0.0, vn + dvContacts[iContact] - gap / dt) - dvContacts[iContact];",
             "dv = vn - gap / dt;",
         ),
     ),
-    (CONTACT, "kept correction forgotten, pairs"): (
+    (CONTACT, "kept correction of pairs nowhere in dv: it never decreases"): (
         (
             "fmax(0.0, vn + dvContacts[iContact] - gap / dt) - dvContacts[iContact]",
             "fmax(0.0, vn - gap / dt)",
         ),
     ),
-    (CONTACT, "contacts indexed by columns"): (
+    (CONTACT, "number of the contact counted by columns"): (
         ("iContact = 0;\n", "\n"),
         (
             "double dv;\n            if (iter == 0) {\n                dv = dvC",
@@ -66,30 +72,37 @@ WRONG = {
             "            if (iter == 0) {\n                dv = dvC",
         ),
     ),
-    (CONTACT, "relative velocity sign"): (
+    (CONTACT, "closing speed of a pair of the wrong sign"): (
         (
             "vx[i] * nx + vy[i] * ny - vx[j] * nx - vy[j] * ny",
             "vx[j] * nx + vy[j] * ny - vx[i] * nx - vy[i] * ny",
         ),
     ),
-    (CONTACT, "normal not normalised"): (
+    (CONTACT, "normal of a pair not normalized"): (
         ("(x[j] - x[i]) / rr;", "x[j] - x[i];"),
         ("(y[j] - y[i]) / rr;", "y[j] - y[i];"),
     ),
-    (CONTACT, "pair corrections not kept"): (("                dvContacts[iContact] += dv;\n", ""),),
-    (CONTACT, "zeta not the maximum"): (("zeta = fmax(zeta, fabs(dv));", "zeta = fabs(dv);"),),
-    (CONTACT, "zeta without abs"): (("fmax(zeta, fabs(dv))", "fmax(zeta, dv)"),),
-    (CONTACT, "zeta is a sum"): (("zeta = fmax(zeta, fabs(dv))", "zeta += fabs(dv)"),),
+    (CONTACT, "kept correction of pairs never changed"): (
+        ("                dvContacts[iContact] += dv;\n", ""),
+    ),
+    (CONTACT, "zeta is the last change instead of the largest"): (
+        ("zeta = fmax(zeta, fabs(dv));", "zeta = fabs(dv);"),
+    ),
+    (CONTACT, "zeta without absolute value"): (("fmax(zeta, fabs(dv))", "fmax(zeta, dv)"),),
+    (CONTACT, "zeta summed instead of the largest"): (("zeta = fmax(zeta, fabs(dv))", "zeta += fabs(dv)"),),
     (UPDATE, "gravity missing"): (("m[i] * gx - ", "-"), ("m[i] * gy - ", "-")),
-    (UPDATE, "gravity without x"): (("m[i] * gx - ", "-"),),
+    (UPDATE, "gravity left out in x"): (("m[i] * gx - ", "-"),),
     (UPDATE, "drag missing"): ((" - gamma * vx[i]", ""), (" - gamma * vy[i]", "")),
-    (UPDATE, "drag not divided by mass"): (
+    (UPDATE, "drag not divided by the mass"): (
         ("gamma * vx", "m[i] * gamma * vx"),
         ("gamma * vy", "m[i] * gamma * vy"),
     ),
-    (UPDATE, "gravity divided by mass"): (("m[i] * gx", "gx"), ("m[i] * gy", "gy")),
-    (UPDATE, "no warm start"): (("iter = 0;", "iter = 1;"), (" || iter == 1", "")),
-    (UPDATE, "only one iteration"): ((_LOOP, "iter == 1"),),
+    (UPDATE, "gravity divided by the mass"): (("m[i] * gx", "gx"), ("m[i] * gy", "gy")),
+    (UPDATE, "iter passed begins with 1: no iteration 0"): (
+        ("iter = 0;", "iter = 1;"),
+        (" || iter == 1", ""),
+    ),
+    (UPDATE, "only iterations 0 and 1"): ((_LOOP, "iter == 1"),),
     (UPDATE, "tolerance divided by dt"): (("zeta > tol", "zeta > tol / dt"),),
     (UPDATE, "tolerance ignored"): (("zeta > tol && ", ""),),
     (UPDATE, "positions not moved"): ((_MOVE, ""),),
@@ -98,11 +111,11 @@ WRONG = {
         (_MOVE, ""),
         ("* dt / m[i];\n    }\n", "* dt / m[i];\n" + _MOVE + "    }\n"),
     ),
-    (UPDATE, "positions moved by the old velocity"): (
+    (UPDATE, "positions moved by the old velocity, before Newton's law"): (
         (_MOVE, ""),
         ("        double fx", _MOVE + "        double fx"),
     ),
-    (UPDATE, "positions moved by v / m"): (
+    (UPDATE, "positions moved by v / m: m in the text is a misprint"): (
         ("vx[i] * dt;", "vx[i] * dt / m[i];"),
         ("vy[i] * dt;", "vy[i] * dt / m[i];"),
     ),

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from recordings import make_frames, record
 from same_bits import contents
 
 from warpgrains import Scene, SceneError, Simulation
+from warpgrains.grade.grader import Grader
 from warpgrains.usd.reader import RecordingReader
+from warpgrains.view.homework import Homework
 from warpgrains.view.players import AXES, Live, Recorded
 
 
@@ -72,6 +75,89 @@ def test_a_step_that_fails_ends_it_and_is_told():
     assert "converged" in live.readout()["error"]
     live.restart()
     assert not live.is_over
+
+
+RIGHT = (Path(__file__).parents[1] / "grade" / "right" / "plain.c").read_text()
+
+
+def make(folder):
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def play(tmp_path):
+    grader, source = Grader(make(tmp_path / "grader")), tmp_path / "homework.c"
+    players = []
+
+    def played(text):
+        source.write_text(text)
+        players.append(Homework(Scene.load("annulus"), lambda: grader.run(source), "homework"))
+        return players[-1]
+
+    yield played
+    for player in players:
+        player.close()
+
+
+def test_a_right_homework_differs_nowhere(play, simulation):
+    player = play(RIGHT)
+    while player.readout()["step"] != "31":
+        player.advance(1)
+        assert player.readout()["largest difference of v"] == "none"
+        assert len(np.unique(player.shot().color, axis=0)) == 1
+    simulation.advance(30)
+    assert np.array_equal(player.shot().position, simulation.position)
+    assert player.shot().time == pytest.approx(simulation.time)
+    assert set(player.curves()) <= set(AXES)
+
+
+def test_a_wrong_homework_is_colored_where_it_differs(play):
+    player = play(RIGHT.replace("- vx[j] * nx - vy[j] * ny", "+ vx[j] * nx + vy[j] * ny"))
+    while player.readout()["largest difference of v"] == "none":
+        player.advance(1)
+    assert player.readout()["stage"] == "iteration 1"
+    worst = int(player.readout()["largest difference of v"].split()[-1])
+    color = player.shot().color
+    assert color[:, 1].argmin() == worst
+    assert len(np.unique(color, axis=0)) > 1
+
+
+def test_a_homework_that_ends_is_told_and_restarts(play):
+    player = play(RIGHT.replace("double zeta = 0.0;", "double zeta = 0.0; if (iter == 1) getchar();"))
+    player.advance(50)
+    assert player.is_over
+    assert "it reads the keyboard" in player.readout()["error"]
+    player.restart()
+    assert not player.is_over
+    assert player.steps == 0
+    player.advance(1)
+    assert player.readout()["stage"] == "velocities by Newton's law"
+
+
+HOMEWORKS = {
+    "a recording": (["run.usdc", "--homework", "homework.c"], "needs a scene, not a recording"),
+    "another scheme": (
+        ["annulus", "--homework", "homework.c", "--set", "time.scheme=leapfrog"],
+        "needs scheme text",
+    ),
+    "no inner wall": (
+        ["bidisperse", "--homework", "homework.c", "--set", "time.scheme=text"],
+        "an inner wall",
+    ),
+    "no file": (["annulus", "--homework", "none.c"], "'none.c' cannot be read"),
+    "no homework": (["annulus", "--homework", "empty.c"], "'empty.c' cannot be run"),
+}
+
+
+@pytest.mark.parametrize("case", HOMEWORKS)
+def test_homeworks_that_cannot_be_played_are_refused(case, tmp_path, monkeypatch, capfd):
+    arguments, complaint = HOMEWORKS[case]
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "homework.c").write_text(RIGHT)
+    (tmp_path / "empty.c").write_text('#include "fem.h"\n')
+    assert exit_code("view", *arguments) == 2
+    require_refusal(capfd, complaint)
 
 
 def test_recording_ends_with_its_last_frame(tmp_path):

@@ -168,7 +168,12 @@ def _add_view(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("what", metavar="WHAT", help="a scene, or a recording")
     add("--port", type=int, default=8080, metavar="P", help="where on 127.0.0.1 (default: 8080, or the next)")
+<<<<<<< HEAD
     _add_set(parser)
+=======
+    add("--homework", metavar="FILE", help="a homework.c, played stage by stage beside the reference")
+    add_set(parser)
+>>>>>>> grader
 
 
 def _add_report(parser: ArgumentParser) -> None:
@@ -183,7 +188,9 @@ def _add_grade(parser: ArgumentParser) -> None:
     add("homework", metavar="HOMEWORK", nargs="?", help="a homework.c, or a folder of homeworks")
     add("-o", "--output", metavar="CSV", help="of a folder: the table of grades to write")
     add("--json", action="store_true", help="print the verdict as JSON: an object, or a list for a folder")
-    add("--strict", action="store_true", help="let only the bits of the reference pass")
+    add("--strict", action="store_true", help="require bit-identical results")
+    add("--lang", choices=("en", "fr"), default="en", help="language of verdicts (default: en)")
+    add("--html", metavar="DIR", help="write a page for each homework, and one for a class, to a folder")
     empty = "write an empty homework, its header and its task, in English and French (default: here)"
     add("--template", metavar="DIR", nargs="?", const=".", help=empty)
 

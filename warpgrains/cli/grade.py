@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import sys
 from argparse import Namespace
 from collections import Counter
@@ -14,9 +15,10 @@ from tqdm import tqdm
 
 from warpgrains.console import in_columns, stopping_on_signals
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import read_table, require_place, table_text, write_whole
+from warpgrains.files import make_folder, read_table, require_place, table_text, write_whole
 from warpgrains.grade.grader import Grader
-from warpgrains.grade.processes import Processes
+from warpgrains.grade.page import GENERATOR, Pages
+from warpgrains.grade.sandbox import Processes
 from warpgrains.grade.template import write_template
 from warpgrains.grade.verdict import Verdict
 from warpgrains.locks import Lock
@@ -35,7 +37,8 @@ def grade(arguments: Namespace) -> int:
         0: all are right; 1: one is wrong; 2: one cannot be graded, as it cannot be read or compiled.
     """
     if arguments.template is not None:
-        if arguments.homework or arguments.output or arguments.json or arguments.strict:
+        others = ("homework", "output", "json", "strict", "html")
+        if any(getattr(arguments, name) for name in others):
             raise SceneError("--template goes alone: it writes an empty homework")
         print("\n".join(map(str, write_template(Path(arguments.template)))))
         return RIGHT
@@ -48,10 +51,14 @@ def grade(arguments: Namespace) -> int:
 def _grade_one(path: Path, arguments: Namespace) -> int:
     if arguments.output is not None:
         raise SceneError("-o needs a folder of homeworks; --json prints the verdict on one")
+    if arguments.html is not None:
+        _require_pages(Path(arguments.html))
     verdict = _grade_all([path], arguments.strict)[0]
     if verdict.problem:
         raise SceneError(verdict.problem)
-    print(json.dumps(verdict.as_json()) if arguments.json else verdict.text(_has_color()))
+    if arguments.html is not None:
+        write_whole(Path(arguments.html) / "index.html", Pages(arguments.lang).homework(verdict).encode())
+    print(json.dumps(verdict.as_json()) if arguments.json else verdict.text(_has_color(), arguments.lang))
     return _code(verdict)
 
 
@@ -59,9 +66,11 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
     paths = sorted(path for path in folder.rglob("*.c") if not path.is_dir())
     if not paths:
         raise SceneError(f"folder '{folder}' holds no homework: no file ends in .c")
+    if arguments.html is not None:
+        _require_pages(Path(arguments.html))
     if arguments.output is None:
-        if not arguments.json:
-            raise SceneError("a folder of homeworks needs -o TABLE.csv, or --json")
+        if not arguments.json and arguments.html is None:
+            raise SceneError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
         verdicts = _grade_all(paths, arguments.strict)
     else:
         output = Path(arguments.output)
@@ -70,16 +79,36 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
             _require_table(output)
             verdicts = _grade_all(paths, arguments.strict)
             rows = [
-                verdict.as_row() | {"file": _in_utf8(str(path.relative_to(folder)))}
+                verdict.as_row(arguments.lang) | {"file": _in_utf8(str(path.relative_to(folder)))}
                 for path, verdict in zip(paths, verdicts, strict=True)
             ]
             write_whole(output, table_text(rows).encode())
-    print(
-        json.dumps([verdict.as_json() for verdict in verdicts])
-        if arguments.json
-        else _lines(verdicts, output)
-    )
+    if arguments.html is not None:
+        names = [_in_utf8(str(path.relative_to(folder))) for path in paths]
+        named = [replace(verdict, file=name) for verdict, name in zip(verdicts, names, strict=True)]
+        _write_pages(Path(arguments.html), named, arguments.lang)
+    if arguments.json:
+        print(json.dumps([verdict.as_json() for verdict in verdicts]))
+    else:
+        print(_lines(verdicts, arguments.output, arguments.html))
     return max(map(_code, verdicts))
+
+
+def _write_pages(folder: Path, verdicts: list[Verdict], language: str) -> None:
+    """Write a page for each homework of a class, and one for all."""
+    pages = Pages(language)
+    links = [f"{k:03}_{re.sub(r'[^A-Za-z0-9.-]', '_', v.file)[-100:]}.html" for k, v in enumerate(verdicts)]
+    for verdict, link in zip(verdicts, links, strict=True):
+        write_whole(folder / link, pages.homework(verdict).encode())
+    write_whole(folder / "index.html", pages.course(verdicts, links).encode())
+
+
+def _require_pages(folder: Path) -> None:
+    """Make a folder for pages; raise OutputError if its index is not a page of `warpgrains grade`."""
+    make_folder(folder)
+    index = folder / "index.html"
+    if index.exists() and GENERATOR not in index.read_text(errors="replace"):
+        raise OutputError(f"refusing to overwrite '{index}': not a page of warpgrains grade")
 
 
 def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
@@ -116,8 +145,8 @@ def _require_table(output: Path) -> None:
         raise OutputError(f"'{output}' is there, and no table of grades: it is left as it is")
 
 
-def _lines(verdicts: list[Verdict], output: Path) -> str:
-    counts = Counter(verdict.status for verdict in verdicts)
+def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str:
+    counts = Counter(str(verdict.status) for verdict in verdicts)
     rows = {
         "homeworks": len(verdicts),
         "right": counts["right"],
@@ -125,7 +154,8 @@ def _lines(verdicts: list[Verdict], output: Path) -> str:
         "not compiled": counts["does not compile"],
         "not read": counts["cannot be read"],
         "with warnings": sum(bool(verdict.warnings) for verdict in verdicts),
-        "table": _in_utf8(str(output)),
+        **({"table": _in_utf8(table)} if table else {}),
+        **({"pages": _in_utf8(pages)} if pages else {}),
     }
     return in_columns(rows)
 
@@ -140,4 +170,4 @@ def _has_color() -> bool:
 
 
 def _code(verdict: Verdict) -> int:
-    return {"right": RIGHT, "wrong": WRONG}.get(verdict.status, NOT_GRADED)
+    return {"right": RIGHT, "wrong": WRONG}.get(str(verdict.status), NOT_GRADED)

@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 enum { ANSWERED, CALLED, CRASHED, OUTSIDE, CHANGED, TOO_LONG };
-enum { FILES, PROCESSES, NETWORK, MEMORY, ABORT, OTHER };
+enum { FILES, PROCESSES, NETWORK, MEMORY, ABORT, TERMINAL, WAITING, SIGNALS, OTHER };
 
 /* What is answered to a request; arrays follow if it is ANSWERED. */
 typedef struct {

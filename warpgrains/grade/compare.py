@@ -18,49 +18,53 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.grade.child import Answer
-from warpgrains.grade.ended import FIELDS
 from warpgrains.grade.probes import Probe
+from warpgrains.grade.sandbox import FIELDS, Answer
+from warpgrains.grade.words import Words, joined
+
+DOUBLE, FLOAT = (float(np.finfo(kind).eps) for kind in (np.float64, np.float32))
+"""Relative rounding errors of the two kinds of numbers."""
 
 _ROUNDINGS = 32
-_EPS = float(np.finfo(np.float64).eps)
 _UPDATE_ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")
 
 
 class Difference(NamedTuple):
-    """What differs first: `quantity`, such as "vx[3]", at a step, and the iteration and contact if known."""
+    """The first difference: `quantity`, such as "vx[3]", at a step; iteration and contact if known."""
 
     scene: str
     step: int
     iteration: int | None
-    contact: str | None
-    quantity: str
+    contact: Words | None
+    quantity: Words
     expected: float
     found: float
 
-    def __str__(self) -> str:
-        place = [f"scene {self.scene}", f"step {self.step}"]
-        place += [] if self.iteration is None else [f"iteration {self.iteration}"]
+    def words(self) -> Words:
+        """Return a sentence with the expected and the actual value."""
+        place = [Words("scene {scene}", scene=self.scene), Words("step {step}", step=self.step)]
+        place += [] if self.iteration is None else [Words("iteration {iteration}", iteration=self.iteration)]
         place += [] if self.contact is None else [self.contact]
-        expected, found = _told_apart(self.expected, self.found)
-        return f"{', '.join(place)}: {self.quantity} is {found}, expected {expected}"
+        expected, found = _in_digits(self.expected, self.found)
+        values = {"place": joined(place), "quantity": self.quantity, "found": found, "expected": expected}
+        return Words("{place}: {quantity} is {found}, expected {expected}", **values)
 
 
-def difference(probe: Probe, expected: Answer, found: Answer, strict: bool = False) -> Difference | None:
-    """Return the first thing in which an answer differs from that of the reference; strict: in any bit."""
-    return None if expected == found else _Comparison(probe, expected, found, strict).first()
+def difference(probe: Probe, expected: Answer, found: Answer, eps: float = DOUBLE) -> Difference | None:
+    """Return the first difference from the reference's answer beyond rounding errors eps; 0: in any bit."""
+    return None if expected == found else _Comparison(probe, expected, found, eps).first()
 
 
 class _Comparison:
-    def __init__(self, probe: Probe, expected: Answer, found: Answer, strict: bool):
+    def __init__(self, probe: Probe, expected: Answer, found: Answer, eps: float):
         self._probe, self._expected, self._found = probe, expected, found
         call, n = probe.call, probe.call.n
-        speeds = (call.state[2 * n : 4 * n], *(s[2 * n : 4 * n] for s in (expected.state, found.state)))
-        changes = (expected.state[6 * n :], found.state[6 * n :])
-        numbers = np.concatenate([*speeds, *changes])
+        numbers = np.concatenate(
+            [call.state[2 * n : 4 * n], expected.state[2 * n : 4 * n], expected.state[6 * n :]]
+        )
         largest = float(np.abs(numbers[np.isfinite(numbers)]).max(initial=call.radius_out / call.dt))
         acting = n + np.count_nonzero(expected.state[6 * n :])
-        rounding = 0.0 if strict else _ROUNDINGS * _EPS
+        rounding = _ROUNDINGS * eps
         self._speed = rounding * largest * acting * max(1, expected.calls)
         self._length = call.dt * self._speed + rounding * call.radius_out
 
@@ -71,10 +75,10 @@ class _Comparison:
         first = self._first_before_end()
         if self._found.calls == self._expected.calls:
             return first or self._first_in_state(_UPDATE_ORDER)
-        what = "calls of femGrainsContactIterate"
         if first or self._may_end_otherwise():
             return first
-        return self._tell(what, self._expected.calls, self._found.calls)
+        calls = Words("number of calls of femGrainsContactIterate")
+        return self._difference(calls, self._expected.calls, self._found.calls)
 
     def _may_end_otherwise(self) -> bool:
         """Return whether a step may take another number of iterations than the reference's."""
@@ -96,7 +100,7 @@ class _Comparison:
 
     def _of_zeta(self, expected: float, found: float, iteration: int) -> Difference | None:
         same = _same(np.array([expected]), np.array([found]), self._speed)[0]
-        return None if same else self._tell("zeta", expected, found, iteration)
+        return None if same else self._difference(Words("zeta", "zeta"), expected, found, iteration)
 
     def _first_before_end(self) -> Difference | None:
         """Compare what the iterations began with, what they were asked for, and what they returned."""
@@ -110,15 +114,18 @@ class _Comparison:
             if wrong.size:
                 i = int(wrong[0])
                 values = (self._expected.before[part][i], self._found.before[part][i])
-                return self._tell(f"{name}[{i}] before the iterations", *values)
+                quantity = Words("{entry} before the iterations", entry=f"{name}[{i}]")
+                return self._difference(quantity, *values)
         for k, (of_reference, of_homework) in enumerate(
             zip(self._expected.record, self._found.record, strict=False)
         ):
             (right, dt, zeta), (iteration, with_dt, returned) = of_reference, of_homework
             if (iteration > 0) != (right > 0):
-                return self._tell(f"iter in call {k + 1} of femGrainsContactIterate", right, iteration)
+                quantity = Words("iter in call {call} of femGrainsContactIterate", call=k + 1)
+                return self._difference(quantity, right, iteration)
             if with_dt != dt:
-                return self._tell(f"dt in call {k + 1} of femGrainsContactIterate", dt, with_dt)
+                quantity = Words("dt in call {call} of femGrainsContactIterate", call=k + 1)
+                return self._difference(quantity, dt, with_dt)
             first = self._of_zeta(zeta, returned, k) if right > 0 else None
             if first:
                 return first
@@ -133,34 +140,34 @@ class _Comparison:
             wrong = np.flatnonzero(~_same(expected, found, self._length if k < 2 else self._speed))
             if wrong.size:
                 i = int(wrong[0])
-                return self._tell(f"{name}[{i}]", expected[i], found[i], contact=self._contact(name, i))
+                entry = f"{name}[{i}]"
+                contact = self._contact(name, i)
+                return self._difference(Words(entry, entry), expected[i], found[i], contact=contact)
         return None
 
-    def _contact(self, name: str, index: int) -> str | None:
+    def _contact(self, name: str, index: int) -> Words | None:
         """Name the contact that an entry belongs to, or the first that acts on the grain."""
         n, state = self._probe.call.n, self._expected.state
         i, j = np.triu_indices(n, 1)
         if name == "dvContacts":
-            return f"pair ({i[index]}, {j[index]})"
-        if name == "dvBoundary":
-            return (
-                f"grain {index} at the {_wall(state[6 * n + index] or self._found.state[6 * n + index])} wall"
-            )
-        if self._probe.call.iteration < 0:
+            return Words("pair ({i}, {j})", i=i[index], j=j[index])
+        if name != "dvBoundary" and self._probe.call.iteration < 0:
             return None
         acting = np.flatnonzero(((i == index) | (j == index)) & (state[7 * n :] != 0.0))
-        if acting.size:
-            return f"pair ({i[acting[0]]}, {j[acting[0]]})"
-        wall = state[6 * n + index]
-        return f"grain {index} at the {_wall(wall)} wall" if wall else f"grain {index}"
+        if name != "dvBoundary" and acting.size:
+            return Words("pair ({i}, {j})", i=i[acting[0]], j=j[acting[0]])
+        wall = state[6 * n + index] or (self._found.state[6 * n + index] if name == "dvBoundary" else 0.0)
+        if name != "dvBoundary" and not wall:
+            return Words("grain {i}", i=index)
+        return Words("grain {i} at the inner wall" if wall < 0.0 else "grain {i} at the outer wall", i=index)
 
-    def _tell(
+    def _difference(
         self,
-        quantity: str,
+        quantity: Words,
         expected: float,
         found: float,
         iteration: int | None = None,
-        contact: str | None = None,
+        contact: Words | None = None,
     ) -> Difference:
         probe = self._probe
         if iteration is None and probe.call.iteration >= 0:
@@ -176,11 +183,7 @@ def _same(expected: FloatArray, found: FloatArray, most: float) -> np.ndarray:
     return near | (expected == found) | (np.isnan(expected) & np.isnan(found))
 
 
-def _wall(correction: float) -> str:
-    return "inner" if correction < 0.0 else "outer"
-
-
-def _told_apart(one: float, other: float) -> tuple[str, str]:
+def _in_digits(one: float, other: float) -> tuple[str, str]:
     """Write two numbers with as few digits as tell them apart."""
     for digits in range(4, 18):
         words = f"{one:.{digits}g}", f"{other:.{digits}g}"

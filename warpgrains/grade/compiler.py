@@ -1,18 +1,18 @@
-"""Compile the child, the reference, wrong versions of it, and homeworks."""
+"""Compile the sandbox, the reference, the model and homeworks."""
 
 import os
 import re
+import shutil
 import stat
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryFile
 from time import monotonic
 
 from warpgrains.errors import SceneError
-from warpgrains.grade.processes import Processes
-from warpgrains.grade.toolchain import toolchain_paths
+from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import SOURCE
 
 HOMEWORK = "homework.c"
@@ -29,6 +29,10 @@ _REFERENCE = f"-I{SOURCE.parent}"
 _HERE = Path(__file__).parent
 _PARTS = [_HERE / name for name in ("child.c", "confine.c", "guarded.c")]
 _INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]*"([\w-][\w.-]{0,99}\.h)"', re.MULTILINE)
+_PACKAGE = Path(__file__).resolve().parents[1]
+_PROGRAMS = ("cc", "as", "ld")
+_OTHERS = ("/etc/ld.so.cache", "/dev/null")
+_SEARCHED = re.compile(r"search starts here:\n(.*?)End of search list", re.DOTALL)
 _LONGEST = 2**20  # bytes of a homework, and of what the compiler says of it
 
 
@@ -110,6 +114,13 @@ class Compiler:
         self._run(["cc", *_FLAGS, *create, "-o", str(child), *libraries], folder)
         return child
 
+    def compile_model(self, source: Path, folder: Path) -> Path:
+        """Compile a trusted program whose headers are in the folder to a library there."""
+        library = folder / f"{source.stem}.so"
+        options = [*_FLAGS, *_STRICT, "-fPIC", "-shared", f"-I{folder}", _REFERENCE]
+        self._run(["cc", *options, str(source), "-o", str(library), "-lm"], folder)
+        return library
+
     def compile_library(self, source: Path, folder: Path, defines: Sequence[str] = ()) -> Path:
         """Compile a trusted source to a library in a folder."""
         library = folder / f"{source.stem}{''.join(defines)}.so"
@@ -175,3 +186,41 @@ def _options(folder: Path, defines: Sequence[str]) -> list[str]:
     own.write_text(f"{{ {UPDATE}; {CONTACT}; }};\n")
     shared = ["-fPIC", "-shared", "-fsemantic-interposition", f"-Wl,--dynamic-list={own}"]
     return [*_FLAGS, *_STRICT, *defines, *shared]
+
+
+def toolchain_paths() -> list[Path]:
+    """Return where the programs, libraries and headers of the compiler `cc` are, without this package."""
+    found = {Path(path) for path in _OTHERS}
+    found |= {Path(path) for name in _PROGRAMS if (path := shutil.which(name))}
+    for line in _lines_of("cc", "-print-search-dirs").splitlines():
+        found |= {Path(path) for path in line.partition("=")[2].split(os.pathsep) if path.startswith("/")}
+    for folders in _SEARCHED.findall(_lines_of("cc", "-E", "-v", "-x", "c", os.devnull)):
+        found |= {Path(line.strip()) for line in folders.splitlines() if line.startswith(" /")}
+    resolved = {path.resolve() for path in found if path.exists()}
+    outermost = {path for path in resolved if not resolved & set(path.parents)}
+    return sorted(each for path in outermost for each in _without_package(path))
+
+
+def _without_package(path: Path) -> Iterator[Path]:
+    """Yield a path, or what is in it beside this package."""
+    if path not in (_PACKAGE, *_PACKAGE.parents):
+        yield path
+    elif path != _PACKAGE:
+        for inside in path.iterdir():
+            if not inside.is_symlink():
+                yield from _without_package(inside)
+
+
+def _lines_of(*command: str) -> str:
+    """Return what a command prints."""
+    done = subprocess.run(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        env={**os.environ, "LC_ALL": "C"},
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    return done.stdout

@@ -62,6 +62,12 @@ static int kindOfCall(long number) {
             return MEMORY;
         case SYS_tgkill:
             return ABORT;
+        case SYS_ioctl:
+            return TERMINAL;
+        case SYS_nanosleep: case SYS_clock_nanosleep:
+            return WAITING;
+        case SYS_kill:
+            return SIGNALS;
         default:
             return OTHER;
     }

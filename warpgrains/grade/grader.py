@@ -1,24 +1,25 @@
-"""A homework held against the reference: each of its functions with the reference's other one, then both."""
+"""A homework compared with the reference: each of its functions with the reference's other one, then both."""
 
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from hashlib import sha256
 from math import inf
 from pathlib import Path
 from threading import Lock
 from time import monotonic
 
-from warpgrains.grade.child import DEFAULT, Answer, Child, Function, Limits
-from warpgrains.grade.compare import difference
+from warpgrains.errors import SceneError
+from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
 from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, CompileError, Compiler, read_homework
-from warpgrains.grade.diagnosis import answers_of_mistakes, explain
-from warpgrains.grade.ended import EndedError
+from warpgrains.grade.diagnosis import Model, hint_of
 from warpgrains.grade.probes import Probe, make_probes
-from warpgrains.grade.processes import Processes
-from warpgrains.grade.verdict import BOTH, Part, Verdict
+from warpgrains.grade.sandbox import DEFAULT, Answer, Child, EndedError, Function, Limits, Processes
+from warpgrains.grade.verdict import BOTH, NOTHING, Part, Shown, Verdict
+from warpgrains.grade.words import Words
 from warpgrains.reference.reference import SOURCE
 
+_UNKNOWN = "no known mistake explains it"
 _UNGUARDED = (
     "the lines #ifndef NOUPDATE, #ifndef NOCONTACTITERATE and #endif around the two functions are missing or "
     "changed: put them back as they are in the empty homework"
@@ -75,8 +76,8 @@ class Grader:
                 function: [child.ask(probe.call) for probe in asked]
                 for function, asked in self.probes.items()
             }
+        self.model = Model(self._compiler, folder)
         self._lock = Lock()
-        self.answers_of_mistakes = cache(self._answers_of_mistakes)
         self._count = 0
 
     def grade(self, source: Path) -> Verdict:
@@ -96,6 +97,25 @@ class Grader:
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
+    def run(self, source: Path) -> tuple[Child, Child]:
+        """Return the running reference, and a running homework.
+
+        Raises
+        ------
+        SceneError
+            The homework cannot be read, does not compile, or has not both functions.
+        """
+        folder = self._folder / "run"
+        try:
+            library, _ = self._compiler.compile_homework(read_homework(source), folder)
+            child = self._child({name: Function(library, name) for name in (UPDATE, CONTACT)}, self._limits)
+        except (CompileError, EndedError) as error:
+            raise SceneError(f"'{source}' cannot be run: {error}") from None
+        if child.updates and child.iterates:
+            return self._child({}), child
+        child.close()
+        raise SceneError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
+
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
         text, until = read_homework(source), start + self._limits.in_all
         has_markers = any(marker[2:].encode() in text for marker in WITHOUT.values())
@@ -109,16 +129,18 @@ class Grader:
                 libraries[part], said[part] = self._compiler.compile_homework(text, folder, defines, until)
             except CompileError as error:
                 said[part] = str(error)
-        lines = next(filter(None, said.values()), "")
+        lines = next((lines for part, lines in said.items() if part not in libraries), said[BOTH])
         if not libraries:
             return Verdict(str(source), lines, seconds=monotonic() - start)
         parts = [self._part(part, libraries, until) for part in (UPDATE, CONTACT)]
         both = self._part(BOTH, libraries, until, all(part.ended is None for part in parts))
         if both.status == "wrong" and all(part.status == "right" for part in parts):
-            both = replace(both, remark="each is right alone: do they keep something between calls?")
+            both = replace(both, remark=Words("each is right alone: do they keep something between calls?"))
         parts.append(both)
         warnings = tuple(dict.fromkeys(warning for part in parts for warning in part.warnings))
-        return Verdict(str(source), lines, tuple(parts), warnings, seconds=monotonic() - start)
+        wrong = b"".join(part.values for part in parts)
+        values = sha256(wrong).hexdigest() if wrong else ""
+        return Verdict(str(source), lines, tuple(parts), warnings, "", values, monotonic() - start)
 
     def _part(self, name: str, libraries: dict[str, Path], until: float, may_run: bool = True) -> Part:
         """Grade one function, or both together."""
@@ -129,56 +151,65 @@ class Grader:
             return Part(name, "not run")
         own = {each: Function(libraries[name], each) for each in (UPDATE, CONTACT) if name in (each, BOTH)}
         answers: list[Answer] = []
-        warnings: tuple[str, ...] = ()
-        ended, printed, probes = None, "", self.probes[function]
+        warnings: tuple[Words, ...] = ()
+        ended: EndedError | None = None
+        printed, probes = "", self.probes[function]
         try:
             with self._child(own, self._limits, until) as child:
                 try:
                     warnings = _warnings(child)
                     if not ((child.updates or name == CONTACT) and (child.iterates or name == UPDATE)):
-                        missing = child.printed.strip() or None
+                        printed = child.printed.strip()
+                        missing = Words(printed, printed) if printed else None
                         return Part(name, "missing", ended=missing, warnings=warnings)
                     for probe in probes:
                         answers.append(child.ask(probe.call))
                 finally:
                     printed = child.printed
         except EndedError as error:
-            ended = f"{_where(probes[len(answers)])}: it {error}"
-        return replace(self._judged(name, function, answers, ended, printed), warnings=warnings)
+            ended = error
+        part = self._judged(name, function, answers, ended, printed)
+        values = b"".join(answer.bytes for answer in answers) if part.shown and name != BOTH else b""
+        return replace(part, warnings=warnings, values=values)
 
     def _judged(
-        self, name: str, function: str, answers: Sequence[Answer], ended: str | None, printed: str
+        self, name: str, function: str, answers: Sequence[Answer], ended: EndedError | None, printed: str
     ) -> Part:
         probes, expected = self.probes[function], self.expected[function]
-        scenes: dict[str, str] = {}
-        for probe, right, found in zip(probes, expected, answers, strict=False):
-            first = difference(probe, right, found, self._strict)
+        eps = 0.0 if self._strict else DOUBLE
+        differences = _differences(probes, expected, answers, eps)
+        scenes: dict[str, Words] = {}
+        said = None
+        for probe, first in zip(probes, differences, strict=False):
             if not scenes.get(probe.scene):
-                scenes[probe.scene] = str(first or "")
+                scenes[probe.scene] = first.words() if first else NOTHING
         if ended:
-            scenes[probes[len(answers)].scene] = scenes.get(probes[len(answers)].scene) or ended
+            last = probes[len(answers)]
+            said = Words("{where}: it {does}", where=_where(last), does=ended.words)
+            scenes[last.scene] = scenes.get(last.scene) or said
         for probe in probes:
-            scenes.setdefault(probe.scene, "not run")
-        status = "wrong" if any(scenes.values()) else "right"
-        part = Part(name, status, scenes, ended, printed=printed)
-        if status == "right" or name == BOTH:
+            scenes.setdefault(probe.scene, Words("not run"))
+        part = Part(name, "wrong" if any(scenes.values()) else "right", scenes, said, printed=printed)
+        wrong = [(probes[k].call.n, k, first) for k, first in enumerate(differences) if first]
+        if wrong:
+            _, k, smallest = min(wrong)
+            part = replace(part, shown=Shown(smallest, probes[k].call, expected[k], answers[k]))
+        if part.status == "right" or name == BOTH:
             return part
-        if all(map(_is_near, probes, expected, answers)):
-            return part if ended else replace(part, remark="it differs by rounding only")
-        with self._lock:
-            mistakes = self.answers_of_mistakes(function)
-        names, left = explain(probes, expected, answers, mistakes)
-        unknown = "these do not explain all of it" if names else "no known mistake explains it"
-        return replace(part, mistakes=tuple(names), remark=unknown if left else "")
-
-    def _answers_of_mistakes(self, function: str) -> dict[str, list[Answer]]:
-        folder = self._folder / function
-        folder.mkdir()
-
-        def start(mistake: Function) -> Child:
-            return self._child({function: mistake})
-
-        return answers_of_mistakes(function, self._compiler, folder, start, self.probes[function])
+        near = differences if eps else _differences(probes, expected, answers, DOUBLE)
+        k, first = next(((k, each) for k, each in enumerate(near) if each), (len(answers), None))
+        if first is None and (not ended or ended.outside < 0):
+            return part if ended else replace(part, remark=Words("it differs by rounding only"))
+        outside = ended.outside if ended else -1
+        mistakes, is_complete = self.model.explain(function, probes, answers, k, outside)
+        if is_complete or first is None:
+            return replace(part, mistakes=mistakes)
+        if mistakes:
+            remark = Words("there is another mistake, which has no name")
+            return replace(part, mistakes=mistakes, remark=remark)
+        is_float = not ended and not any(_differences(probes, expected, answers, FLOAT))
+        remark = Words("it differs as if float were used: use double" if is_float else _UNKNOWN)
+        return replace(part, hint=hint_of(first, function == CONTACT), remark=remark)
 
     def _child(
         self, functions: Mapping[str, Function], limits: Limits = DEFAULT, until: float = inf
@@ -190,16 +221,20 @@ class Grader:
         return Child(self._program, update, contact, self._processes, limits, until)
 
 
-def _warnings(child: Child) -> tuple[str, ...]:
+def _warnings(child: Child) -> tuple[Words, ...]:
     """Return what the course forbids and a homework does all the same."""
     found = {_MAIN: child.has_main, _UNGUARDED: child.is_unguarded}
-    return tuple(warning for warning, holds in found.items() if holds)
+    return tuple(Words(warning) for warning, holds in found.items() if holds)
 
 
-def _is_near(probe: Probe, expected: Answer, found: Answer) -> bool:
-    return difference(probe, expected, found) is None
+def _differences(
+    probes: Sequence[Probe], expected: Sequence[Answer], answers: Sequence[Answer], eps: float
+) -> list[Difference | None]:
+    return [difference(*each, eps) for each in zip(probes, expected, answers, strict=False)]
 
 
-def _where(probe: Probe) -> str:
-    iteration = f", iteration {probe.call.iteration}" if probe.call.iteration >= 0 else ""
-    return f"scene {probe.scene}, step {probe.step}{iteration}"
+def _where(probe: Probe) -> Words:
+    if probe.call.iteration < 0:
+        return Words("scene {scene}, step {step}", scene=probe.scene, step=probe.step)
+    numbers = {"scene": probe.scene, "step": probe.step, "iteration": probe.call.iteration}
+    return Words("scene {scene}, step {step}, iteration {iteration}", **numbers)

@@ -1,8 +1,8 @@
 """What homeworks are asked for: calls that begin where the reference is, so that no error adds up.
 
-Scenes are such that each known mistake shows in one of them: masses and radii that differ, gravity with two
-components, drag, grains that meet one another and both walls, the light and the heavy first. They are asked
-for in this order, the simplest first.
+Scenes are such that each mistake shows in one of them, and no two mistakes look the same: masses and radii
+that differ, gravity with two components, drag, grains that meet one another and both walls, the light and the
+heavy first, so fast at the start that they close any gap within a step. The smallest scenes come first.
 """
 
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.grade.child import Call, Child
+from warpgrains.grade.sandbox import Call, Child
 from warpgrains.scene.scene import Scene
 
 FIRST_ITERATIONS = 3  # of a step are asked for one by one, from 0
@@ -40,7 +40,7 @@ def make_probes(reference: Child) -> Probes:
     contact: list[Probe] = []
     update: list[Probe] = []
     for scene, steps in _scenes():
-        call = _start(scene)
+        call = start_of(scene)
         for step in range(1, max(steps) + 1):
             if step in steps:
                 iterations, zeta = _iterations(reference, call)
@@ -53,9 +53,12 @@ def make_probes(reference: Child) -> Probes:
 def _scenes() -> Iterator[tuple[Scene, range]]:
     """Give the scenes, and at which of their steps homeworks are asked."""
     ring = {"gravity": (1.5, -9.81), "drag": 0.05, "dt": 0.02, "max_iterations": 1000}
-    yield _scene("one", [[0.05, 0.9]], [[-0.8, -3.0]], [0.1], [0.3], radius_out=1.3, **ring), range(2, 41, 3)
-    centres, speeds = [[-0.7, 0.7], [0.2, 1.0]], [[3.0, 0.5], [-2.0, 0.0]]
-    yield _scene("two", centres, speeds, [0.08, 0.15], [0.2, 2.0], **ring), range(1, 31, 2)
+    fall = {"radius": [0.1], "mass": [0.3], "radius_out": 1.3}
+    yield _scene("one", [[0.05, 0.9]], [[-12.0, -45.0]], **fall, **ring), range(1, 41, 2)
+    centers, speeds = [[-0.7, 0.7], [0.2, 1.0]], [[12.0, 2.0], [-9.0, 0.0]]
+    yield _scene("two", centers, speeds, [0.08, 0.15], [0.2, 2.0], **ring), range(1, 31)
+    centers, speeds = [[-0.31, 0.86], [0.03, 0.83], [0.4, 0.9]], [[20.0, 5.0], [2.0, -10.0], [-20.0, 60.0]]
+    yield _scene("three", centers, speeds, [0.12, 0.17, 0.15], [0.4, 1.5, 0.9], **ring), range(1, 13)
     random = np.random.default_rng(13)
     angle = 2.0 * np.pi * np.arange(14) / 14
     distance = 0.8 + 0.05 * random.uniform(-1.0, 1.0, 14)
@@ -81,7 +84,7 @@ def _scene(
     return Scene(name=name, **{"radius_in": 0.5, "radius_out": 1.5, **arrays, **others})  # type: ignore[arg-type]
 
 
-def _start(scene: Scene) -> Call:
+def start_of(scene: Scene) -> Call:
     """Return the first step of a scene."""
     n = scene.n
     arrays = (*scene.position.T, *scene.velocity.T, scene.radius, scene.mass, np.zeros(n + n * (n - 1) // 2))

@@ -2,14 +2,54 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
-from warpgrains.grade.mistakes import MISTAKES
+from warpgrains.grade.compare import Difference
+from warpgrains.grade.diagnosis import Hint, Mistake
+from warpgrains.grade.sandbox import Answer, Call
+from warpgrains.grade.words import Words, in_language
 
 BOTH = "both together"
+MOST_SHOWN = 3  # grains of a scene that is printed
 
-_ADVICE = {(mistake.function, mistake.name): mistake.advice for mistake in MISTAKES}
+NOTHING = Words("", "")
+
+_PARTS = ("femGrainsUpdate", "femGrainsContactIterate", BOTH)
 _COLORS = {"right": "32", "not run": "33"}  # else red
+_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
+
+
+class Shown(NamedTuple):
+    """The smallest scene in which a homework answers something wrong."""
+
+    difference: Difference
+    call: Call
+    expected: Answer
+    found: Answer
+
+    def rows(self) -> list[list[str]]:
+        """Return the scene before the call as a table: a row of names, and one for each grain."""
+        arrays = self.call.state[: 7 * self.call.n].reshape(7, -1).T
+        rows = [[str(i), *(f"{value:.6g}" for value in row)] for i, row in enumerate(arrays)]
+        return [["", *_GRAIN], *rows]
+
+    def numbers(self) -> Words:
+        """Return the numbers that belong to no grain, as C assigns them."""
+        call = self.call
+        numbers = {
+            **({"iter": call.iteration} if call.iteration >= 0 else {}),
+            "dt": call.dt,
+            **({} if call.iteration >= 0 else {"tol": call.tolerance, "iterMax": call.max_iterations}),
+            "radiusIn": call.radius_in,
+            "radiusOut": call.radius_out,
+            "gravity[0]": call.gravity[0],
+            "gravity[1]": call.gravity[1],
+            "gamma": call.drag,
+        }
+        corrections = call.state[7 * call.n :]
+        numbers |= {f"dvContacts[{k}]": value for k, value in enumerate(corrections) if value}
+        text = ", ".join(f"{name} = {value:.6g}" for name, value in numbers.items())
+        return Words(text, text)
 
 
 @dataclass(frozen=True)
@@ -22,35 +62,52 @@ class Part:
         Status: right, wrong, missing, does not compile, or not run.
     scenes : mapping
         What is wrong in each scene, in words; empty: right.
-    ended : str or None
+    ended : Words or None
         What it did instead of an answer, and where.
-    mistakes : tuple of str
-        Known mistakes that explain what is wrong.
-    remark : str
-        What else is known of it.
+    mistakes : tuple of Mistake
+        Mistakes that together explain all wrong values.
+    hint : Hint or None
+        The equation that the first wrong value is of, if no mistake explains it.
+    remark : Words
+        What else is known of it; may be empty.
+    shown : Shown or None
+        The smallest scene with a wrong value.
     printed : str
         The beginning of what it printed.
-    warnings : tuple of str
+    warnings : tuple of Words
         What the course forbids, though it may pass.
+    values : bytes
+        All answers of a function alone, if one is wrong.
     """
 
     name: str
     status: str
-    scenes: Mapping[str, str] = field(default_factory=dict)
-    ended: str | None = None
-    mistakes: tuple[str, ...] = ()
-    remark: str = ""
+    scenes: Mapping[str, Words] = field(default_factory=dict)
+    ended: Words | None = None
+    mistakes: tuple[Mistake, ...] = ()
+    hint: Hint | None = None
+    remark: Words = NOTHING
+    shown: Shown | None = None
     printed: str = ""
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Words, ...] = ()
+    values: bytes = b""
 
     @property
-    def first(self) -> str:
+    def first(self) -> Words | None:
         """The first thing that is wrong."""
-        return next(filter(None, self.scenes.values()), "")
+        return next(filter(None, self.scenes.values()), None) or self.ended
 
-    def advice(self) -> list[str]:
-        """Return its mistakes, each with what to look at."""
-        return [f"{name} ({_ADVICE[self.name, name]})" for name in self.mistakes]
+    def advice(self) -> list[tuple[Words, Words]]:
+        """Return the mistakes, equations of the text and what to look at, each after its heading."""
+        lines: list[tuple[Words, Words]] = []
+        for mistake in self.mistakes:
+            lines += [(Words("mistake"), mistake.name), *_advice(mistake.hint)]
+        lines += _advice(self.hint) if self.hint else []
+        return lines + ([(Words("note"), self.remark)] if self.remark else [])
+
+
+def _advice(hint: Hint) -> list[tuple[Words, Words]]:
+    return [(Words("course text"), hint.equation), (Words("look"), hint.look)]
 
 
 @dataclass(frozen=True)
@@ -64,10 +121,12 @@ class Verdict:
         The compiler's own lines.
     parts : tuple of Part
         femGrainsUpdate, femGrainsContactIterate, and both; empty if it does not compile.
-    warnings : tuple of str
+    warnings : tuple of Words
         What the course forbids, though it may pass.
     problem : str
         Why it cannot be read; empty if it can.
+    values : str
+        A number that two homeworks share if they answer the same wrong values, to the bit; empty: none.
     seconds : float
         Wall time [s].
     """
@@ -75,54 +134,69 @@ class Verdict:
     file: str
     compiler: str = ""
     parts: tuple[Part, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Words, ...] = ()
     problem: str = ""
+    values: str = ""
     seconds: float = 0.0
 
     @property
-    def status(self) -> str:
+    def status(self) -> Words:
         """In a word: right, wrong, does not compile, or cannot be read."""
         if self.problem:
-            return "cannot be read"
-        if not self.parts:
-            return "does not compile"
-        return "right" if all(part.status == "right" for part in self.parts) else "wrong"
+            return Words("cannot be read")
+        if not self.parts or any(part.status == "does not compile" for part in self.parts):
+            return Words("does not compile")
+        return Words("right" if all(part.status == "right" for part in self.parts) else "wrong")
 
-    def text(self, color: bool) -> str:
-        """Return the verdict as people read it."""
-        lines = [f"{_printable(self.file)}: {_colored(self.status, color)}"]
-        lines += [f"  warning: {warning}" for warning in self.warnings]
-        lines += ["", *_printable(self.compiler).splitlines()] if self.compiler else []
-        lines += ["", *self._table(color)] if self.parts else []
+    def told(self) -> list[Part]:
+        """Return the parts of which more is to be said: both together only if each alone is right."""
         alone = [part for part in self.parts if part.name != BOTH]
         told = alone if any(part.status != "right" for part in alone) else self.parts
-        for part in told:
-            if part.first or part.ended:
-                lines += ["", part.name, f"  {_printable(part.first or part.ended or '')}"]
-                lines += [f"  mistake: {each}" for each in part.advice()]
-                lines += [f"  {part.remark}"] if part.remark else []
+        return [part for part in told if part.first]
+
+    def text(self, color: bool, language: str = "en") -> str:
+        """Return the verdict as people read it."""
+
+        def say(text: object) -> str:
+            return _printable(str(in_language(text, language)))
+
+        def told(heading: str, said: Words) -> str:
+            return say(Words("{heading}: {said}", heading=Words(heading), said=said))
+
+        lines = [f"{_printable(self.file)}: {_colored(say(self.status), self.status, color)}"]
+        lines += [f"  {told('warning', warning)}" for warning in self.warnings]
+        lines += ["", *_printable(self.compiler).splitlines()] if self.compiler else []
+        lines += ["", *self._table(color, language)] if self.parts else []
+        for part in self.told():
+            lines += ["", say(Words(part.name)), f"  {say(part.first)}"]
+            lines += [f"  {told(heading, said)}" for heading, said in part.advice()]
+            if part.shown and part.shown.call.n <= MOST_SHOWN:
+                lines += [f"  {told('scene before this call', part.shown.numbers())}"]
+                lines += ["    " + " ".join(f"{cell:>11}" for cell in row) for row in part.shown.rows()]
         return "\n".join(lines)
 
-    def _table(self, color: bool) -> list[str]:
+    def _table(self, color: bool, language: str) -> list[str]:
         scenes = list(next((part.scenes for part in self.parts if part.scenes), {}))
-        width = max(len(part.name) for part in self.parts) + 2
+        names = [str(in_language(Words(part.name), language)) for part in self.parts]
+        width = max(map(len, names)) + 2
         lines = ["".join([" " * width, *(f"{scene:<14}" for scene in scenes)]).rstrip()]
-        for part in self.parts:
-            words = [_word(part.scenes[scene]) for scene in scenes] if part.scenes else [part.status]
-            cells = [_colored(word, color) + " " * (14 - len(word)) for word in words]
-            lines.append("".join([f"{part.name:<{width}}", *cells]).rstrip())
+        for name, part in zip(names, self.parts, strict=True):
+            words = [word_of(part.scenes[scene]) for scene in scenes] if part.scenes else [Words(part.status)]
+            told = [(str(in_language(word, language)), word) for word in words]
+            cells = [_colored(said, word, color) + " " * (14 - len(said)) for said, word in told]
+            lines.append("".join([f"{name:<{width}}", *cells]).rstrip())
         return lines
 
     def as_json(self) -> dict[str, Any]:
-        """Return the verdict for a program: what its attributes say."""
+        """Return the verdict for a program: its attributes, in English."""
         parts = [
             {
                 "name": part.name,
                 "status": part.status,
                 "scenes": {scene: wrong or "right" for scene, wrong in part.scenes.items()},
                 "ended": part.ended,
-                "mistakes": list(part.mistakes),
-                "advice": part.advice(),
+                "mistakes": [mistake.name for mistake in part.mistakes],
+                "advice": [": ".join(line) for line in part.advice()],
                 "remark": part.remark,
                 "printed": part.printed,
             }
@@ -138,36 +212,40 @@ class Verdict:
             "seconds": self.seconds,
         }
 
-    def as_row(self) -> dict[str, str]:
-        """Return the verdict as a line of a table."""
+    def as_row(self, language: str = "en") -> dict[str, str]:
+        """Return the verdict as a line of a table; only sentences are in the language."""
         status = {part.name: part.status for part in self.parts}
+
+        def say(texts: Any) -> str:
+            return "; ".join(str(in_language(text, language)) for text in texts)
+
         return {
             "file": self.file,
             "status": self.status,
             **{name: status.get(name, self.status) for name in _PARTS},
-            "mistakes": "; ".join(name for part in self.parts for name in part.mistakes),
-            "warnings": "; ".join(self.warnings),
-            "first": next(
-                filter(None, (part.first or part.ended for part in self.parts)), self._first_line()
-            ),
+            "mistakes": say(mistake.name for part in self.parts for mistake in part.mistakes),
+            "warnings": say(self.warnings),
+            "first": self.first_line(language),
         }
 
-    def _first_line(self) -> str:
-        """Return why nothing has run, if so."""
-        if self.problem or self.parts:
+    def first_line(self, language: str) -> str:
+        """Return the first thing that is wrong in a line; empty if nothing is."""
+        if self.problem or self.status == "right":
             return self.problem
-        return next((line for line in self.compiler.splitlines() if "error" in line), "")
+        errors = (line for line in self.compiler.splitlines() if "error" in line)
+        first = next((part.first for part in self.parts if part.first), None)
+        if self.status == "does not compile":
+            return next(errors, "") or str(in_language(first or "", language))
+        return str(in_language(first or "", language))
 
 
-_PARTS = ("femGrainsUpdate", "femGrainsContactIterate", BOTH)
+def word_of(wrong: Words) -> Words:
+    """Return the word that stands for a scene in a table."""
+    return wrong if wrong == "not run" else Words("wrong" if wrong else "right")
 
 
-def _word(wrong: str) -> str:
-    return wrong if wrong == "not run" else "wrong" if wrong else "right"
-
-
-def _colored(word: str, color: bool) -> str:
-    return f"\x1b[{_COLORS.get(word, '31')}m{word}\x1b[0m" if color else word
+def _colored(said: str, word: str, color: bool) -> str:
+    return f"\x1b[{_COLORS.get(word, '31')}m{said}\x1b[0m" if color else said
 
 
 def _printable(text: str) -> str:

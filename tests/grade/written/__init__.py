@@ -31,8 +31,7 @@ def source(iterate: str, update: str, edits: list[list[str]] | None = None) -> s
 
 
 def wrong() -> list[tuple[list[str], str]]:
-    """Return the mistakes of each wrong homework, in words, and its source."""
+    """Return the names of the mistakes of each wrong homework, and its source."""
     table = tomllib.loads((HERE / "wrong.toml").read_text())
-    one = [([case["what"]], case) for case in table["one"]]
-    two = [(case["what"], case) for case in table["two"]]
-    return [(what, source(*case["styles"], case["edits"])) for what, case in one + two]
+    cases = table["one"] + table["two"]
+    return [(case["named"], source(*case["styles"], case["edits"])) for case in cases]

@@ -1,0 +1,37 @@
+"""What is said to students, in English and French."""
+
+import tomllib
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+LANGUAGES = ("en", "fr")
+
+
+class Words(str):
+    """An English text that knows its French: given, or of french.toml, with values filled in."""
+
+    french: str
+
+    def __new__(cls, english: str, french: str | None = None, /, **values: object) -> "Words":
+        """Fill in values, which may be Words themselves."""
+        text = super().__new__(cls, english.format(**values) if values else english)
+        template = _french()[english] if french is None else french
+        said = {name: in_language(value, "fr") for name, value in values.items()}
+        text.french = template.format(**said) if said else template
+        return text
+
+
+def in_language(text: object, language: str) -> object:
+    """Return a text in a language of `LANGUAGES`; what has no French stays as it is."""
+    return getattr(text, "french", text) if language == "fr" else text
+
+
+def joined(texts: Sequence[Words], separator: str = ", ") -> Words:
+    """Return several texts in a row."""
+    return Words(separator.join(texts), separator.join(text.french for text in texts))
+
+
+@cache
+def _french() -> dict[str, str]:
+    return tomllib.loads((Path(__file__).parent / "french.toml").read_text())

@@ -1,0 +1,144 @@
+"""A homework beside the reference: velocities, iterations and positions of a step, one after the other."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.drawing.rings import rings
+from warpgrains.grade.probes import start_of
+from warpgrains.grade.sandbox import Answer, Child, EndedError
+from warpgrains.pictures.shots import Setting, Shot
+from warpgrains.scene.scene import Scene
+from warpgrains.view.players import NONE_YET
+
+_EQUAL, _DIFFERENT = np.array([0.75, 0.83, 0.95]), np.array([0.85, 0.1, 0.1])
+_LEAST = 1e-9  # [m/s]: a smaller difference may be rounding
+_SLOWED = 1.0 / 30.0  # seconds in which a stage is played
+
+
+class Homework:
+    """A homework and the reference, each in a sandbox; a step of the player is one stage of a time step.
+
+    Both start each time step from the reference's state; within it, each goes on from its own velocities.
+    Grains are drawn where the reference has them. The more their velocities differ, compared with the largest
+    difference at that stage, the redder they are.
+
+    Parameters
+    ----------
+    scene : Scene
+    start : callable
+        Returns the running reference and the running homework.
+    name : str
+    """
+
+    colorings: tuple[str, ...] = ()
+    has_chains = False
+    dt = _SLOWED
+
+    def __init__(self, scene: Scene, start: Callable[[], tuple[Child, Child]], name: str) -> None:
+        self._scene, self._start, self.name = scene, start, name
+        self.setting = Setting(scene.radius, list(rings(scene.walls).values()), None, None)
+        self._children: tuple[Child, ...] = ()
+        self.restart()
+
+    def restart(self) -> None:
+        """Go back to the start of the scene, with fresh processes."""
+        self.close()
+        self._children = self._start()
+        self.steps, self._time_steps = 0, 0
+        self.error: str | None = None
+        self._stage, self._zeta = "", (np.nan, np.nan)
+        self._call = start_of(self._scene)
+        self._states = [self._call.state, self._call.state]
+        self._history: list[float] = []
+        self._stages = self._play()
+
+    def close(self) -> None:
+        """End both processes."""
+        for child in self._children:
+            child.close()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the homework has ended."""
+        return self.error is not None
+
+    def advance(self, steps: int) -> None:
+        """Go some stages on."""
+        for _ in range(steps):
+            if not self.is_over:
+                try:
+                    next(self._stages)
+                    self.steps += 1
+                except EndedError as error:
+                    self.error = f"{self._stage}: it {error}"
+
+    def _play(self) -> Iterator[None]:
+        """Yield after each stage."""
+        n = self._scene.n
+        while True:
+            self._stage, self._history = "velocities by Newton's law", []
+            ends = self._ask(-1)
+            for k, end in enumerate(ends):
+                self._states[k] = self._call.state.copy()
+                self._states[k][: 4 * n] = end.before
+            yield
+            for iteration in range(ends[0].calls):
+                self._stage = f"iteration {iteration}"
+                answers = self._ask(iteration)
+                self._states = [answer.state for answer in answers]
+                self._zeta = answers[0].zeta, answers[1].zeta
+                self._history += [answers[1].zeta] if iteration else []
+                yield
+            self._stage = "positions"
+            self._states = [end.state for end in ends]
+            self._call = self._call._replace(state=ends[0].state)
+            self._time_steps += 1
+            yield
+
+    def _ask(self, iteration: int) -> list[Answer]:
+        """Return the answers of the reference and the homework to a step (-1) or an iteration."""
+        states = [self._call.state] * 2 if iteration < 0 else self._states
+        pairs = zip(self._children, states, strict=True)
+        return [child.ask(self._call._replace(iteration=iteration, state=state)) for child, state in pairs]
+
+    def _difference(self) -> FloatArray:
+        """Return the difference of the velocities of each grain [m/s], shape (n,); infinity if it is NaN."""
+        n = self._scene.n
+        one, other = (state[2 * n : 4 * n].reshape(2, n) for state in self._states)
+        return np.nan_to_num(np.hypot(*(one - other)), nan=np.inf)
+
+    def dress(self, color_by: str, forces: bool) -> None:
+        """Do nothing: grains are colored by the difference."""
+
+    def shot(self) -> Shot:
+        """Return the grains where the reference has them, colored by the difference."""
+        n, difference = self._scene.n, self._difference()
+        finite = difference[np.isfinite(difference)]
+        share = np.clip(difference / max(finite.max(initial=0.0), _LEAST), 0.0, 1.0)
+        share = np.where(difference > _LEAST, 0.25 + 0.75 * share, 0.0)[:, np.newaxis]
+        position = self._states[0][: 2 * n].reshape(2, n).T
+        return Shot(
+            self._time_steps * self._scene.dt, position, (1.0 - share) * _EQUAL + share * _DIFFERENT, None
+        )
+
+    def readout(self) -> dict[str, str]:
+        """Return the stage, both zeta, and the grain that differs most."""
+        difference = self._difference()
+        worst = int(difference.argmax())
+        differs = difference[worst] > _LEAST
+        expected, found = (NONE_YET if np.isnan(zeta) else f"{zeta:.2e} m/s" for zeta in self._zeta)
+        told = {
+            "step": f"{self._time_steps + 1}",
+            "stage": self._stage or NONE_YET,
+            "zeta of the reference": expected,
+            "zeta of the homework": found,
+            "largest difference of v": f"{difference[worst]:.2e} m/s, grain {worst}" if differs else "none",
+        }
+        return told | ({"error": self.error} if self.error else {})
+
+    def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Return zeta of the homework over the iterations of the step."""
+        zeta = np.log10(np.maximum(np.nan_to_num(np.abs(self._history)), 1e-16))
+        return {"log10 zeta of the last step": (np.arange(1.0, len(zeta) + 1), zeta)}
