@@ -1,4 +1,4 @@
-"""A fixed disc inside the annulus: against the C reference, a closed form, and a scene that is read and written."""
+"""A fixed disc inside the annulus: against the C reference, a closed form, and scenes read and written."""
 
 from math import acos
 from pathlib import Path
@@ -101,7 +101,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "walls, message",
+    ("walls", "message"),
     [
         (3, "walls is 3: it must be a list of walls"),
         ([7], "walls[0] is 7: it must be a wall, or a table of its keys"),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command import exit_code, require_refusal
 from recordings import make_frames, record
 from same_bits import contents
 

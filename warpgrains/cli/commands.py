@@ -168,12 +168,8 @@ def _add_view(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("what", metavar="WHAT", help="a scene, or a recording")
     add("--port", type=int, default=8080, metavar="P", help="where on 127.0.0.1 (default: 8080, or the next)")
-<<<<<<< HEAD
-    _add_set(parser)
-=======
     add("--homework", metavar="FILE", help="a homework.c, played stage by stage beside the reference")
-    add_set(parser)
->>>>>>> grader
+    _add_set(parser)
 
 
 def _add_report(parser: ArgumentParser) -> None:

@@ -181,9 +181,9 @@ def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
     It is the mean of the two principal stresses that the contacts exert on the disc.
     """
     contacts, wall_contacts = frame.forces()
-    both = np.concatenate([contacts.pair[:, 0], contacts.pair[:, 1]])
-    total = np.bincount(both, weights=np.tile(contacts.force, 2), minlength=len(radius))
-    total += np.bincount(wall_contacts.wall[:, 0], wall_contacts.force, len(radius))
+    grain = np.concatenate([*contacts.pair.T, wall_contacts.wall[:, 0]])
+    force = np.concatenate([contacts.force, contacts.force, wall_contacts.force])
+    total = np.bincount(grain, force, len(radius)).astype(np.float64)  # of no contacts it is of integers
     return total / (2.0 * np.pi * radius)
 
 
