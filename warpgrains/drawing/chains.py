@@ -99,4 +99,4 @@ def contact_ends(scene: Scene, position: FloatArray, pair: IntArray) -> FloatArr
     """Return the centre of each grain, and that of the other or the point at its wall [m], (m, 2, 2)."""
     i, j = pair.T
     foot = position[i] + scene.radius[i, np.newaxis] * contact_normals(scene, position, pair)
-    return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[j], foot)], axis=1)
+    return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[np.maximum(j, 0)], foot)], axis=1)

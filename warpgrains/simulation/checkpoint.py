@@ -130,7 +130,12 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
         arrays |= {f"{part}.{stored[name]}": content[name] for name in own}
         elsewhere = (*own, "corrections", "lists")
         header[part] = {name: value for name, value in content.items() if name not in elsewhere}
-    return {"header": np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays}
+    return {"header": np.frombuffer(json.dumps(header, default=_table).encode(), np.uint8), **arrays}
+
+
+def _table(value: Any) -> Any:
+    """Return a wall as a scene file has it."""
+    return value.table
 
 
 def _stored_names(kind: type) -> dict[str, str]:

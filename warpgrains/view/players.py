@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport
     from warpgrains.usd.reader import RecordingReader
+    from warpgrains.view.homework import Homework
 
 NONE_YET = "\N{EN DASH}"
 """What stands for a number that there is not yet, so that the table has its rows from the start."""
@@ -166,5 +167,5 @@ class Recorded:
         return {}
 
 
-Player = Live | Recorded
+Player: TypeAlias = "Live | Recorded | Homework"
 """What a page plays, in steps of `dt` [s]."""
