@@ -105,10 +105,10 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
     [
         (3, "walls is 3: it must be a list of walls"),
         ([7], "walls[0] is 7: it must be a wall, or a table of its keys"),
-        ([{"kind": "disk"}], "walls[0].kind is 'disk'"),
+        ([{"kind": "disk"}], "unknown walls[0].kind 'disk': did you mean 'disc'?"),
         ([{"kind": "disc", "center": (0, 0)}], "walls[0].radius is missing: a disc needs it"),
         ([{"kind": "disc", "center": (0, 0), "radius": -1.0}], "walls[0]: radius of a disc is -1.0"),
-        ([{"kind": "disc", "middle": (0, 0), "radius": 1.0}], "key of walls[0] 'middle' is unknown"),
+        ([{"kind": "disc", "middle": (0, 0), "radius": 1.0}], "unknown key of walls[0] 'middle': known: center, kind, radius"),
         ([Disc((0.0, 0.5), 0.2)], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
     ],
 )

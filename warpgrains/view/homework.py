@@ -109,7 +109,7 @@ class Homework:
         one, other = (state[2 * n : 4 * n].reshape(2, n) for state in self._states)
         return np.nan_to_num(np.hypot(*(one - other)), nan=np.inf)
 
-    def dress(self, color_by: str, forces: bool) -> None:
+    def set_style(self, color_by: str, forces: bool) -> None:
         """Do nothing: grains are colored by the difference."""
 
     def shot(self) -> Shot:
