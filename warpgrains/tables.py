@@ -13,7 +13,7 @@ from warpgrains.errors import missing_extra
 if TYPE_CHECKING:
     import pandas
 
-COMPONENTS = {"pair": ("i", "j")}
+COMPONENTS = {"pair": ("i", "j"), "wall": ("grain", "wall")}
 """Columns of fields that have two numbers; those of others end in _x and _y."""
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import networkx
 import numpy as np
 import pytest
+from annulus import by_grain
 from schemes import SCHEMES, contact_mass, without_contacts
 
 from warpgrains import Scene, SceneError, Simulation, analysis
@@ -79,7 +80,7 @@ def test_rattlers_are_what_no_core_holds(settled, gravity, needed):
     graph = networkx.complete_graph([("wall", side) for side in range(4)])
     walls = list(graph)
     graph.add_edges_from(moment.pair.tolist())
-    graph.add_edges_from((walls[0], grain) for grain in np.flatnonzero(moment.wall_force).tolist())
+    graph.add_edges_from((walls[0], grain) for grain in moment.wall[:, 0].tolist())
     graph = networkx.k_core(graph, needed)
     core = set(graph) - set(walls)
     assert set(np.flatnonzero(~analysis.rattlers(moment)).tolist()) == core
@@ -108,8 +109,9 @@ def test_stress_is_what_weight_and_walls_demand(settled):
     start = settled.last_start()
     free = without_contacts(scene, start.velocity, start.staggered)
     from_contacts = contact_mass(scene)[:, np.newaxis] * (settled.velocity - free) / scene.dt
-    on_wall = moment.wall_force[:, np.newaxis] * normal
-    at_wall = x + np.sign(moment.wall_force)[:, np.newaxis] * scene.radius[:, np.newaxis] * normal
+    wall_force = by_grain(moment.wall, moment.wall_force, scene.n)
+    on_wall = wall_force[:, np.newaxis] * normal
+    at_wall = x + np.sign(wall_force)[:, np.newaxis] * scene.radius[:, np.newaxis] * normal
     expected = (x.T @ from_contacts + on_wall.T @ at_wall) / scene.annulus.area
     found = analysis.mean_stress(settled)
     # branches are as long as the radii only where the gap is 0; at the start of a step it is what it moves

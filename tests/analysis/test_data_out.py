@@ -95,8 +95,9 @@ def test_contacts_of_a_dataset_are_those_of_the_frames(recorded):
         assert np.array_equal(here.contact_normal[between], frame.normal)
         wall = here.contact_grain.values[~between]
         sign = np.where(here.contact_other[~between] == -1, 1.0, -1.0)
-        assert np.array_equal(wall, np.flatnonzero(frame.wall_force))
-        assert np.array_equal(sign * here.contact_force.values[~between], frame.wall_force[wall])
+        assert np.array_equal(wall, frame.wall[:, 0])
+        assert np.array_equal(-1 - here.contact_other.values[~between], frame.wall[:, 1])
+        assert np.array_equal(here.contact_force.values[~between], frame.wall_force)
         outward = frame.position[wall] / np.hypot(*frame.position[wall].T)[:, np.newaxis]
         assert here.contact_normal.values[~between] == pytest.approx(sign[:, np.newaxis] * outward, abs=1e-15)
     assert dataset.contact_force.attrs["units"] == "N"
@@ -119,14 +120,13 @@ def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
         assert data.GetNumberOfVerts() == 80
         assert np.array_equal(vtk_to_numpy(data.GetPoints().GetData())[:80, :2], frame.position)
         assert np.array_equal(vtk_to_numpy(data.GetPointData().GetArray("radius"))[:80], source.radius)
-        wall = np.flatnonzero(frame.wall_force)
-        assert data.GetNumberOfLines() == len(frame.pair) + len(wall)
+        assert data.GetNumberOfLines() == len(frame.pair) + len(frame.wall)
         force = vtk_to_numpy(data.GetCellData().GetArray("force"))
-        assert np.array_equal(force[80:], np.concatenate([frame.force, np.abs(frame.wall_force[wall])]))
+        assert np.array_equal(force[80:], np.concatenate([frame.force, frame.wall_force]))
         lines = vtk_to_numpy(data.GetLines().GetConnectivityArray()).reshape(-1, 2)
         assert np.array_equal(lines[: len(frame.pair)], frame.pair)
         feet = vtk_to_numpy(data.GetPoints().GetData())[80:, :2]
-        scene, to_inner = source.scene, frame.wall_force[wall] < 0.0
+        scene, to_inner = source.scene, frame.wall[:, 1] == 1
         # touched to what overlaps a converged step leaves, and rounding to float32
         assert np.hypot(*feet.T) == pytest.approx(
             np.where(to_inner, scene.radius_in, scene.radius_out), abs=1e-3
@@ -141,10 +141,11 @@ def test_contacts_and_reports_as_frames():
     assert np.array_equal(frame[["i", "j"]].to_numpy(), contacts.pair)
     assert np.array_equal(frame.force, contacts.force)
     walls, frame = simulation.wall_contacts(), simulation.wall_contacts().to_pandas()
-    assert list(frame) == ["grain", "normal_x", "normal_y", "correction", "force"]
-    assert frame.grain.tolist() == list(range(15))
-    start = simulation.last_start().position
-    expected = start / np.hypot(*start.T)[:, np.newaxis]
+    assert list(frame) == ["grain", "wall", "normal_x", "normal_y", "gap", "correction", "force"]
+    assert np.array_equal(frame[["grain", "wall"]].to_numpy(), walls.wall)
+    start = simulation.last_start().position[frame.grain]
+    sign = np.where(frame.wall == 1, -1.0, 1.0) / np.hypot(*start.T)
+    expected = sign[:, np.newaxis] * start
     assert frame[["normal_x", "normal_y"]].to_numpy() == pytest.approx(expected, abs=1e-15)
     assert np.array_equal(frame.force, walls.force)
     assert walls.force.any()

@@ -32,7 +32,7 @@ def test_many_runs_at_once(n):
     """The same bits as of one run, and without a run in between."""
     generator = np.random.default_rng(n)
     m, share = 9, generator.uniform(0.0, 1.0, (9, 1))
-    force = generator.normal(size=(m, n)) * (generator.random((m, n)) < share)
+    force = generator.uniform(size=(m, n, 2)) * (generator.random((m, n)) < share)[..., np.newaxis]
     grains = Grains(
         mass=generator.uniform(0.1, 3.0, (m, n)),
         radius=generator.uniform(0.01, 0.1, (m, n)),

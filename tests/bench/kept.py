@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 from warpgrains import Scene, Simulation, State
 from warpgrains.scene.state import Corrections
 
+CORRECTIONS = tuple(field.name for field in fields(Corrections))
+
 
 def kept_state(file: Path, reach: Callable[[], State]) -> State:
     """Return the state in a file; where there is none, reach it and put it there."""
@@ -17,7 +20,7 @@ def kept_state(file: Path, reach: Callable[[], State]) -> State:
         file.parent.mkdir(parents=True, exist_ok=True)
         _save(reach(), file)
     with np.load(file) as kept:
-        corrections = Corrections(kept["pair"], kept["pair_correction"], kept["wall_correction"])
+        corrections = Corrections(*(kept[name] for name in CORRECTIONS))
         return State(0, kept["position"], kept["velocity"], corrections)
 
 

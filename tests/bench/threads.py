@@ -81,5 +81,5 @@ def _hold_together(simulations: list[Simulation]) -> None:
     for other in others:
         assert np.array_equal(first.position, other.position)
         assert np.array_equal(first.velocity, other.velocity)
-        for name in ("pair", "pair_correction", "wall_correction"):
+        for name in ("pair", "pair_correction", "wall", "wall_correction"):
             assert np.array_equal(getattr(first.corrections, name), getattr(other.corrections, name))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from annulus import at_annulus
 from launched import launched_state
 from same_bits import contents
 from sample_scenes import SUDDEN, random_scene
@@ -165,7 +166,7 @@ def test_a_sliding_grain_is_carried() -> None:
             simulation.step()
             angle, speed = exact(step * dt)
             force = 0.2 * (GRAVITY * np.cos(angle) + length * speed**2)
-            worst = max(worst, abs(simulation.wall_contacts().force[0] - force))
+            worst = max(worst, abs(at_annulus(simulation).force[0] - force))
         errors.append(worst)
     assert (orders(errors) >= 1.9).all()
 
@@ -195,7 +196,7 @@ def test_wall_carries_a_grain(position: tuple[float, float], sign: float) -> Non
         assert simulation.step().converged
         assert np.array_equal(simulation.position, [position])
         assert np.array_equal(simulation.velocity, [(0.0, 0.0)])
-        assert simulation.wall_contacts().force[0] == sign * kicks * mass * GRAVITY
+        assert at_annulus(simulation).force[0] == sign * kicks * mass * GRAVITY
 
 
 def test_a_state_says_of_which_moment_its_velocities_are() -> None:

@@ -47,7 +47,8 @@ def assert_same_bits(state: State, expected: State) -> None:
     assert np.array_equal(state.velocity, expected.velocity)
     assert np.array_equal(state.corrections.pair, expected.corrections.pair)
     assert np.array_equal(state.corrections.pair_correction, expected.corrections.pair_correction)
-    assert np.array_equal(state.corrections.wall_correction, expected.corrections.wall_correction)
+    for name in ("wall", "wall_correction"):
+        assert np.array_equal(getattr(state.corrections, name), getattr(expected.corrections, name))
 
 
 def assert_same_lists(state: State, expected: State) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from accelerated_twin import AcceleratedTwin
+from annulus import at_annulus
 from bench.flow import ACCELERATED, flowing
 from residual_twin import free_velocity, twin_residual
 from same_bits import dense_pair_correction
@@ -80,7 +81,7 @@ def test_against_all_pairs(case: str, stop: str, scheme: dict[str, str]) -> None
         assert np.array_equal(simulation.velocity, twin.velocity)
         assert np.array_equal(simulation.position, twin.position)
         assert np.array_equal(dense_pair_correction(simulation), twin.pair_correction)
-        assert np.array_equal(simulation.wall_contacts().correction, twin.wall_correction)
+        assert np.array_equal(at_annulus(simulation).correction, twin.wall_correction)
 
 
 def states(scene: Scene, steps: int) -> tuple[list[bytes], list[tuple[int, int]]]:
@@ -88,7 +89,7 @@ def states(scene: Scene, steps: int) -> tuple[list[bytes], list[tuple[int, int]]
     simulation, states, lists = Simulation(scene, threads=1), [], []
     for _ in range(steps):
         report = simulation.step()
-        wall = simulation.wall_contacts().correction
+        wall = at_annulus(simulation).correction
         arrays = (simulation.velocity, simulation.position, dense_pair_correction(simulation), wall)
         states.append(np.concatenate([array.ravel() for array in arrays]).tobytes())
         lists.append((report.candidates, report.rebuilds))

@@ -34,7 +34,7 @@ def test_same_as_one_by_one(which, moved):
             "radius": scene.radius,
             "position": state.position,
             "velocity": state.velocity,
-            "wall_force": contact_mass(scene) * state.corrections.wall_correction / scene.dt,
+            "wall_force": contact_mass(scene)[:, None] * at_each_wall(state.corrections, scene) / scene.dt,
             "gravity": scene.gravity,
         }
         for name, value in expected.items():
@@ -45,6 +45,12 @@ def test_same_as_one_by_one(which, moved):
         for name, counted in ends.done.items():
             assert counted[place] == getattr(statistics, name), name
     assert statistics_differ(ends.done, which)
+
+
+def at_each_wall(corrections, scene):
+    every = np.zeros((scene.n, 2))
+    every[*corrections.wall.T] = corrections.wall_correction
+    return every
 
 
 def statistics_differ(done, which):

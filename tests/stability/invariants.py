@@ -29,6 +29,7 @@ negative where nothing overlaps: a grain that slides has to turn, and what makes
 from dataclasses import dataclass
 
 import numpy as np
+from annulus import at_annulus
 from schemes import contact_mass, without_contacts
 
 from warpgrains import Scene, Simulation
@@ -72,7 +73,7 @@ def checked_step(simulation: Simulation) -> StepReport:
     scene, x0, v0 = simulation.scene, simulation.position, simulation.velocity
     v_free = without_contacts(scene, v0, simulation.state().staggered)
     report = simulation.step()
-    contacts, walls = simulation.contacts(), simulation.wall_contacts()
+    contacts, walls = simulation.contacts(), at_annulus(simulation)
     i, j = contacts.pair.T
     mass = contact_mass(scene)
     mu = mass[i] * mass[j] / (mass[i] + mass[j])

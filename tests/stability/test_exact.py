@@ -7,6 +7,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from annulus import at_annulus
 from hard_scenes import heap, past_the_origin, random_masses, stack
 from launched import launched_state
 from same_bits import contents, dense_pair_correction
@@ -17,6 +18,7 @@ from scipy import sparse
 from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError
 from warpgrains.accuracy import certify
 from warpgrains.analysis.exact_step import StepProblem
+from warpgrains.scene.walls import OUTER
 from warpgrains.solver import active_set, exact, interior_point
 from warpgrains.solver.projection import NormalMatrix, Projection, Solution
 
@@ -85,7 +87,7 @@ def assert_optimal(simulation: Simulation) -> None:
     d, rho = x[j] - x[i], np.hypot(*x.T)
     distance = np.hypot(*d.T)
     n, radial = d / distance[:, None], x / rho[:, None]
-    dv, wall = dense_pair_correction(simulation), simulation.wall_contacts().correction
+    dv, wall = dense_pair_correction(simulation), at_annulus(simulation).correction
     mass = contact_mass(scene)
     impulse = (dv * mass[i] * mass[j] / (mass[i] + mass[j]))[:, None] * n
     rebuilt = free - wall[:, None] * radial
@@ -97,9 +99,10 @@ def assert_optimal(simulation: Simulation) -> None:
     vn, outward = ((rebuilt[i] - rebuilt[j]) * n).sum(axis=1), (rebuilt * radial).sum(axis=1)
     gap_rate = (distance - (scene.radius[i] + scene.radius[j])) / scene.dt
     residual = [np.maximum(0.0, dv + vn - gap_rate) - dv]
-    for side in scene.annulus.seen_from(x, scene.radius, scene.dt * rebuilt):
-        carried = np.maximum(side.sign * wall, 0.0)
-        residual.append(np.maximum(0.0, carried + side.sign * outward - side.gap / scene.dt) - carried)
+    for number in scene.wall_numbers:
+        side, sign = scene.side(number, x, scene.radius, scene.dt * rebuilt), 1.0 if number == OUTER else -1.0
+        carried = np.maximum(sign * wall, 0.0)
+        residual.append(np.maximum(0.0, carried + sign * outward - side.gap / scene.dt) - carried)
     assert np.abs(np.concatenate(residual)).max() <= simulation.scene.tolerance + rounding
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from annulus import at_annulus
 from hard_scenes import heap
 from invariants import EPS, checked_step
 from schemes import SCHEMES
@@ -83,7 +84,7 @@ def rest_of(simulation: Simulation) -> Rest:
 def jacobian_of(simulation: Simulation) -> FloatArray:
     """J of the contacts that carry, shape (contacts, 2 n): J v are their closing velocities."""
     contacts, n = simulation.contacts(), simulation.scene.n
-    walls = np.flatnonzero(simulation.wall_contacts().correction)
+    walls = np.flatnonzero(at_annulus(simulation).correction)
     rows = np.zeros((len(contacts.pair) + len(walls), n, 2))
     pair, wall = np.split(np.arange(len(rows)), [len(contacts.pair)])
     i, j = contacts.pair.T
@@ -100,14 +101,14 @@ def check_rest(steps: int, scheme: dict[str, str], every: int = 1) -> None:
     simulation.restore(state)
     checked_step(simulation)
     x0, pairs, rest = simulation.position, simulation.contacts().pair, rest_of(simulation)
-    walls = np.flatnonzero(simulation.wall_contacts().correction)
+    walls = np.flatnonzero(at_annulus(simulation).correction)
     for step in range(every, steps + 1, every):
         if every > 1:
             assert simulation.advance(every - 1).unconverged == 0
         report = checked_step(simulation)
         assert report.converged
         assert np.array_equal(simulation.contacts().pair, pairs)
-        assert np.array_equal(np.flatnonzero(simulation.wall_contacts().correction), walls)
+        assert np.array_equal(np.flatnonzero(at_annulus(simulation).correction), walls)
         u, v = (simulation.position - x0).ravel(), simulation.velocity.ravel()
         gap = 2.0 * (scene.dt * TOLERANCE + 16.0 * EPS * scene.radius_out) + u @ u / scene.radius.min()
         deformation = rest.deformation(gap)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from annulus import at_annulus
 from same_bits import dense_pair_correction
 
 from warpgrains import Scene, Simulation
@@ -38,7 +39,7 @@ def solve_one_step(scene: Scene) -> Solved:
     report = simulation.step()
     assert report.converged
     v, pair = simulation.velocity, dense_pair_correction(simulation)
-    wall = simulation.wall_contacts().correction
+    wall = at_annulus(simulation).correction
     i, j = np.triu_indices(scene.n, 1)
     pair_impulse = scene.mass[i] * scene.mass[j] / (scene.mass[i] + scene.mass[j]) * pair
     wall_impulses = (scene.mass * np.maximum(sign * wall, 0.0) for sign in (1.0, -1.0))

@@ -20,6 +20,7 @@ class Contacts:
 
 @dataclass
 class WallContacts:
+    wall: np.ndarray
     force: np.ndarray
 
 
@@ -46,7 +47,7 @@ def make_contacts(seed=0):
     """Contacts of five grains: four between them, the last without a force, and one at each wall."""
     force = np.random.default_rng(seed).uniform(1.0, 20.0, 6)
     pair = np.array([(0, 1), (1, 2), (0, 4), (2, 3)])
-    return Contacts(pair, np.append(force[:3], 0.0)), WallContacts(np.array([force[4], 0, 0, -force[5], 0]))
+    return Contacts(pair, np.append(force[:3], 0.0)), WallContacts(np.array([(0, 0), (3, 1)]), force[4:])
 
 
 def points_recorder(path, scene, **options):

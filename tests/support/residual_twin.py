@@ -1,6 +1,7 @@
 """The natural residual of a simulation's last step (kernels/MODEL.md, eq. 12), in NumPy, over all pairs."""
 
 import numpy as np
+from annulus import at_annulus
 from schemes import contact_mass, without_contacts
 from scipy.spatial import KDTree
 
@@ -20,7 +21,7 @@ def twin_residual(simulation: Simulation, free_velocity: FloatArray) -> float:
     dv_pair[tuple(contacts.pair.T)] = contacts.correction
     position = simulation.last_start().position
     rho = np.hypot(*position.T)
-    n_wall, dv_wall = position / rho[:, None], simulation.wall_contacts().correction
+    n_wall, dv_wall = position / rho[:, None], at_annulus(simulation).correction
     v = free_velocity - dv_wall[:, None] * n_wall
     i, j = contacts.pair.T
     d = position[j] - position[i]

@@ -3,6 +3,7 @@
 import lightusd
 import numpy as np
 import pytest
+from annulus import at_annulus
 from recordings import GRAINS
 from same_bits import contents
 from sweeps import SMALL, batch, results, table, write
@@ -37,7 +38,7 @@ class TestResults:
         overrides = [f"{key}={row[key]}" for key in ("physics.drag", "grains.count")]
         simulation = Simulation(Scene.load(done / "scenes" / "annulus.toml", overrides))
         simulation.run()
-        force = simulation.wall_contacts().force
+        force = at_annulus(simulation).force
         assert float(row["outer_wall_force"]) == force[force > 0].sum()
 
     def test_files_of_a_run(self, done, kept):
@@ -56,7 +57,7 @@ class TestResults:
         end = read_checkpoint(kept / "runs" / f"{number:05}" / "checkpoint.npz")
         assert contents(end.state) == contents(simulation.state())
         row = table(done / "results.csv")[number]
-        force = simulation.wall_contacts().force
+        force = at_annulus(simulation).force
         assert {name: float(row[name]) for name in ("grains", "steps", "time")} == {
             "grains": simulation.scene.n,
             "steps": 40,

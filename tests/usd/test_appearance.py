@@ -49,14 +49,16 @@ def test_linear_colors_are_encoded_back():
 
 def test_pressure_is_force_over_circumference():
     contacts = Contacts(np.array([(0, 1), (0, 4)]), np.array([3.0, 5.0]))
-    wall_contacts = WallContacts(np.array([0.0, 2.0, 0.0, -7.0, 0.0]))
+    wall_contacts = WallContacts(np.array([(1, 0), (3, 1)]), np.array([2.0, 7.0]))
     frame = Frame(*make_frames(1)[0], contacts, wall_contacts)
     total = np.array([3 + 5, 3 + 2, 0, 7, 5])
     assert np.array_equal(pressure(frame, RADIUS), total / (2 * np.pi * RADIUS))
 
 
 def no_contacts(wall):
-    return Contacts(np.empty((0, 2), dtype=int), np.empty(0)), WallContacts(np.array(wall))
+    return Contacts(np.empty((0, 2), dtype=int), np.empty(0)), WallContacts(
+        np.stack([np.arange(len(wall)), np.zeros(len(wall), int)], axis=1), np.array(wall)
+    )
 
 
 def test_scales_come_from_the_scene():
@@ -81,7 +83,7 @@ def test_neighbours_in_the_palette_differ():
 def test_colors_run_from_nothing_to_the_scale_and_no_further(color_by):
     scene = make_scene()
     velocity = speed_scale(scene) * np.array([[0, 0], [0, 1 / 3], [-1, 0], [7, 0], [0, 0]])
-    wall = pressure_scale(scene) * 2 * np.pi * RADIUS * np.array([0, 1 / 3, -1, 7, 0])
+    wall = pressure_scale(scene) * 2 * np.pi * RADIUS * np.array([0, 1 / 3, 1, 7, 0])
     frame = Frame(scene.position, velocity, *no_contacts(wall))
     colors = GrainColors(scene, color_by)
     assert colors.levels(frame).tolist() == [0, 21, 63, 63, 0]
@@ -91,7 +93,7 @@ def test_colors_run_from_nothing_to_the_scale_and_no_further(color_by):
 
 def test_a_scene_without_a_scale_has_the_lowest_color():
     scene = make_scene(np.full(5, 0.1), gravity=(0, 0))
-    frame = Frame(scene.position, scene.velocity, *no_contacts(np.zeros(5)))
+    frame = Frame(scene.position, scene.velocity, *no_contacts([]))
     for color_by in ("radius", "speed", "pressure"):
         assert GrainColors(scene, color_by).levels(frame).tolist() == [0] * 5
 
@@ -131,7 +133,7 @@ def test_raw_values_stand_beside_the_colors(tmp_path, draw_as):
         assert np.array_equal(speed, np.hypot(*velocity.T).astype(np.float32))
         assert np.array_equal(raw_pressure, pressure(frame, RADIUS).astype(np.float32))
         force = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(FORCES)).GetPrimvar("force").Get(number)
-        expected = np.concatenate([contacts.force[:3], np.abs(wall_contacts.force[[0, 3]])])
+        expected = np.concatenate([contacts.force[:3], wall_contacts.force])
         assert np.array_equal(force, expected.astype(np.float32))
 
 
@@ -215,7 +217,7 @@ class TestForceChains:
 
     def test_are_as_wide_as_their_forces_up_to_half_the_smallest_grain(self, recording):
         contacts, wall_contacts = make_contacts(seed=1)
-        force = np.concatenate([contacts.force[:3], np.abs(wall_contacts.force[[0, 3]])])
+        force = np.concatenate([contacts.force[:3], wall_contacts.force])
         expected = np.minimum(force / ChainScale.of(make_scene()).force, 1.0) * RADIUS.min()
         assert np.allclose(RecordingReader(recording).chains(1).width, expected, atol=1e-6)  # float32
 
@@ -231,7 +233,7 @@ class TestForceChains:
     def test_may_be_none(self, tmp_path):
         scene = make_scene()
         with Recorder(tmp_path / "run.usdc", scene, 60, forces=True) as recorder:
-            recorder.record(scene.position, scene.velocity, *no_contacts(np.zeros(5)))
+            recorder.record(scene.position, scene.velocity, *no_contacts([]))
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
         assert len(stage.GetAttributeAtPath(f"{FORCES}.points").Get(0)) == 0
         assert RecordingReader(tmp_path / "run.usdc").chains(0).ends.shape == (0, 2, 2)
