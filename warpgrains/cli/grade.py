@@ -121,12 +121,8 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
     ):
         # Also the grader starts its processes in a thread, since signals interrupt the main thread.
         grader = pool.submit(Grader, Path(folder), strict, processes=processes).result()
-        for is_safe, what in (
-            (grader.confined, "filter of system calls: homeworks can open files and start processes"),
-            (grader.fenced, "fence around the compiler: homeworks can include any file that you can read"),
-        ):
-            if not is_safe:
-                print(f"warpgrains: warning: this system has no {what}", file=sys.stderr)
+        for warning in grader.unprotected():
+            print(f"warpgrains: warning: {warning}", file=sys.stderr)
 
         def grade_one(path: Path) -> Verdict:
             try:

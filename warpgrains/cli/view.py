@@ -1,5 +1,6 @@
 """`warpgrains view`: a page that plays a scene or a recording."""
 
+import sys
 from argparse import Namespace
 from collections.abc import Callable
 from contextlib import suppress
@@ -57,6 +58,8 @@ def _homework(arguments: Namespace, serve: Callable[[Player], bool]) -> bool:
     processes = Processes()
     with TemporaryDirectory() as folder:
         grader = Grader(Path(folder), processes=processes)
+        for warning in grader.unprotected():
+            print(f"warpgrains: warning: {warning}", file=sys.stderr)
         try:
             player = Homework(
                 scene, lambda: grader.run(Path(arguments.homework)), f"{scene.name}, {arguments.homework}"

@@ -108,25 +108,22 @@ class Compiler:
 
     def compile_child(self, folder: Path) -> Path:
         """Compile the program of the child process."""
-        child = folder / "child"
-        create = [*WITHOUT.values(), _REFERENCE, "-rdynamic", *map(str, _PARTS), str(SOURCE)]
-        libraries = ["-Wl,--no-as-needed", "-ldl", "-lm"]  # a homework can load no further one
-        self._run(["cc", *_FLAGS, *create, "-o", str(child), *libraries], folder)
-        return child
+        create = [*WITHOUT.values(), "-rdynamic", *map(str, _PARTS), str(SOURCE)]
+        libraries = ["-Wl,--no-as-needed", "-ldl"]  # a homework can load no further one
+        return self._compile(folder / "child", *create, *libraries)
 
     def compile_model(self, source: Path, folder: Path) -> Path:
-        """Compile a trusted program whose headers are in the folder to a library there."""
-        library = folder / f"{source.stem}.so"
-        options = [*_FLAGS, *_STRICT, "-fPIC", "-shared", f"-I{folder}", _REFERENCE]
-        self._run(["cc", *options, str(source), "-o", str(library), "-lm"], folder)
-        return library
+        """Compile a program whose headers are in the folder to a library there."""
+        return self._compile(folder / "model.so", *_STRICT, "-fPIC", "-shared", f"-I{folder}", str(source))
 
-    def compile_library(self, source: Path, folder: Path, defines: Sequence[str] = ()) -> Path:
-        """Compile a trusted source to a library in a folder."""
-        library = folder / f"{source.stem}{''.join(defines)}.so"
-        arguments = [*_options(folder, defines), _REFERENCE, str(source), "-o", str(library), "-lm"]
-        self._run(["cc", *arguments], folder)
-        return library
+    def compile_library(self, source: Path, folder: Path, defines: Sequence[str]) -> Path:
+        """Compile the reference to a library in a folder."""
+        return self._compile(folder / f"{''.join(defines)}.so", *_options(folder, defines), str(source))
+
+    def _compile(self, output: Path, *arguments: str) -> Path:
+        """Compile a trusted source."""
+        self._run(["cc", *_FLAGS, _REFERENCE, *arguments, "-o", str(output), "-lm"], output.parent)
+        return output
 
     def compile_homework(
         self, text: bytes, folder: Path, defines: Sequence[str] = (), until: float = inf
@@ -148,7 +145,7 @@ class Compiler:
         (folder / HOMEWORK).write_bytes(text)
         library = folder / f"homework{''.join(defines)}.so"
         include = [f"-I{self._headers}", "-idirafter", str(aliases)]
-        arguments = [*_options(folder, defines), *include, HOMEWORK, "-o", str(library), "-lm"]
+        arguments = [*_FLAGS, *_options(folder, defines), *include, HOMEWORK, "-o", str(library), "-lm"]
         limits = map(str, (SECONDS, MEMORY, OUTPUT))
         fence = [str(self._fence), *limits, str(folder), *self._readable, "--"]
         return library, self._run([*fence, "cc", *arguments], folder, until)
@@ -185,7 +182,7 @@ def _options(folder: Path, defines: Sequence[str]) -> list[str]:
     own = folder / "own.list"
     own.write_text(f"{{ {UPDATE}; {CONTACT}; }};\n")
     shared = ["-fPIC", "-shared", "-fsemantic-interposition", f"-Wl,--dynamic-list={own}"]
-    return [*_FLAGS, *_STRICT, *defines, *shared]
+    return [*_STRICT, *defines, *shared]
 
 
 def toolchain_paths() -> list[Path]:

@@ -19,6 +19,8 @@ from warpgrains.grade.verdict import BOTH, NOTHING, Part, Shown, Verdict
 from warpgrains.grade.words import Words
 from warpgrains.reference.reference import SOURCE
 
+_UNCONFINED = "filter of system calls: homeworks can open files and start processes"
+_UNFENCED = "fence around the compiler: homeworks can include any file that you can read"
 _UNKNOWN = "no known mistake explains it"
 _UNGUARDED = (
     "the lines #ifndef NOUPDATE, #ifndef NOCONTACTITERATE and #endif around the two functions are missing or "
@@ -79,6 +81,11 @@ class Grader:
         self.model = Model(self._compiler, folder)
         self._lock = Lock()
         self._count = 0
+
+    def unprotected(self) -> list[str]:
+        """Return what this system does not keep a homework from."""
+        found = {_UNCONFINED: self.confined, _UNFENCED: self.fenced}
+        return [f"this system has no {what}" for what, is_safe in found.items() if not is_safe]
 
     def grade(self, source: Path) -> Verdict:
         """Grade a homework.
