@@ -17,7 +17,7 @@ def test_a_scene_that_does_not_fit_is_refused_with_the_estimate(monkeypatch: pyt
 
 
 def test_a_list_that_grows_out_of_memory_leaves_the_last_state(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sizes, "first_contacts", lambda n: n // 2)
+    monkeypatch.setattr(sizes, "first_contacts", lambda n: 3 * n // 2)
     simulation = Simulation(Scene.load("polydisperse"), threads=1)
     monkeypatch.setattr(memory, "free_memory", lambda _: 1.0)
     with pytest.raises(SimulationError, match=r"step \d+, .*80 grains and their contacts need"):
