@@ -102,36 +102,33 @@ sweep_four_weighted, sweep_one_weighted = sweeping(FOUR, True), sweeping(1, True
 
 
 @wp.func
-def correct_wall(s: Scene, c: int) -> wp.vec3d:
-    """Correct one contact with a wall from y, in place. Returns |dv|, cost in phi less gain, slope."""
-    working, factor = s.working, relaxation_factor(s)
-    i, n = working_first_of(working.contact, c), working_normal_of(working.contact, c)
-    v = at(s.grains.next_velocity, i)
-    x = at(working.dv, c)
-    y = x + s.momentum.state.beta * (x - at(working.last_dv, c))
-    vn = wp.dot(v, n)
-    limits = at(working.limits, c - pair_count(s))
-    gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, n), limits[1])
-    new = law.projection(factor * vn, y, factor * gap, factor * limits[0])
-    dv = new - y
-    put(s.grains.next_velocity, i, v - dv * n)
-    put(working.last_dv, c, x)
-    put(working.dv, c, new)
-    cost_y = law.wall_cost(y, gap, limits[0])
-    gain = dv * (vn - f64(0.5) * dv) - (law.wall_cost(new, gap, limits[0]) - cost_y)
-    rise = cost_y - law.wall_cost(x, gap, limits[0]) - ENOUGH * gain
-    mu = mass_in_phi(s.grains, s.contacts, i)
-    return wp.vec3d(wp.abs(dv), mu * rise, -mu * dv * (new - x))
-
-
-@wp.func
 def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
-    """Correct contacts with walls. Returns what `sweeping` does."""
+    """Correct contacts with walls from y, in place. Returns what `sweeping` does."""
+    velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
+    working = s.working
+    beta = s.momentum.state.beta
+    factor = relaxation_factor(s)
+    first_wall = pair_count(s)
     total = wp.vec3d()
     c = int(begin)
     while c < end:
-        one = correct_wall(s, c)
-        total = wp.vec3d(larger(total[0], one[0]), total[1] + one[1], total[2] + one[2])
+        i, n = working_first_of(working.contact, c), working_normal_of(working.contact, c)
+        v = at(velocity, i)
+        x = at(working.dv, c)
+        y = x + beta * (x - at(working.last_dv, c))
+        vn = wp.dot(v, n)
+        limits = at(working.limits, c - first_wall)
+        gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, n), limits[1])
+        new = law.projection(factor * vn, y, factor * gap, factor * limits[0])
+        dv = new - y
+        put(velocity, i, v - dv * n)
+        put(working.last_dv, c, x)
+        put(working.dv, c, new)
+        cost_y = law.wall_cost(y, gap, limits[0])
+        gain = dv * (vn - f64(0.5) * dv) - (law.wall_cost(new, gap, limits[0]) - cost_y)
+        rise = cost_y - law.wall_cost(x, gap, limits[0]) - ENOUGH * gain
+        mu = mass_in_phi(s.grains, s.contacts, i)
+        total = wp.vec3d(larger(total[0], wp.abs(dv)), total[1] + mu * rise, total[2] - mu * dv * (new - x))
         c += 1
     return total
 
@@ -156,10 +153,11 @@ def sweep_ahead(team: Team, s: Scene, k: int):
     zeta = f64(0.0)
     begin, end, _, part = chunks_of_set(s, k)
     first, last = thread_range(team, begin, end)
+    at_wall = is_wall_set(s, k)
     for chunk in range(first, last):
         bounds = at(s.working.range, part + chunk)
         total = wp.vec3d()
-        if is_wall_set(s, k):
+        if at_wall:
             total = sweep_walls(s, bounds[0], bounds[1])
         else:
             total = sweep_pairs(s, bounds[0], bounds[1])

@@ -8,8 +8,8 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, normal_of, put, second_of
-from .record import Scene, grain_count, pair_count
-from .types import Vectors
+from .record import Scene, pair_count
+from .types import Contacts, Vectors
 
 f64 = wp.float64
 CHUNK = wp.constant(128)
@@ -57,28 +57,22 @@ def chunks_of_set(s: Scene, k: int):
 
 
 @wp.func
-def gap_rate_now(s: Scene, c: int, v: wp.vec2d) -> f64:
-    """Return gap / dt of a contact with a wall, of a grain of velocity v [m/s] (eq. 18)."""
-    limits = at(s.contacts.limits, c - pair_count(s))
-    along = law.speed_along(v, normal_of(s.contacts.contact, c))
-    return law.round_gap_rate(gap_rate_of(s.contacts.contact, c), along, limits[1])
+def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
+    """Return gap / dt on both sides of a wall, for a grain of velocity v [m/s] (eq. 18)."""
+    limits = at(contacts.limits, c - contacts.count.pairs)
+    along = law.speed_along(v, normal_of(contacts.contact, c))
+    return law.round_gap_rate(gap_rate_of(contacts.contact, c), along, limits[1]), limits[0]
 
 
 @wp.func
-def back_rate_of(s: Scene, c: int) -> f64:
-    """Return gap / dt on the other side of the wall of a contact [m/s]."""
-    return at(s.contacts.limits, c - pair_count(s))[0]
-
-
-@wp.func
-def apply(s: Scene, velocity: Vectors, c: int, impulse: wp.vec2d):
+def apply(contacts: Contacts, velocity: Vectors, c: int, impulse: wp.vec2d, at_wall: bool):
     """Share a contact's dv n [m/s] out to its grains (eq. 7), or give it to the one at a wall."""
-    i, j = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c)
-    if j >= grain_count(s):
+    i = first_of(contacts.contact, c)
+    if at_wall:
         put(velocity, i, at(velocity, i) - impulse)
         return
-    weight = wp.vec2d(f64(0.5), f64(0.5))
-    if s.contacts.weights.shape[0] > 0:
-        weight = at(s.contacts.weights, c)
+    j, weight = second_of(contacts.contact, c), wp.vec2d(f64(0.5), f64(0.5))
+    if contacts.weights.shape[0] > 0:
+        weight = at(contacts.weights, c)
     put(velocity, i, at(velocity, i) - impulse * weight[0])
     put(velocity, j, at(velocity, j) + impulse * weight[1])

@@ -18,12 +18,12 @@ from .access import (
     put,
     second_of,
 )
-from .contacts import back_rate_of, gap_rate_now, is_wall_set
+from .contacts import gap_rates_now, is_wall_set
 from .record import Scene
 from .segments import contacts_of
 from .stopping import decide_to_stop, gathered
 from .threads import BLOCK, MOMENTS, Team, keep_largest, partial_index
-from .types import Vectors
+from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
 
 f64 = wp.float64
@@ -57,68 +57,46 @@ def moment_at(moments: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
     ...
 
 
-def sweeping(weighted: bool, at_wall: bool) -> wp.Function:
-    """Return the function that corrects contacts, in place, and monitors their grains.
+def sweeping(weighted: bool) -> wp.Function:
+    """Return the function that corrects pairs, in place, and monitors their grains.
 
     It takes `(scene, begin, end, k)`, moments from place k on, and returns the largest |dv|.
     """
 
     @wp.func
-    def correct(s: Scene, c: int, k: int) -> f64:
-        """Correct one contact; its grains take their shares of it. Returns |dv|."""
-        velocity, contacts = s.grains.next_velocity, s.contacts
-        i = first_of(contacts.contact, c)
+    def correct(velocity: Vectors, contacts: Contacts, moments: Vectors, c: int, k: int) -> f64:
+        """Correct one pair; its grains take their shares of it. Returns |dv|."""
+        i, j = first_of(contacts.contact, c), second_of(contacts.contact, c)
         n = normal_of(contacts.contact, c)
-        vi = at(velocity, i)
+        weight = wp.vec2d(f64(0.5), f64(0.5))
+        if wp.static(weighted):
+            weight = at(contacts.weights, c)
+        vi, vj = at(velocity, i), at(velocity, j)
         dv_before = at(contacts.dv, c)
-        dv = f64(0.0)
-        if wp.static(at_wall):
-            projected = law.projection(wp.dot(vi, n), dv_before, gap_rate_now(s, c, vi), back_rate_of(s, c))
-            dv = projected - dv_before
-            vi = vi - dv * n
-            note_moment(s.partial.moments, k, vi, vi)
-        else:
-            j = second_of(contacts.contact, c)
-            weight = wp.vec2d(f64(0.5), f64(0.5))
-            if wp.static(weighted):
-                weight = at(contacts.weights, c)
-            vj = at(velocity, j)
-            dv = law.pair_correction(wp.dot(vi - vj, n), dv_before, gap_rate_of(contacts.contact, c))
-            vi = vi - dv * n * weight[0]
-            vj = vj + dv * n * weight[1]
-            put(velocity, j, vj)
-            note_moment(s.partial.moments, k, vi, vj)
+        dv = law.pair_correction(wp.dot(vi - vj, n), dv_before, gap_rate_of(contacts.contact, c))
+        vi = vi - dv * n * weight[0]
+        vj = vj + dv * n * weight[1]
         put(velocity, i, vi)
+        put(velocity, j, vj)
         put(contacts.dv, c, dv_before + dv)
+        note_moment(moments, k, vi, vj)
         return wp.abs(dv)
 
     @wp.func(inline=False)
     def correct_block(s: Scene, begin: int, end: int, k: int):
-        """Correct a block of contacts. Returns the largest |dv|, and bits of the large ones."""
+        """Correct a block of pairs. Returns the largest |dv|, and bits of the large ones."""
+        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
+        contacts = s.contacts
+        moments = s.partial.moments
         large = least_monitored_correction(s)
         zeta, bits = f64(0.0), wp.uint64(0)
         c = int(begin)
         while c < end:
-            change = correct(s, c, k + 2 * (c - begin))
+            change = correct(velocity, contacts, moments, c, k + 2 * (c - begin))
             zeta = larger(zeta, change)
             bits = (bits << ONE) | wp.where(change > large, ONE, NONE)
             c += 1
         return zeta, bits
-
-    @wp.func
-    def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
-        """Monitor the grains of the contacts of a block that have a bit."""
-        velocity, contact, moments = s.grains.next_velocity, s.contacts.contact, s.partial.moments
-        left = bits
-        while left != NONE:
-            c = end - 1 - lowest_bit(left)
-            left = left & (left - ONE)
-            moment = k + 2 * (c - begin)
-            i = first_of(contact, c)
-            monitor(s, i, moment_at(moments, moment, velocity, i))
-            if wp.static(not at_wall):
-                j = second_of(contact, c)
-                monitor(s, j, moment_at(moments, moment + 1, velocity, j))
 
     @wp.func
     def sweep_blocks(s: Scene, begin: int, end: int, k: int) -> f64:
@@ -135,11 +113,44 @@ def sweeping(weighted: bool, at_wall: bool) -> wp.Function:
     return sweep_blocks
 
 
-sweep_equal, sweep_weighted, sweep_walls = (
-    sweeping(False, False),
-    sweeping(True, False),
-    sweeping(False, True),
-)
+@wp.func
+def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
+    """Monitor both grains of the pairs of a block that have a bit."""
+    velocity, contact, moments = s.grains.next_velocity, s.contacts.contact, s.partial.moments
+    left = bits
+    while left != NONE:
+        c = end - 1 - lowest_bit(left)
+        left = left & (left - ONE)
+        i, j = first_of(contact, c), second_of(contact, c)
+        moment = k + 2 * (c - begin)
+        monitor(s, i, moment_at(moments, moment, velocity, i))
+        monitor(s, j, moment_at(moments, moment + 1, velocity, j))
+
+
+sweep_equal, sweep_weighted = sweeping(False), sweeping(True)
+
+
+@wp.func
+def sweep_walls(s: Scene, begin: int, end: int) -> f64:
+    """Correct contacts with walls, in place, and monitor their grains. Returns the largest |dv|."""
+    velocity = s.grains.next_velocity
+    contacts = s.contacts
+    large = least_monitored_correction(s)
+    zeta = f64(0.0)
+    c = int(begin)
+    while c < end:
+        i, n = first_of(contacts.contact, c), normal_of(contacts.contact, c)
+        v = at(velocity, i)
+        dv_before = at(contacts.dv, c)
+        gap, back = gap_rates_now(contacts, c, v)
+        dv = law.projection(wp.dot(v, n), dv_before, gap, back) - dv_before
+        put(velocity, i, v - dv * n)
+        put(contacts.dv, c, dv_before + dv)
+        zeta = larger(zeta, wp.abs(dv))
+        if wp.abs(dv) > large:
+            monitor(s, i, at(velocity, i))
+        c += 1
+    return zeta
 
 
 @wp.func
@@ -149,7 +160,7 @@ def sweep(team: Team, s: Scene, k: int):
     moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
     begin, end = contacts_of(team, s, k)
     if is_wall_set(s, k):
-        zeta = sweep_walls(s, begin, end, moment)
+        zeta = sweep_walls(s, begin, end)
     elif s.contacts.weights.shape[0] > 0:
         zeta = sweep_weighted(s, begin, end, moment)
     else:

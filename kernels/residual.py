@@ -12,7 +12,7 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, larger, normal_of, put, vn_of
-from .contacts import apply, back_rate_of, contact_count, gap_rate_now
+from .contacts import apply, contact_count, gap_rates_now, is_wall_set
 from .record import Scene, pair_count
 from .segments import contacts_of
 from .threads import Team, keep_largest, thread_range
@@ -30,9 +30,11 @@ def begin_rebuild(s: Scene, i: int):
 def rebuild(team: Team, s: Scene, k: int):
     """Apply the corrections of the contacts of a set."""
     c, end = contacts_of(team, s, k)
+    at_wall = is_wall_set(s, k)
+    contacts = s.contacts
+    velocity = s.grains.rebuilt_velocity
     while c < end:
-        impulse = at(s.contacts.dv, c) * normal_of(s.contacts.contact, c)
-        apply(s, s.grains.rebuilt_velocity, c, impulse)
+        apply(contacts, velocity, c, at(contacts.dv, c) * normal_of(contacts.contact, c), at_wall)
         c += 1
 
 
@@ -42,8 +44,8 @@ def residual_of(s: Scene, c: int) -> f64:
     velocity, contact, dv = s.grains.rebuilt_velocity, s.contacts.contact, at(s.contacts.dv, c)
     if c >= pair_count(s):
         v = at(velocity, first_of(contact, c))
-        vn = wp.dot(v, normal_of(contact, c))
-        return law.wall_residual(vn, dv, gap_rate_now(s, c, v), back_rate_of(s, c))
+        gap, back = gap_rates_now(s.contacts, c, v)
+        return law.wall_residual(wp.dot(v, normal_of(contact, c)), dv, gap, back)
     return law.natural_residual(vn_of(velocity, contact, c), dv, gap_rate_of(contact, c))
 
 

@@ -4,7 +4,7 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, put, second_of, set_frame
-from .contacts import apply
+from .contacts import apply, is_wall_set
 from .record import Scene, grain_count, pair_count
 from .segments import contacts_of
 from .threads import Team
@@ -19,12 +19,12 @@ def begin_attempt(s: Scene, i: int):
 
 
 @wp.func
-def freeze(s: Scene, c: int) -> wp.vec2d:
+def freeze(s: Scene, c: int, at_wall: bool) -> wp.vec2d:
     """Write normal and gap of a contact (eq. 4) as grains are placed now. Returns the normal."""
-    i, j, n = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c), grain_count(s)
+    i, j = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c)
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-    if j >= n:
-        normal, gap, back, reach = wall_frame(j - n, x, radius, s.walls)
+    if at_wall:
+        normal, gap, back, reach = wall_frame(j - grain_count(s), x, radius, s.walls)
         put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, reach / s.dt))
         set_frame(s.contacts.contact, c, normal, gap / s.dt)
         return normal
@@ -38,10 +38,11 @@ def freeze(s: Scene, c: int) -> wp.vec2d:
 def start(team: Team, s: Scene, k: int):
     """Freeze the contacts of a set, and apply their corrections."""
     c, end = contacts_of(team, s, k)
+    at_wall = is_wall_set(s, k)
     while c < end:
-        n = freeze(s, c)
+        n = freeze(s, c, at_wall)
         if s.control.resuming == 0:
             dv = at(s.contacts.dv_start, c)
             put(s.contacts.dv, c, dv)
-            apply(s, s.grains.next_velocity, c, dv * n)
+            apply(s.contacts, s.grains.next_velocity, c, dv * n, at_wall)
         c += 1

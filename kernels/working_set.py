@@ -12,7 +12,7 @@ import warp as wp
 
 from . import law
 from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, put, vn_of
-from .contacts import CHUNK, back_rate_of, chunks_of_set, gap_rate_now, is_wall_set
+from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, pair_count
 from .stopping import gathered, is_going_on
@@ -126,19 +126,21 @@ def select_pairs(s: Scene, begin: int, end: int):
 def select_walls(s: Scene, begin: int, end: int):
     """Select contacts with walls. Returns what `selecting` does."""
     near, first_wall = nearness(s), pair_count(s)
+    contacts = s.contacts
+    velocity = s.grains.next_velocity
     violation = f64(0.0)
     free = int(begin)
     c = int(begin)
     while c < end:
-        v = at(s.grains.next_velocity, first_of(s.contacts.contact, c))
-        vn, dv = wp.dot(v, normal_of(s.contacts.contact, c)), at(s.contacts.dv, c)
-        gap, back = gap_rate_now(s, c, v), back_rate_of(s, c)
+        v = at(velocity, first_of(contacts.contact, c))
+        vn, dv = wp.dot(v, normal_of(contacts.contact, c)), at(contacts.dv, c)
+        gap, back = gap_rates_now(contacts, c, v)
         carries = dv != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
         nearly = law.projection(vn, dv, gap - near, back - near)
         change = wp.abs(law.projection(vn, dv, gap, back))
         violation = larger(violation, wp.where(carries, f64(0.0), change))
         select(s, free, c)
-        put(s.working.limits, free - first_wall, at(s.contacts.limits, c - first_wall))
+        put(s.working.limits, free - first_wall, at(contacts.limits, c - first_wall))
         free += wp.where(carries or nearly != f64(0.0), 1, 0)
         c += 1
     return free, violation
@@ -151,11 +153,12 @@ def select_set(team: Team, s: Scene, k: int):
     start, stop = at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1)
     first_chunk, end_chunk, origin, part = chunks_of_set(s, k)
     first, last = thread_range(team, first_chunk, end_chunk)
+    at_wall = is_wall_set(s, k)
     for chunk in range(first, last):
         begin = wp.max(start, origin + chunk * CHUNK)
         end = wp.min(stop, origin + (chunk + 1) * CHUNK)
         after, worst = int(begin), f64(0.0)
-        if is_wall_set(s, k):
+        if at_wall:
             after, worst = select_walls(s, begin, end)
         else:
             after, worst = select_pairs(s, begin, end)

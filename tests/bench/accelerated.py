@@ -133,5 +133,6 @@ def _scene(**grains: Any) -> Scene:
 
 def _cold(state: State) -> State:
     """The state without the corrections of its last step."""
-    none = Corrections(np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(len(state.position)))
+    nobody, nothing = np.zeros((0, 2), np.int32), np.zeros(0)
+    none = Corrections(nobody, nothing, nobody, nothing)
     return State(0, state.position, state.velocity, none)

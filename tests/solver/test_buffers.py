@@ -14,7 +14,15 @@ GRAINS = np.array([1, 2, 7, 60])
 @pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "ahead", "dealt", "shared"])
 def sizes(request: pytest.FixtureRequest) -> Sizes:
     accelerated, team = request.param
-    return Sizes(GRAINS, np.full_like(GRAINS, CONTACTS), np.array([0, 1, 0, 1]), accelerated, team, team)
+    return Sizes(
+        GRAINS,
+        np.full_like(GRAINS, CONTACTS),
+        np.ones_like(GRAINS),
+        np.array([0, 1, 0, 1]),
+        accelerated,
+        team,
+        team,
+    )
 
 
 def test_arrays_do_not_overlap(sizes: Sizes) -> None:

@@ -66,7 +66,9 @@ def test_what_a_proof_does_not_need_is_left_out() -> None:
     pair = np.array([[0, 1], [2, 3], [3, 4], [4, 5], [5, 6]], np.int32)
     velocity = np.zeros((7, 2))
     velocity[1, 0] = (2.0 * radius - 0.1) / scene.dt - 1e-7  # m/s
-    proof = find_infeasibility_proof(scene, place, velocity, Corrections(pair, np.ones(5), np.zeros(7)))
+    proof = find_infeasibility_proof(
+        scene, place, velocity, Corrections(pair, np.ones(5), NO_WALLS, np.zeros(0))
+    )
     assert proof is not None
     assert proof.grains == (2, 3, 4, 5, 6)
 
@@ -192,10 +194,14 @@ def test_what_is_claimed_holds_in_exact_arithmetic(name: str, monkeypatch: pytes
                 assert speed >= 0.99 * float(exact)
 
 
+NO_WALLS = np.zeros((0, 2), np.int32)
+
+
 def every_contact(grains: int) -> Corrections:
     """Corrections of a row of grains of which the last is at the outer wall."""
     pair = np.stack([np.arange(grains - 1), np.arange(1, grains)], axis=1).astype(np.int32)
-    return Corrections(pair, np.ones(grains - 1), np.eye(grains)[-1])
+    wall = np.array([[grains - 1, 0]], np.int32)
+    return Corrections(pair, np.ones(grains - 1), wall, np.ones(1))
 
 
 @pytest.mark.parametrize("seed", range(5))
