@@ -148,6 +148,14 @@ def sweep_pairs(s: Scene, begin: int, end: int) -> wp.vec3d:
 
 
 @wp.func
+def sweep_part(s: Scene, begin: int, end: int, at_wall: bool) -> wp.vec3d:
+    """Correct a part of the working set. Returns what `sweeping` does."""
+    if at_wall:
+        return sweep_walls(s, begin, end)
+    return sweep_pairs(s, begin, end)
+
+
+@wp.func
 def sweep_ahead(team: Team, s: Scene, k: int):
     """Correct the contacts of a set that are in the working set."""
     zeta = f64(0.0)
@@ -156,11 +164,7 @@ def sweep_ahead(team: Team, s: Scene, k: int):
     at_wall = is_wall_set(s, k)
     for chunk in range(first, last):
         bounds = at(s.working.range, part + chunk)
-        total = wp.vec3d()
-        if at_wall:
-            total = sweep_walls(s, bounds[0], bounds[1])
-        else:
-            total = sweep_pairs(s, bounds[0], bounds[1])
+        total = sweep_part(s, bounds[0], bounds[1], at_wall)
         put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
         zeta = larger(zeta, total[0])
     keep_largest(team, s.partial.zeta, zeta)

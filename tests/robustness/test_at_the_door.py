@@ -33,7 +33,7 @@ CORRECTIONS = {
     "negative": (lambda c: replace(c, pair_correction=with_row(c.pair_correction, 0, -1.0)), "is -1.0"),
     "nan pair": (lambda c: replace(c, pair_correction=with_row(c.pair_correction, 0, np.nan)), "is nan"),
     "nan wall": (
-        lambda c: replace(c, wall_correction=with_row(c.wall_correction, 3, np.nan)),
+        lambda c: replace(c, wall_correction=with_row(c.wall_correction, 0, np.nan)),
         "that of grain .* at wall 0 is nan",
     ),
     "list": (

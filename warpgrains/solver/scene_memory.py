@@ -151,7 +151,7 @@ class SceneMemory:
         self.array("workspace.old_dv")[: len(body)] = dv[order, np.newaxis]
         self.array("dealt.first_segment")[:] = 0
         self.array("contacts.set_start")[:2] = len(pair), len(body)
-        self.record["contacts"]["count"] = len(pair), 0, len(wall), 1
+        self.record["contacts"]["count"] = len(pair), 0, len(wall), int(len(wall) > 0)
 
     def give_up_step(self) -> None:
         """Take back what an unfinished step did; the next one makes a list anew if this one was about to."""
