@@ -34,7 +34,7 @@ CORRECTIONS = {
     "nan pair": (lambda c: replace(c, pair_correction=with_row(c.pair_correction, 0, np.nan)), "is nan"),
     "nan wall": (
         lambda c: replace(c, wall_correction=with_row(c.wall_correction, 0, np.nan)),
-        "that of grain .* at wall 0 is nan",
+        "that of grain .* at wall . is nan",
     ),
     "list": (
         lambda c: replace(c, pair_correction=c.pair_correction.tolist()),

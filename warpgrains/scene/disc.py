@@ -26,6 +26,13 @@ class Disc:
     ------
     SceneError
         One of them is not what it must be.
+
+    Examples
+    --------
+    >>> disc = wg.Disc(center=(0.0, -1.0), radius=0.2)
+    >>> grain = {"position": [[0.3, 0.0]], "radius": 0.1, "mass": 0.1}
+    >>> wg.Scene(**grain, radius_out=2.0, walls=[disc]).walls
+    (Disc(center=(0.0, -1.0), radius=0.2),)
     """
 
     kind: ClassVar[str] = "disc"

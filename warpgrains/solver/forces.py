@@ -47,7 +47,7 @@ class WallContacts(Tabular):
     --------
     >>> contacts = simulation.wall_contacts()
     >>> contacts.wall.shape, contacts.force.shape, f"{contacts.force.max():.4f} N"
-    ((10, 2), (10,), '2.4497 N')
+    ((10, 2), (10,), '2.0098 N')
     """
 
     wall: IntArray
