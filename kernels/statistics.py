@@ -5,7 +5,7 @@ import warp as wp
 from . import law
 from .access import at, first_of, larger, put, second_of
 from .contacts import contact_count
-from .record import UNPROVED, Scene, grain_count
+from .record import Scene, grain_count
 from .stopping import gathered
 from .threads import Team, keep_largest, partial_index, thread_range
 from .walls import wall_overlap
@@ -55,7 +55,7 @@ def report(s: Scene):
 
 @wp.func
 def add_step(s: Scene):
-    """Count one step, and ask for a search for a proof that it has no solution where that is worth it."""
+    """Count one step."""
     done = s.step
     total = s.statistics
     total.steps = total.steps + 1
@@ -67,7 +67,4 @@ def add_step(s: Scene):
     total.redos = total.redos + wp.int64(done.redos)
     if done.converged == 0:
         total.unconverged = total.unconverged + 1
-        s.to_search = s.to_search - done.iterations
-        if s.to_search <= 0:
-            s.step.outcome = UNPROVED
     s.statistics = total

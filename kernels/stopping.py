@@ -14,6 +14,7 @@ from .record import (
     NOT_CONVERGED,
     SLOW,
     SOLVED,
+    UNPROVED,
     Scene,
     is_accelerated,
     pair_count,
@@ -178,6 +179,10 @@ def judge(s: Scene):
         outcome = HALTED
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
+    if outcome == SOLVED and not converged:
+        s.to_search = s.to_search - s.step.iterations
+        if s.to_search <= 0:
+            s.step.outcome = UNPROVED  # it is taken, and worth a search for a proof that none solves it
     s.control.corrected = 0
     s.control.accepted = 1 if outcome == SOLVED else 0
     s.control.unlisted = 1 if outcome == EXPIRED else 0
