@@ -153,11 +153,10 @@ def sweep_ahead(team: Team, s: Scene, k: int):
     zeta = f64(0.0)
     begin, end, _, part = chunks_of_set(s, k)
     first, last = thread_range(team, begin, end)
-    at_wall = is_wall_set(s, k)
     for chunk in range(first, last):
         bounds = at(s.working.range, part + chunk)
         total = wp.vec3d()
-        if at_wall:
+        if is_wall_set(s, k):
             total = sweep_walls(s, bounds[0], bounds[1])
         else:
             total = sweep_pairs(s, bounds[0], bounds[1])

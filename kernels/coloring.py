@@ -172,21 +172,19 @@ def place_pairs(s: Scene):
     """
     listed = listed_count(s)
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
-    sets, pairs = int(0), int(0)
+    sets = int(0)
     k = int(0)
     while k < listed:
-        g = at(group, k)
-        sets = wp.max(sets, g + 1)
-        pairs += wp.where(g >= 0, 1, 0)
+        sets = wp.max(sets, at(group, k) + 1)
         k += 1
     for g in range(sets + 1):
         put(start, g, 0)
     k = int(0)
     while k < listed:
-        g = at(group, k) + 1
-        put(start, g, at(start, g) + 1)  # contacts with walls count in start[0], which is not used
+        g = at(group, k)
+        if g >= 0:
+            put(start, g + 1, at(start, g + 1) + 1)
         k += 1
-    put(start, 0, 0)
     for g in range(sets):
         put(start, g + 1, at(start, g + 1) + at(start, g))
     k = int(0)
@@ -200,6 +198,7 @@ def place_pairs(s: Scene):
     for g in range(sets):
         put(start, sets - g, at(start, sets - g - 1))
     put(start, 0, 0)
+    pairs = at(start, sets)
     if s.merge != 0:
         put(start, 1, pairs)
         sets = 1
