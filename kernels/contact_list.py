@@ -176,14 +176,15 @@ def find_row_sums(s: Scene):
         put(row_sum, i, f64(0.0))
     for i in range(n):
         own = at(row_sum, i)
-        k, end = at(s.neighbors.start, i), pair_end(s.neighbors, i)
+        k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
         while k < end:
             j = at(s.neighbors.neighbor, k)
             weight = wp.vec2d(f64(0.5), f64(0.5))
             if s.contacts.weights.shape[0] > 0:
                 weight = at(s.contacts.weights, at(s.workspace.sweep_index, k))
-            own = own + weight[0]
-            put(row_sum, j, at(row_sum, j) + weight[1])
+            if j < n:
+                own = own + weight[0]
+                put(row_sum, j, at(row_sum, j) + weight[1])
             k += 1
         put(row_sum, i, own)
     largest = f64(0.0)
