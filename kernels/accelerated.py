@@ -161,10 +161,9 @@ def sweep_ahead(team: Team, s: Scene, k: int):
     zeta = f64(0.0)
     begin, end, _, part = chunks_of_set(s, k)
     first, last = thread_range(team, begin, end)
-    at_wall = is_wall_set(s, k)
     for chunk in range(first, last):
         bounds = at(s.working.range, part + chunk)
-        total = sweep_part(s, bounds[0], bounds[1], at_wall)
+        total = sweep_part(s, bounds[0], bounds[1], is_wall_set(s, k))
         put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
         zeta = larger(zeta, total[0])
     keep_largest(team, s.partial.zeta, zeta)

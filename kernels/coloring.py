@@ -35,19 +35,21 @@ def lowest_free(used: wp.uint64) -> int:
 
 @wp.func
 def levels(rows: NeighborList, next_level: Ints, group: Ints):
-    """Dependency levels, as few as there can be."""
+    """Give every pair its dependency level, as few as there can be, and contacts with walls none, -1."""
     n = rows.start.shape[0] - 1
     for i in range(n):
         put(next_level, i, 0)
     for i in range(n):
         own = at(next_level, i)  # no later row looks at it
-        k, end = at(rows.start, i), pair_end(rows, i)
+        k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
             j = at(rows.neighbor, k)
-            level = wp.max(own, at(next_level, j))
+            level = int(-1)
+            if j < n:
+                level = wp.max(own, at(next_level, j))
+                own = level + 1
+                put(next_level, j, own)
             put(group, k, level)
-            own = level + 1
-            put(next_level, j, own)
             k += 1
 
 
@@ -89,27 +91,23 @@ def renumber_extra_colors(s: Scene) -> int:
 @wp.func
 def keep_colors(s: Scene) -> int:
     """Let pairs of the old list keep their colors; other contacts have -1. Returns the first extra color."""
-    rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
+    rows, used, color, n = s.neighbors, s.workspace.used_colors, s.workspace.color, grain_count(s)
     extra = int(0)
-    for i in range(grain_count(s)):
+    for i in range(n):
         own = at(used, i)
-        k, end = at(rows.start, i), pair_end(rows, i)
+        k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
             kept = int(-1)
-            k_old = at(s.workspace.old_place, k)
-            if k_old >= 0:
+            j, k_old = at(rows.neighbor, k), at(s.workspace.old_place, k)
+            if k_old >= 0 and j < n:
                 kept = at(s.workspace.old_color, k_old)
                 if kept < MASK_COLORS:
-                    j = at(rows.neighbor, k)
                     bit = wp.uint64(1) << wp.uint64(kept)
                     own = own | bit
                     put(used, j, at(used, j) | bit)
                 else:
                     extra += 1
             put(color, k, kept)
-            k += 1
-        while k < at(rows.start, i + 1):
-            put(color, k, -1)
             k += 1
         put(used, i, own)
     if extra == 0:
@@ -121,6 +119,7 @@ def keep_colors(s: Scene) -> int:
 def colors(s: Scene):
     """First-fit. What does not fit in 64 colors (a grain may touch thousands) is swept pair by pair.
 
+    Contacts with walls have no color, -1.
     In the middle of an attempt pairs that stay keep their colors, so that all of it is in one order.
     """
     rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
@@ -133,11 +132,12 @@ def colors(s: Scene):
         extra = keep_colors(s)
     for i in range(n):
         own = at(used, i)  # no later row looks at it
-        k, end = at(rows.start, i), pair_end(rows, i)
+        k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
-            found = at(color, k)
-            if not resuming or found < 0:
-                j = at(rows.neighbor, k)
+            j, found = at(rows.neighbor, k), at(color, k)
+            if j >= n:
+                found = -1
+            elif not resuming or found < 0:
                 its = at(used, j)
                 found = lowest_free(own | its)
                 if found < MASK_COLORS:
@@ -172,21 +172,19 @@ def place_pairs(s: Scene):
     """
     listed = listed_count(s)
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
-    sets, pairs = int(0), int(0)
+    sets = int(0)
     k = int(0)
     while k < listed:
-        g = at(group, k)
-        sets = wp.max(sets, g + 1)
-        pairs += wp.where(g >= 0, 1, 0)
+        sets = wp.max(sets, at(group, k) + 1)
         k += 1
     for g in range(sets + 1):
         put(start, g, 0)
     k = int(0)
     while k < listed:
-        g = at(group, k) + 1
-        put(start, g, at(start, g) + 1)  # contacts with walls count in start[0], which is not used
+        g = at(group, k)
+        if g >= 0:
+            put(start, g + 1, at(start, g + 1) + 1)
         k += 1
-    put(start, 0, 0)
     for g in range(sets):
         put(start, g + 1, at(start, g + 1) + at(start, g))
     k = int(0)
@@ -200,6 +198,7 @@ def place_pairs(s: Scene):
     for g in range(sets):
         put(start, sets - g, at(start, sets - g - 1))
     put(start, 0, 0)
+    pairs = at(start, sets)
     if s.merge != 0:
         put(start, 1, pairs)
         sets = 1
@@ -215,50 +214,38 @@ def place_walls(s: Scene):
     The first contact of every grain is in the first set, the second one in the second, and so on: this gives
     every contact what it would find grain by grain.
     """
-    rows, n, first_set = s.neighbors, grain_count(s), s.contacts.count.sets
+    rows, listed, first_set = s.neighbors, listed_count(s), s.contacts.count.sets
     place = pair_count(s)
     sets = int(0)
-    placing = bool(True)
-    while placing:
-        begin = place
-        i = int(0)
-        while i < n:
+    while place < listed:
+        for i in range(grain_count(s)):
             k = pair_end(rows, i) + sets
             if k < at(rows.start, i + 1):
                 put(s.workspace.sweep_index, k, place)
                 place += 1
-            i += 1
-        placing = place > begin
-        if placing:
-            sets += 1
-            put(s.contacts.set_start, first_set + sets, place)
-    s.contacts.count.walls = place - pair_count(s)
+        sets += 1
+        put(s.contacts.set_start, first_set + sets, place)
+    s.contacts.count.walls = listed - pair_count(s)
     s.contacts.count.wall_sets = sets
 
 
 @wp.func
 def group_pairs(s: Scene):
-    """Give every pair its set; contacts with walls have none yet."""
+    """Give every pair its set."""
     if s.by_color != 0:
         colors(s)
     else:
         levels(s.neighbors, s.workspace.next_level, s.workspace.group)
-    i = int(0)
-    while i < grain_count(s):
-        k, end = pair_end(s.neighbors, i), at(s.neighbors.start, i + 1)
-        while k < end:
-            put(s.workspace.group, k, -1)
-            k += 1
-        i += 1
 
 
 @wp.func
 def gather(s: Scene, i: int):
     """Write the pairs of grain i, (i, j, place in the neighbor list), where they come in the sweep."""
-    k, end = at(s.neighbors.start, i), pair_end(s.neighbors, i)
+    k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:
-        entry = wp.vec3i(i, at(s.neighbors.neighbor, k), k)
-        put(s.workspace.sequence, at(s.workspace.sweep_index, k), entry)
+        j = at(s.neighbors.neighbor, k)
+        if j < grain_count(s):
+            put(s.workspace.sequence, at(s.workspace.sweep_index, k), wp.vec3i(i, j, k))
         k += 1
 
 

@@ -7,7 +7,7 @@ from .access import at, put, raise_to, set_bodies
 from .record import WITHOUT_ROOM, Scene, amid_sweeps, grain_count, is_accelerated
 from .types import NeighborList
 from .verlet import stayed_silent
-from .walls import wall_body_count, wall_overlap
+from .walls import wall_body_count
 
 f64 = wp.float64
 
@@ -81,18 +81,23 @@ def is_active(dv: wp.vec3d) -> bool:
 
 
 @wp.func
-def keep_contact(s: Scene, i: int, j: int, k_old: int):
-    """Search again, with wider skins, where a contact that carries a correction is lost: it stays listed."""
-    if not is_active(at(s.workspace.old_dv, k_old)):
-        return
-    x, n = at(s.grains.position, i), grain_count(s)
-    if j >= n:
-        raise_to(s.verlet.skin, i, -wall_overlap(j - n, x, at(s.grains.radius, i), s.walls))
-    else:
-        half = f64(0.5) * wp.length(at(s.grains.position, j) - x)
+def was_active(s: Scene, i: int, j: int) -> bool:
+    """Return whether grain i was at wall j in the list before, with a correction: it stays listed."""
+    old = s.workspace.old
+    k, end = pair_end(old, i), at(old.start, i + 1)
+    while k < end and at(old.neighbor, k) < j:
+        k += 1
+    return k < end and at(old.neighbor, k) == j and is_active(at(s.workspace.old_dv, k))
+
+
+@wp.func
+def keep_pair(s: Scene, i: int, j: int, k_old: int):
+    """Search again, with wider skins, where a pair that carries a correction is lost: it stays listed."""
+    if is_active(at(s.workspace.old_dv, k_old)):
+        half = f64(0.5) * wp.length(at(s.grains.position, j) - at(s.grains.position, i))
         raise_to(s.verlet.skin, i, half)
         raise_to(s.verlet.skin, j, half)
-    s.control.searching = 1
+        s.control.searching = 1
 
 
 @wp.func
@@ -104,7 +109,7 @@ def match_rows(s: Scene, i: int):
     while k < end:
         j = at(rows.neighbor, k)
         while k_old < end_old and at(old.neighbor, k_old) < j:
-            keep_contact(s, i, at(old.neighbor, k_old), k_old)
+            keep_pair(s, i, at(old.neighbor, k_old), k_old)
             k_old += 1
         place = int(-1)
         if k_old < end_old and at(old.neighbor, k_old) == j:
@@ -113,7 +118,7 @@ def match_rows(s: Scene, i: int):
         put(s.workspace.old_place, k, place)
         k += 1
     while k_old < end_old:
-        keep_contact(s, i, at(old.neighbor, k_old), k_old)
+        keep_pair(s, i, at(old.neighbor, k_old), k_old)
         k_old += 1
 
 
@@ -171,14 +176,15 @@ def find_row_sums(s: Scene):
         put(row_sum, i, f64(0.0))
     for i in range(n):
         own = at(row_sum, i)
-        k, end = at(s.neighbors.start, i), pair_end(s.neighbors, i)
+        k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
         while k < end:
             j = at(s.neighbors.neighbor, k)
             weight = wp.vec2d(f64(0.5), f64(0.5))
             if s.contacts.weights.shape[0] > 0:
                 weight = at(s.contacts.weights, at(s.workspace.sweep_index, k))
-            own = own + weight[0]
-            put(row_sum, j, at(row_sum, j) + weight[1])
+            if j < n:
+                own = own + weight[0]
+                put(row_sum, j, at(row_sum, j) + weight[1])
             k += 1
         put(row_sum, i, own)
     largest = f64(0.0)

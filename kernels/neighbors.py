@@ -8,6 +8,7 @@ import warp as wp
 
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, ends
+from .contact_list import was_active
 from .record import Scene, grain_count
 from .types import CellGrid
 from .walls import is_near_wall, wall_body_count
@@ -124,13 +125,14 @@ def find_pairs(s: Scene, k: int):
 
 @wp.func
 def find_walls(s: Scene, i: int):
-    """Find the walls within reach of a grain."""
+    """Find the walls within reach of a grain, and those that hold it."""
     path = s.verlet.numbers.lifetime * wp.length(at(s.verlet.reference_velocity, i))
     reach = (at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     for b in range(wall_body_count(s.walls)):
-        if is_near_wall(b, x, radius, s.walls, reach):
-            note_contact(s, i, grain_count(s) + b)
+        j = grain_count(s) + b
+        if is_near_wall(b, x, radius, s.walls, reach) or was_active(s, i, j):
+            note_contact(s, i, j)
 
 
 @wp.func

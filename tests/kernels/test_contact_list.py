@@ -124,13 +124,22 @@ def test_what_contacts_carry_is_found_again(order: str, method: str, equal: bool
         assert len(listed.record["contacts.weights"]) == 0
 
 
-def test_skins_are_not_widened_for_contacts_that_carry_nothing() -> None:
-    listed = Listed(cloud("sequential", "gauss-seidel", True), WIDE)
+@pytest.mark.parametrize("carrying", [None, NOW, START, LAST])
+def test_skins_are_widened_for_pairs_that_carry_alone(carrying: str | None) -> None:
+    """A grain that its wall holds, or held, stays listed there with any skin."""
+    listed = Listed(cloud("sequential", "accelerated", True), WIDE)
+    at_wall = {bodies: k for bodies, k in zip(listed.bodies, listed.index, strict=True) if bodies[1] == N}
     for name in listed.names:
         listed.record[name][:] = 0.0
+    held = set(at_wall if carrying else ())
+    if carrying:
+        listed.record[carrying][list(at_wall.values())] = -1.0
     listed.expire()
     listed.search(NARROW)
-    assert set(listed.bodies) == within(listed.scene, NARROW)
+    near = within(listed.scene, NARROW)
+    assert set(listed.bodies) == near | held
+    assert len(held - near) > 8 or not carrying
+    assert (listed.record["verlet.skin"] == NARROW).all()
 
 
 def test_shares_and_their_sums() -> None:

@@ -49,6 +49,18 @@ def test_state_is_a_copy(scene: Scene) -> None:
     assert contents(state) == contents(again)
 
 
+def test_first_list_of_a_state_without_one() -> None:
+    """It is made for a grain that its wall holds, not for one that falls through it."""
+    scene = Scene(position=[[0.0, -1.9]], radius=0.1, mass=1.0, radius_out=2.0, gravity=(0.0, -9.81), dt=0.01)
+    simulation, fresh = Simulation(scene), Simulation(scene)
+    simulation.run(steps=3)
+    state = simulation.state()
+    fresh.restore(State(state.steps, state.position, state.velocity, state.corrections))
+    fresh.step()
+    expected = fresh._engine._records.array(0, "verlet.reference_velocity")
+    assert np.abs(expected).max() < 1e-12
+
+
 def test_step_that_is_not_finite(scene: Scene) -> None:
     """It names the grain, changes nothing, and a good state continues as if nothing had happened."""
     simulation = Simulation(scene)
