@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from same_bits import contents
 
-from warpgrains import Scene, Simulation, SimulationError
+from warpgrains import Scene, Simulation, SimulationError, State
 
 ORDERS = ("sequential", "color")
 
