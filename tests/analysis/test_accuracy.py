@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from annulus import at_annulus
 from optimality import EPS, pair_excess, solve_one_step, wall_excess
+from same_bits import at_annulus
 from sample_scenes import bullet
 from schemes import SECOND_ORDER
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import networkx
 import numpy as np
 import pytest
-from annulus import by_grain
+from same_bits import by_grain
 from schemes import SCHEMES, contact_mass, without_contacts
 
 from warpgrains import Scene, SceneError, Simulation, analysis

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from annulus import at_annulus
+from same_bits import at_annulus
 from schemes import SCHEMES
 
 from warpgrains import Scene, Simulation

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from annulus import at_annulus
+from same_bits import at_annulus
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from annulus import at_annulus
 from launched import launched_state
-from same_bits import contents
+from same_bits import at_annulus, contents
 from sample_scenes import SUDDEN, random_scene
 from schemes import SECOND_ORDER, TEXTS
 from scipy.integrate import solve_ivp

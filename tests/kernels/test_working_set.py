@@ -5,10 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from accelerated_twin import AcceleratedTwin
-from annulus import at_annulus
 from bench.flow import ACCELERATED, flowing
 from residual_twin import free_velocity, twin_residual
-from same_bits import dense_pair_correction
+from same_bits import at_annulus, dense_pair_correction
 from sample_scenes import bullet, chain, crowd, explosion, random_scene
 from schemes import SCHEMES
 

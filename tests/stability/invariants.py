@@ -29,7 +29,7 @@ negative where nothing overlaps: a grain that slides has to turn, and what makes
 from dataclasses import dataclass
 
 import numpy as np
-from annulus import at_annulus
+from same_bits import at_annulus
 from schemes import contact_mass, without_contacts
 
 from warpgrains import Scene, Simulation

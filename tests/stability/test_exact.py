@@ -7,10 +7,9 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from annulus import at_annulus
 from hard_scenes import heap, past_the_origin, random_masses, stack
 from launched import launched_state
-from same_bits import contents, dense_pair_correction
+from same_bits import at_annulus, contents, dense_pair_correction
 from sample_scenes import SUDDEN, chain, dense_start
 from schemes import contact_mass
 from scipy import sparse

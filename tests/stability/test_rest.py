@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from annulus import at_annulus
 from hard_scenes import heap
 from invariants import EPS, checked_step
+from same_bits import at_annulus
 from schemes import SCHEMES
 
 from warpgrains import Scene, Simulation

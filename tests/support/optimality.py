@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from annulus import at_annulus
-from same_bits import dense_pair_correction
+from same_bits import at_annulus, dense_pair_correction
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray

@@ -1,7 +1,7 @@
 """The natural residual of a simulation's last step (kernels/MODEL.md, eq. 12), in NumPy, over all pairs."""
 
 import numpy as np
-from annulus import at_annulus
+from same_bits import at_annulus
 from schemes import contact_mass, without_contacts
 from scipy.spatial import KDTree
 

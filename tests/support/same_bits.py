@@ -1,14 +1,36 @@
 """Equality to the last bit: of all that a dataclass holds, and of a simulation with the C reference."""
 
 from dataclasses import fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from annulus import at_annulus
 
 from warpgrains import Simulation
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.reference.reference import Reference, pair_index
+from warpgrains.scene.walls import INNER
+
+
+class AtAnnulus(NamedTuple):
+    """What grains carry at the annulus, by grain, shape (n,): > 0 at its outer circle, < 0 inside."""
+
+    correction: FloatArray
+    force: FloatArray
+
+
+def by_grain(wall: IntArray, values: FloatArray, n: int) -> FloatArray:
+    """Return values of contacts with walls by grain, shape (n,)."""
+    every = np.zeros(n)
+    every[wall[:, 0]] = np.where(wall[:, 1] == INNER, -values, values)
+    return every
+
+
+def at_annulus(simulation: Simulation) -> AtAnnulus:
+    """Return what the grains of a simulation carried during the last step."""
+    contacts, n = simulation.wall_contacts(), simulation.scene.n
+    return AtAnnulus(
+        *(by_grain(contacts.wall, values, n) for values in (contacts.correction, contacts.force))
+    )
 
 
 def contents(record: Any) -> Any:

@@ -3,9 +3,8 @@
 import lightusd
 import numpy as np
 import pytest
-from annulus import at_annulus
 from recordings import GRAINS
-from same_bits import contents
+from same_bits import at_annulus, contents
 from sweeps import SMALL, batch, results, table, write
 
 from warpgrains import Scene, Simulation, SimulationError
