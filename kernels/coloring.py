@@ -172,10 +172,11 @@ def place_pairs(s: Scene):
     """
     listed = listed_count(s)
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
-    sets = int(0)
+    sets, pairs = int(0), int(0)
     k = int(0)
     while k < listed:
         sets = wp.max(sets, at(group, k) + 1)
+        pairs += wp.where(at(group, k) >= 0, 1, 0)
         k += 1
     for g in range(sets + 1):
         put(start, g, 0)
@@ -198,7 +199,6 @@ def place_pairs(s: Scene):
     for g in range(sets):
         put(start, sets - g, at(start, sets - g - 1))
     put(start, 0, 0)
-    pairs = at(start, sets)
     if s.merge != 0:
         put(start, 1, pairs)
         sets = 1
