@@ -5,7 +5,7 @@ or nearly do, and copies them side by side; sweeps touch nothing else, so that t
 others have no correction and get none: what velocities do between two looks is no matter to the list's proof
 (verlet.py).
 
-A part's copies (chunks.py) lie where its contacts begin, so that threads select side by side.
+A part's copies (contacts.py) lie where its contacts begin, so that threads select side by side.
 """
 
 import warp as wp
