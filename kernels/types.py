@@ -206,7 +206,7 @@ class Workspace:
     old_dv: wp.array(dtype=wp.vec3d)  # of its contacts: now, at the step's start, a sweep back [m/s]
     old_place: Ints  # of every contact in the list before, or -1
     sweep_index: Ints  # of every contact: its index in sweeping order
-    group: Ints  # set, or tile, of every pair
+    group: Ints  # set, or tile, of every pair; -1 of contacts with walls
     color: Ints  # of every pair, where pairs are swept by colors
     old_color: Ints  # of the list before
     sequence: wp.array(dtype=wp.vec3i)  # pairs in sweeping order: (i, j, place in the neighbor list)

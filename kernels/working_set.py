@@ -5,7 +5,7 @@ or nearly do, and copies them side by side; sweeps touch nothing else, so that t
 others have no correction and get none: what velocities do between two looks is no matter to the list's proof
 (verlet.py).
 
-A part's copies (chunks.py) lie where its contacts begin, so that threads select side by side.
+A part's copies (contacts.py) lie where its contacts begin, so that threads select side by side.
 """
 
 import warp as wp
@@ -139,9 +139,10 @@ def select_walls(s: Scene, begin: int, end: int):
         nearly = law.projection(vn, dv, gap - near, back - near)
         change = wp.abs(law.projection(vn, dv, gap, back))
         violation = larger(violation, wp.where(carries, f64(0.0), change))
-        select(s, free, c)
-        put(s.working.limits, free - first_wall, at(contacts.limits, c - first_wall))
-        free += wp.where(carries or nearly != f64(0.0), 1, 0)
+        if carries or nearly != f64(0.0):
+            select(s, free, c)
+            put(s.working.limits, free - first_wall, at(contacts.limits, c - first_wall))
+            free += 1
         c += 1
     return free, violation
 
