@@ -1,6 +1,8 @@
-"""Checks of single values: each raises `SceneError` with one line that names the field and the value.
+"""Checks of single values.
 
-NumPy is imported only where a value is an array: ``--help`` reads the table of options, and answers at once.
+Each returns the checked value or raises `SceneError` with one line that names the field and the value.
+
+NumPy is imported only if a value is an array: ``--help`` reads the table of options and must stay fast.
 """
 
 from __future__ import annotations
@@ -19,11 +21,11 @@ if TYPE_CHECKING:
 
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
 LONGEST_SHOWN = 100  # characters of a value in a message
-MOST_THREADS = 1024  # more than any machine has cores: each of them takes a stack and a start
+MOST_THREADS = 1024  # more than any machine has cores; each thread costs a stack and a start
 
 
 def shown(value: Any) -> str:
-    """Return a value as messages show it: on one line, and cut where it is long."""
+    """Return a value as messages show it, on one line and shortened if it is long."""
     line = " ".join(repr(value).split())
     return line if len(line) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]} ..."
 
@@ -69,39 +71,39 @@ def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHO
 
 
 def thread_count(field: str, value: Any) -> int:
-    """Return a number of threads."""
+    """Return a number of threads between 1 and `MOST_THREADS`."""
     return whole_number(field, value, most=MOST_THREADS)
 
 
 def text(field: str, value: Any) -> str:
-    """Return a text."""
+    """Return `value` if it is a str."""
     if not isinstance(value, str):
         raise SceneError(f"{field} is {shown(value)}: it must be a text")
     return value
 
 
 def path(field: str, value: Any) -> str:
-    """Return the name of a file, a text or a path."""
+    """Return the name of a file, given as a str or a path."""
     if not isinstance(value, str | os.PathLike) or isinstance(name := os.fspath(value), bytes):
         raise SceneError(f"{field} is {shown(value)}: it must be the name of a file")
     return name
 
 
 def function(field: str, value: Any) -> None:
-    """Require what can be called."""
+    """Raise SceneError unless `value` is callable."""
     if not callable(value):
         raise SceneError(f"{field} is {shown(value)}: it must be a function")
 
 
 def truth(field: str, value: Any) -> bool:
-    """Return True or False."""
+    """Return a Python or NumPy bool as a bool."""
     if type(value).__name__ not in ("bool", "bool_"):  # NumPy's own, too
         raise SceneError(f"{field} is {shown(value)}: it must be True or False")
     return bool(value)
 
 
 def one_of(field: str, value: Any, known: Iterable[str]) -> str:
-    """Return a name that is among the known ones."""
+    """Return `value` if it is one of the known names."""
     known = list(known)
     if not isinstance(value, str) or value not in known:
         raise unknown(field, value, known)
@@ -109,7 +111,7 @@ def one_of(field: str, value: Any, known: Iterable[str]) -> str:
 
 
 def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
-    """Return the one name of the known ones that is given."""
+    """Return the known name that is given, if exactly one is."""
     known = list(known)
     found = [name for name in known if name in given]
     if len(found) != 1:
@@ -119,7 +121,7 @@ def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
 
 
 def unknown(what: str, name: Any, known: Iterable[str]) -> SceneError:
-    """Return the error for a name that nobody knows, with the nearest known one, if any is near."""
+    """Return the error for an unknown name, with the most similar known name if there is one."""
     known = sorted(known)
     nearest = get_close_matches(str(name), known, n=1)
     hint = f"did you mean {nearest[0]!r}? Known" if nearest else "known"
@@ -138,7 +140,7 @@ def vector(field: str, value: Any) -> tuple[float, float]:
 
 
 def vectors(field: str, value: Any) -> FloatArray:
-    """Return a read-only copy of one finite vector a grain, shape (n, 2) with n >= 1."""
+    """Return a read-only copy of one finite vector per grain, shape (n, 2) with n >= 1."""
     array = _floats(field, value)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
         raise SceneError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one grain")
@@ -147,7 +149,7 @@ def vectors(field: str, value: Any) -> FloatArray:
 
 
 def require_finite(field: str, array: FloatArray) -> None:
-    """Raise SceneError unless all numbers of each grain are finite, shape (n,) or (n, 2)."""
+    """Raise SceneError unless the numbers of every grain are finite; shape (n,) or (n, 2)."""
     import numpy as np
 
     if not np.isfinite(array).all():
@@ -156,7 +158,7 @@ def require_finite(field: str, array: FloatArray) -> None:
 
 
 def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
-    """Return a read-only array of numbers greater than 0, shape (n,), from n of them or from one for all."""
+    """Return a read-only array of positive numbers, shape (n,), from n numbers or from one for all grains."""
     import numpy as np
 
     array = _floats(field, value)
@@ -173,7 +175,7 @@ def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
 
 
 def of_grain(field: str, array: FloatArray, bad: BoolArray) -> str:
-    """Name the first grain that is bad, and its value: the start of an error message."""
+    """Return the start of an error message, which names the first bad grain and its value."""
     grain = int(bad.argmax())
     value = array[grain].tolist()
     return f"{field} of grain {grain} is {tuple(value) if array.ndim > 1 else value}"
@@ -194,6 +196,6 @@ def _floats(field: str, value: Any) -> FloatArray:
 
 
 def frozen(array: FloatArray) -> FloatArray:
-    """Return an array after making it read-only."""
+    """Make an array read-only and return it."""
     array.setflags(write=False)
     return array

@@ -1,4 +1,7 @@
-"""The fields of a scene, each written once: key in scene files, check, default, unit and meaning."""
+"""The fields of a scene.
+
+Each is declared once, with its key in scene files, its check, its default, its unit and its meaning.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
@@ -26,7 +29,7 @@ METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
 WALL_KINDS = {kind.kind: kind for kind in (Disc,)}
-MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
+MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
 
 Kind = TypeVar("Kind")
 Held = TypeVar("Held", covariant=True)
@@ -35,7 +38,10 @@ Given = TypeVar("Given", contravariant=True)
 if TYPE_CHECKING:
 
     class MadeOf(Protocol[Held, Given]):
-        """A field that is given to the constructor in more forms than the one in which it is held."""
+        """Type of a field whose constructor argument (`Given`) has more forms than its value (`Held`).
+
+        It exists for type checkers only.
+        """
 
         def __get__(self, scene: object, kind: Any = None) -> Held: ...
         def __set__(self, scene: object, value: Given) -> None: ...
@@ -53,7 +59,7 @@ def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = M
     """Return a field of a scene.
 
     A field with a section is a key of that section of a scene file. The check is a function or a tuple of
-    names; those of grains and walls have none, because `checked_grains` checks them together.
+    allowed names. Fields of grains and walls have none, because `checked_grains` checks them together.
     """
     return described(meaning, section=section, check=check, default=default)
 
@@ -64,13 +70,13 @@ def _record(kind: type[Kind]) -> type[Kind]:
 
 
 def frozen(kind: type[Kind]) -> type[Kind]:
-    """Freeze what inherits fields; mypy must not see how, or it loses their types, see `MadeOf`."""
+    """Freeze the dataclasses that inherit the fields, hidden from mypy, which would lose their types."""
     return _record(kind)
 
 
 @_record
 class SceneFields:
-    """What a `Scene` holds."""
+    """Fields of a `Scene`."""
 
     position: Array = _key("Centres of the grains [m], shape (n, 2).")
     velocity: OptionalArray = _key(
@@ -148,7 +154,7 @@ class SceneFields:
 
 FIELDS = described_fields(SceneFields)
 SECTIONS: dict[str, list[str]] = {}
-"""The sections of a scene file, but for its grains, and their keys."""
+"""The sections of a scene file and their keys, except `[grains]`."""
 for _name, _field in FIELDS.items():
     if _field.metadata["section"]:
         SECTIONS.setdefault(_field.metadata["section"], []).append(_name)
@@ -160,7 +166,7 @@ _SETTINGS = {
 
 
 def checked_walls(field: str, value: Any) -> tuple[Disc, ...]:
-    """Return walls, each given as what it is or by the keys of a `[[walls]]` table."""
+    """Return walls, each given as an object or by the keys of a `[[walls]]` table."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         raise SceneError(f"{field} is {checks.shown(value)}: it must be a list of walls")
     return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
@@ -187,23 +193,23 @@ def _checked_wall(field: str, value: Any) -> Disc:
 
 
 def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> dict[str, Any]:
-    """Return fields that are not of grains or walls, as a scene keeps them.
+    """Return the named fields, none of grains or walls, in the form in which a scene keeps them.
 
     Raises
     ------
     SceneError
-        One is not what it must be.
+        A value is invalid.
     """
     return {name: _SETTINGS[name](name, getattr(scene, name)) for name in names}
 
 
 def checked_grains(scene: SceneFields) -> dict[str, Any]:
-    """Return the fields of grains and walls, as a scene keeps them.
+    """Return the fields of grains and walls in the form in which a scene keeps them.
 
     Raises
     ------
     SceneError
-        One is not what it must be, or not of as many grains as the others.
+        A value is invalid, or an array has another number of grains than `position`.
     """
     position = checks.vectors("position", scene.position)
     velocity = np.zeros_like(position) if scene.velocity is None else scene.velocity
@@ -221,7 +227,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
 
 
 def require_places(scene: "Scene") -> None:
-    """Raise SceneError unless all grains are between the walls, apart, and in places that have digits."""
+    """Raise SceneError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
     _require_size(scene)
     scene.annulus.require_inside(scene.position, scene.radius)
     for k, wall in enumerate(scene.walls):
@@ -233,7 +239,7 @@ def require_places(scene: "Scene") -> None:
 
 
 def _require_size(scene: "Scene") -> None:
-    """Raise SceneError unless positions have digits for a gap, and squares."""
+    """Raise SceneError unless doubles resolve gaps of this size and hold the square of it."""
     smallest = scene.smallest_radius
     if scene.radius_out / MOST_RADII >= smallest:
         raise SceneError(
@@ -244,7 +250,7 @@ def _require_size(scene: "Scene") -> None:
 
 
 def require_agreement(scene: "Scene") -> None:
-    """Raise SceneError unless the settings suit each other, and the grains."""
+    """Raise SceneError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
     if scene.method == "exact" and scene.stop == "zeta":
         raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
@@ -252,7 +258,7 @@ def require_agreement(scene: "Scene") -> None:
 
 def _require_short_step(scene: "Scene") -> None:
     mass = scene.smallest_mass
-    lost = scene.drag * scene.dt / mass  # of a velocity in a step of the text's scheme, as a share
+    lost = scene.drag * scene.dt / mass  # fraction of a velocity that one step of the text's scheme removes
     if lost < 1.0:
         return
     lightest = int(np.argmin(scene.mass))

@@ -1,4 +1,4 @@
-"""Files of grains beside a scene file.
+"""Files of grains, to which `grains.file` of a scene file refers.
 
 An `.npz` file holds the array `position` (n, 2), and any of `velocity` (n, 2), `radius` (n,) and `mass` (n,).
 A `.csv` file names its columns in the first line: `x` and `y`, and any of `vx` and `vy`, `radius` and `mass`.
@@ -19,12 +19,12 @@ COLUMNS = ("x", "y", "vx", "vy", "radius", "mass")
 
 
 def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
-    """Read `position` and what else a file of grains has; it is called `name` in the scene of that folder.
+    """Read `position` and any other arrays of a file of grains; `folder` is that of the scene file.
 
     Raises
     ------
     SceneError
-        The file cannot be read or does not hold grains.
+        The file cannot be read or holds no grains.
     """
     grains = _read(folder, name)
     if "position" not in grains:
@@ -33,12 +33,12 @@ def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
 
 
 def read_radii(folder: Path, table: dict[str, Any]) -> list[float]:
-    """Read the radii of the file that ``{file = NAME}`` names; what else it holds does not count.
+    """Read the radii of the file that ``{file = NAME}`` names; its other columns are ignored.
 
     Raises
     ------
     SceneError
-        The file cannot be read or does not hold radii.
+        The file cannot be read or holds no radii.
     """
     if len(table) > 1:
         raise SceneError(f"grains.radius is {table!r}: with file it has no other keys")
@@ -49,7 +49,6 @@ def read_radii(folder: Path, table: dict[str, Any]) -> list[float]:
 
 
 def _read(folder: Path, name: Any) -> dict[str, FloatArray]:
-    """Read what a file of grains has."""
     if not isinstance(name, str):
         raise SceneError(f"grains.file is {name!r}: it must be the name of a file")
     path = folder / name
@@ -60,7 +59,7 @@ def _read(folder: Path, name: Any) -> dict[str, FloatArray]:
         grains = readers[path.suffix](path)
     except SceneError as error:
         raise SceneError(f"grains.file {name!r}: {error}") from None
-    except Exception as error:  # the readers of foreign files raise of all kinds
+    except Exception as error:  # readers of untrusted files raise exceptions of any type
         raise SceneError(f"grains.file {name!r} cannot be read: {error}") from None
     return grains
 

@@ -1,7 +1,7 @@
-"""Where the grains start: each layout is a function, whose keyword parameters are the keys of `[grains]`.
+"""Layouts: initial positions and radii of the grains.
 
-Every layout gets the walls between which the grains are to be, and raises SceneError, one line, where a value
-is not what it must be or the grains find no place.
+Each layout is a function whose keyword parameters are the keys of `[grains]`. Its first argument is the
+annulus. It raises SceneError, one line, if a value is invalid or the grains do not fit.
 """
 
 from collections.abc import Callable
@@ -19,15 +19,15 @@ from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus
 
 MOST_GRAINS = 10_000_000
-LEAST_SPACING = 0.1  # in radii: such grains all but coincide
-MOST_ADDED = 0.54  # share of a region that random sequential addition fills: its limit is 0.547
+LEAST_SPACING = 0.1  # in radii; closer grains almost coincide
+MOST_ADDED = 0.54  # largest packing fraction of random sequential addition here; its limit is 0.547
 
 COMMON = {
     "count": "Number of grains.",
     "radius": "Radius of every grain [m].",
     "spacing": "Distance of neighbours, centre to centre, in radii.",
 }
-"""Keys that several layouts have."""
+"""Keys that several layouts share, and their meanings."""
 
 Placement = tuple[FloatArray, FloatArray]
 """Positions [m], shape (n, 2), and radii [m], shape (n,)."""
@@ -43,16 +43,18 @@ def rows(
     height: float = 2.0,
     shift: float = 0.0,
 ) -> Placement:
-    """Rows above the inner disc, from the bottom up, each from left to right, as in the course's program.
+    """Place grains in rows above the inner disc, from the bottom up, as in the course's program.
+
+    Each row is filled from left to right.
 
     Parameters
     ----------
     columns
-        Grains a row. By default, as many as fit between the sides of the outer wall.
+        Grains per row; by default, the number that fits within the outer wall.
     height
-        Height of the lowest row's centres above the inner disc, in radii.
+        Height of the centers of the lowest row above the inner disc, in radii.
     shift
-        Horizontal displacement of all grains [m]: a tiny one keeps a grain from balancing on top of the disc.
+        Horizontal displacement of all grains [m]; a tiny one keeps a grain from balancing on the disc.
     """
     count, radius = _count(count), _radius(walls, radius)
     spacing = _spacing(spacing)
@@ -72,7 +74,10 @@ def rows(
 
 
 def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing: float = 2.02) -> Placement:
-    """A hexagonal lattice from the bottom up, each row from left to right; by default of all that fit."""
+    """Place grains on a hexagonal lattice from the bottom up, each row from left to right.
+
+    By default the lattice is filled.
+    """
     radius = _radius(walls, radius)
     pitch = _spacing(spacing) * radius
     reach = walls.radius_out - radius
@@ -104,22 +109,22 @@ def random(
     region: Any = None,
     seed: int = 0,
 ) -> Placement:
-    """Grains at random places, none overlapping: the same ones for the same seed.
+    """Place grains at random without overlaps. The same seed gives the same positions.
 
-    Up to half of the space is filled by random sequential addition; for more, grains start small, grow and
-    push each other apart, up to about 0.82 of it.
+    Up to a packing fraction of about 0.5 grains are placed by random sequential addition. Above it they
+    start small, grow and push each other apart, up to about 0.82.
 
     Parameters
     ----------
     radius
-        Radius of every grain [m]; or the smallest and the largest, drawn evenly between; or three or more,
-        one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the keys
-        of its kind: uniform, normal, lognormal, power or values, see scene/radii.py.
+        Radius of every grain [m]; or the smallest and the largest of a uniform distribution; or three or
+        more, one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the
+        keys of its kind: uniform, normal, lognormal, power or values, see scene/radii.py.
     packing_fraction
-        Share of the region that grains are to fill, instead of their count.
+        Fraction of the area of the region that the grains fill, instead of their count.
     region
-        Where they are to be [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, the last
-        one from the origin; by default anywhere between the walls.
+        Bounds of the grains [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, where
+        `distance` is from the origin; by default the whole space between the walls.
     seed
         Seed of the random numbers.
     """
@@ -150,7 +155,7 @@ def random(
 def _random_radii(
     radius: Any, count: Any, fraction: Any, region: Region, generator: np.random.Generator
 ) -> FloatArray:
-    """Return the radii of so many grains, or of as many as fill a share of a region."""
+    """Return `count` random radii, or enough of them to reach a packing fraction in a region."""
     given = radii_given(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
@@ -183,7 +188,7 @@ def _asked(count: Any, fraction: Any) -> str:
 
 
 def column(walls: Annulus, *, count: int, radius: float, spacing: float = 2.02) -> Placement:
-    """One grain above the other on the lowest point of the outer wall, as far from it as from each other."""
+    """Place grains on top of each other, with equal spacing, above the lowest point of the outer wall."""
     count, radius = _count(count), _radius(walls, radius)
     spacing = _spacing(spacing)
     y = (np.arange(1, count + 1) * spacing - 1.0) * radius - walls.radius_out
@@ -217,7 +222,10 @@ def _spacing(value: Any) -> float:
 
 
 def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> Any:
-    """Grains a row, until `count` have a place: rows `pitch` apart, centres within `reach` of the origin."""
+    """Yield the number of grains per row until `count` are placed.
+
+    Rows are `pitch` apart, with centers within `reach` of the origin.
+    """
     widths: list[int] = []
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch

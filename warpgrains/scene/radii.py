@@ -1,4 +1,4 @@
-"""Radii drawn at random: what `grains.radius` may be for the layout "random"."""
+"""Random radii: the distributions that `grains.radius` of the layout "random" accepts."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,7 +10,7 @@ from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 
 Draw = Callable[[int], FloatArray]
-"""Returns so many radii [m]."""
+"""A function that draws the given number of radii [m]."""
 
 KEYS = {
     "uniform": ("smallest", "largest"),
@@ -19,30 +19,30 @@ KEYS = {
     "power": ("exponent", "smallest", "largest"),
     "values": ("values", "fractions"),
 }
-"""Distributions, and the keys of each.
+"""Distributions and their keys.
 
-`exponent` is that of the number density, r^-exponent; `mean` and `deviation` are those of r itself. A normal
-or lognormal radius is drawn again unless it is between `smallest` and `largest`, by default a tenth and ten
-times the mean; `fractions` are by number, and equal by default.
+The number density of "power" is proportional to r^-exponent. `mean` and `deviation` are those of r itself,
+not of log r. A normal or lognormal radius is drawn again unless it lies between `smallest` and `largest`, by
+default 0.1 and 10 times the mean. `fractions` are by number, and equal by default.
 """
 OF_MEAN = {"smallest": 0.1, "largest": 10.0}
-LEAST_KEPT = 1e-3  # of draws that are between the bounds
+LEAST_KEPT = 1e-3  # smallest accepted fraction of draws between the bounds
 
 
 def radii_given(radius: Any) -> FloatArray | None:
-    """Return the radii [m] if each is given: a list of one, or of more than two."""
+    """Return the radii [m] if they are listed, that is as a list of one or of more than two numbers."""
     if not isinstance(radius, list | tuple | np.ndarray) or np.ndim(radius) == 0 or len(radius) == 2:
         return None
     return checks.positive_per_grain("grains.radius", radius, len(radius))
 
 
 def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, float]:
-    """Return what draws radii as `grains.radius` says, and the largest that there can be [m].
+    """Return a function that draws radii according to `grains.radius`, and the largest possible radius [m].
 
     Raises
     ------
     SceneError
-        It is no number, pair of numbers, or table of a distribution.
+        `radius` is neither a number, nor a pair of numbers, nor the table of a distribution.
     """
     if not isinstance(radius, dict):
         low, high = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
@@ -77,7 +77,7 @@ def _uniform(low: float, high: float, generator: np.random.Generator) -> Draw:
 
 
 def _power(share: FloatArray, exponent: float, low: float, high: float) -> FloatArray:
-    """Return the radii below which given shares are, of a density r^-exponent."""
+    """Return the quantiles of the radius for a density proportional to r^-exponent."""
     k = 1.0 - exponent
     if abs(k) < 1e-9:
         return np.asarray(low * (high / low) ** share)
@@ -85,7 +85,7 @@ def _power(share: FloatArray, exponent: float, low: float, high: float) -> Float
 
 
 def _parameters(name: str, mean: float, deviation: float) -> tuple[float, float]:
-    """Return the parameters of NumPy's generator for a mean and a deviation of the radius itself."""
+    """Return the parameters of NumPy's generator for a given mean and standard deviation of the radius."""
     if name == "normal":
         return mean, deviation
     variance = np.log1p((deviation / mean) ** 2)
@@ -95,7 +95,7 @@ def _parameters(name: str, mean: float, deviation: float) -> tuple[float, float]
 def _bounded(
     draw: Callable[..., FloatArray], parameters: tuple[float, float], low: float, high: float
 ) -> Draw:
-    """Draw what is out of bounds again."""
+    """Return a function that draws radii and redraws those out of bounds."""
 
     def drawn(count: int) -> FloatArray:
         radius, bad = draw(*parameters, count), np.arange(count)

@@ -1,4 +1,7 @@
-"""Scene files: TOML in, the fields of `Scene` out. ``warpgrains scenes NAME`` lists their keys."""
+"""Reader of scene files: TOML text in, the fields of `Scene` out.
+
+``warpgrains scenes NAME`` lists their keys.
+"""
 
 import inspect
 from collections.abc import Callable, Iterable
@@ -21,17 +24,17 @@ SOURCES = {
     "position": "centres of the grains [m], a list of pairs; or:",
     "file": "name of an .npz or .csv file of grains, beside the scene.",
 }
-"""What the places of grains are from, one of these."""
+"""Keys that give the positions of the grains; a scene file has exactly one of them."""
 PROPERTIES = {
     "mass": "Mass of every grain, or a list [kg]; or:",
     "density": "mass by area [kg/m2].",
     "velocity": "Velocity of all grains at the start, or a list [m/s]. By default all rest.",
 }
-"""What grains have beside them."""
+"""Keys that give other properties of the grains."""
 
 
 def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
-    """Return the fields of the scene in a text, which is or could be that of the file `path`."""
+    """Return the fields of a scene from its text. File names in it are relative to the folder of `path`."""
     document = parse_toml(text, path)
     for override in overrides:
         override_key(document, override)
@@ -40,7 +43,7 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
 
 
 def require_key(section: str, key: str) -> None:
-    """Raise SceneError unless some scene has this key in this section."""
+    """Raise SceneError unless scene files may have this key in this section."""
     _require_section(section)
     of_layouts = {name for layout in LAYOUTS.values() for name in own_parameters(layout)}
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
@@ -53,12 +56,14 @@ def _require_section(section: str) -> None:
 
 
 def document_fields(document: Table, folder: Path) -> Table:
-    """Return the fields of the scene in a document in a folder, but for its name and text.
+    """Return the fields of a scene from its document, except name and text.
+
+    File names are relative to `folder`.
 
     Raises
     ------
     SceneError
-        A section or a key is unknown or missing, or grains do not fit.
+        A section or a key is unknown or missing, or the grains do not fit.
     """
     document = dict(document)
     fields: Table = {"walls": document.pop("walls", [])}
@@ -105,7 +110,7 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
 
 
 def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
-    """Call a layout with the keys that are its parameters."""
+    """Call a layout with those keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = own_parameters(function)
     _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
@@ -117,13 +122,13 @@ def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
 
 @cache
 def own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
-    """Return the parameters of a layout that are keys of `[grains]`."""
+    """Return the keyword parameters of a layout, which are its keys of `[grains]`."""
     parameters = inspect.signature(layout).parameters
     return {name: own for name, own in parameters.items() if own.kind is own.KEYWORD_ONLY}
 
 
 def _with_mass(table: Table, grains: Table) -> Table:
-    """Return `mass`, if it is given at all: as such or by the density."""
+    """Return the mass of the grains as `{"mass": ...}`, if it is given directly or by a density."""
     if "density" not in table:
         return table
     if "mass" in table:

@@ -1,4 +1,4 @@
-"""Where random grains are to be: the space between the walls, or a part of it."""
+"""Region for random grains: the space between the walls, or a part of it."""
 
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ KEYS = ("x", "y", "distance")
 
 
 class Region(NamedTuple):
-    """A ring about the origin, cut by a box: discs are to be wholly inside."""
+    """A ring about the origin intersected with a box. Discs lie completely inside."""
 
     ring: Annulus
     low: tuple[float, float] = (-np.inf, -np.inf)
@@ -25,23 +25,23 @@ class Region(NamedTuple):
 
     @property
     def box(self) -> FloatArray:
-        """The smallest box that holds it: lower left and upper right corner [m], shape (2, 2)."""
+        """Bounding box of the region: lower left and upper right corner [m], shape (2, 2)."""
         reach = self.ring.radius_out
         return np.array([np.maximum(self.low, -reach), np.minimum(self.high, reach)])
 
     def contains(self, position: FloatArray) -> BoolArray:
-        """Return which points [m], shape (..., 2), are in it, shape (...,)."""
+        """Return which points [m], shape (..., 2), lie in the region, shape (...,)."""
         rho = np.hypot(position[..., 0], position[..., 1])
         in_ring = (rho >= self.ring.radius_in) & (rho <= self.ring.radius_out)
         return np.asarray(in_ring & ((position >= self.low) & (position <= self.high)).all(axis=-1))
 
     @property
     def area(self) -> float:
-        """Its area [m2]."""
+        """Area of the region [m2]."""
         return _area(self)
 
 
-@lru_cache(256)  # the scenes of a sweep mostly share one
+@lru_cache(256)  # the scenes of a sweep mostly share a region
 def _area(region: Region) -> float:
     (left, bottom), (right, top) = region.box
     corner = np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
@@ -52,12 +52,14 @@ def _area(region: Region) -> float:
 
 
 def region_of(walls: Annulus, given: Any, field: str = "grains.region") -> Region:
-    """Return what a field such as `grains.region` asks for: a table of ranges [m], each of them optional.
+    """Return the region that a field such as `grains.region` gives as a table of ranges [m].
+
+    All ranges are optional.
 
     Raises
     ------
     SceneError
-        It is none, or there is no space in it.
+        The table is invalid, or the region is empty.
     """
     if given is None:
         return Region(walls)

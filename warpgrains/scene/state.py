@@ -1,6 +1,7 @@
-"""States: all that the steps after them depend on, and whether something read from a file is one.
+"""States of a simulation between two steps, and their validation.
 
-A state of other grains would lead the kernels out of their arrays.
+A state determines all following steps. A state that is read from a file is checked completely, because wrong
+indices would let the kernels access memory outside their arrays.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Corrections:
-    """Accumulated corrections: all that the warm start of the next step needs.
+    """Accumulated corrections of the contacts, from which the next step starts (warm start).
 
     Attributes
     ----------
     pair : ndarray
         Grains i < j of the pairs that carry a correction, in lexicographic order, shape (m, 2).
     pair_correction : ndarray
-        Their corrections dv_c [m/s], shape (m,).
+        Corrections dv_c of these pairs [m/s], shape (m,).
     wall : ndarray
-        Grain and wall (0 outer, 1 inner, 2, 3, ... those of `Scene.walls`) of the contacts with walls that
-        carry one, in lexicographic order, shape (k, 2).
+        Grain and wall (0 outer, 1 inner, 2, 3, ... the discs of `Scene.walls`) of the wall contacts that
+        carry a correction, in lexicographic order, shape (k, 2).
     wall_correction : ndarray
-        Their corrections, > 0 [m/s], shape (k,).
+        Corrections of the wall contacts, > 0 [m/s], shape (k,).
 
     Examples
     --------
@@ -52,19 +53,19 @@ class Corrections:
 
 @dataclass(frozen=True, eq=False)
 class VerletList:
-    """What is listed as a candidate contact, and what is known of how long it will do (kernels/verlet.py).
+    """Listed pairs and walls, and the data that decide when the list must be rebuilt (kernels/verlet.py).
 
-    Colors depend on what is listed, so a run in color order continues with the same bits only from these.
+    Colors depend on the list, so a run in color order needs it to continue with the same bits.
 
     Attributes
     ----------
     pair, wall : ndarray
-        Listed pairs i < j, shape (m, 2), and grains and walls, shape (k, 2), in lexicographic order; the
-        circles of the annulus are one, 0.
+        Listed pairs i < j, shape (m, 2), and listed (grain, wall), shape (k, 2), in lexicographic order. Both
+        circles of the annulus are wall 0 here.
     skin, recent_deviation : ndarray
-        Of every grain [m], [m/s], shape (n,).
+        Skin [m] and recent deviation [m/s] of every grain, shape (n,).
     reference_position, reference_velocity : ndarray
-        Of every grain when the list was built [m], [m/s], shape (n, 2).
+        Position [m] and velocity [m/s] of every grain when the list was built, shape (n, 2).
     frame, scalar : ndarray
         The vectors and the numbers of `kernels.types.VerletNumbers`, shapes (3, 2) and (7,).
     """
@@ -81,22 +82,22 @@ class VerletList:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The exact state between two steps: all that the following steps depend on.
+    """The exact state between two steps, which determines all following steps.
 
     Attributes
     ----------
     steps : int
         Steps done since the start.
     position, velocity : ndarray
-        [m] and [m/s], shape (n, 2). A velocity is that with which the last step moved its grain.
+        Positions [m] and velocities [m/s], shape (n, 2). The last step moved grains with the velocities.
     corrections : Corrections
-        What the contacts carry.
+        Corrections of the contacts.
     lists : VerletList or None
-        What was listed; without it, a run in color order continues with an order of its own.
+        The Verlet list. Without it, a run in color order continues with another order of contacts.
     staggered : bool
-        Whether velocities are half a step behind positions: those of the middle of the last step, as after
-        any step of the leapfrog scheme, which goes on from them by a whole kick, and from others by half of
-        one. The text's scheme takes them as they are.
+        Whether velocities are half a step behind positions, as after any step of the leapfrog scheme. That
+        scheme continues with a full kick if they are, else with half a kick. The text's scheme makes no
+        difference.
 
     Examples
     --------
@@ -104,7 +105,7 @@ class State:
     >>> state.steps, state.position.shape, len(state.corrections.pair), state.staggered
     (400, (15, 2), 15, False)
     >>> other = wg.Simulation(simulation.scene)
-    >>> other.restore(state)  # and goes on with the same bits
+    >>> other.restore(state)  # and continues with the same bits
     """
 
     steps: int
@@ -116,13 +117,13 @@ class State:
 
 
 def first_state(scene: Scene) -> State:
-    """Return the state at the start of a scene."""
+    """Return the initial state of a scene."""
     nobody, nothing = np.zeros((0, 2), np.int32), np.zeros(0)
     return State(0, scene.position, scene.velocity, Corrections(nobody, nothing, nobody, nothing))
 
 
 def require_state(state: State, scene: Scene) -> None:
-    """Raise SceneError unless a simulation of a scene can continue from a state."""
+    """Raise SceneError unless a simulation of `scene` can continue from `state`."""
     n, walls = scene.n, scene.wall_numbers
     _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
@@ -191,7 +192,7 @@ def _require_walls(name: str, wall: IntArray, n: int, walls: Sequence[int]) -> N
 
 
 def _require_ascending(name: str, values: np.ndarray[Any, Any], end: int) -> None:
-    """Check that values are ascending in the range from 0 to `end`, exclusive."""
+    """Raise SceneError unless values ascend strictly within [0, end)."""
     bounded = np.concatenate([[-1], values, [end]])
     if not (np.diff(bounded) > 0).all():
         raise SceneError(f"{name} of the state is not in ascending order")

@@ -1,8 +1,8 @@
-"""The walls of a scene, as the host sees them: an annulus about the origin, and what stands inside it.
+"""Walls of a scene on the host: an annulus about the origin, and fixed discs inside it.
 
-Walls are numbered: 0 is the outer circle, 1 the inner one, whether there is one or not, and 2, 3, ... are
-those of `Scene.walls`. The device has the annulus as one body with two sides, and then the others
-(kernels/walls.py). Where a contact names two bodies, a wall is the negative number -1 - wall.
+Wall 0 is the outer circle, wall 1 the inner one (the number is reserved even if there is none), and walls
+2, 3, ... are those of `Scene.walls`. On the device both circles are one body with two sides, followed by the
+discs (kernels/walls.py). Where a contact names two bodies, wall w is the negative number -1 - w.
 """
 
 from typing import Any, NamedTuple, Self
@@ -23,23 +23,23 @@ OUTER, INNER = 0, 1
 
 
 class Side(NamedTuple):
-    """One wall, as each grain sees it."""
+    """Normals and gaps of grains at one wall."""
 
     normal: FloatArray
-    """Unit vectors into it, shape (n, 2)."""
+    """Unit vectors into the wall, shape (n, 2)."""
     gap: FloatArray
-    """Free distances [m], shape (n,)."""
+    """Gaps [m], shape (n,)."""
 
 
 class Annulus(NamedTuple):
     """The space between two circles about the origin."""
 
     radius_in: float
-    """Radius of the inner wall [m]; 0 means that there is none."""
+    """Radius of the inner wall [m]; 0 if there is none."""
     radius_out: float
     """Radius of the outer wall [m]."""
     wall: str = "tangent"
-    """What the outer wall is within a step: its "tangent", or "round"."""
+    """Model of the outer wall within a step: its "tangent", or "round"."""
 
     @classmethod
     def checked(cls, radius_in: Any, radius_out: Any, wall: Any = "tangent") -> Self:
@@ -57,33 +57,36 @@ class Annulus(NamedTuple):
 
     @property
     def room(self) -> float:
-        """Radius of the largest grain that fits [m]."""
+        """Radius of the largest grain that fits between the circles [m]."""
         return (self.radius_out - self.radius_in) / 2.0 if self.radius_in > 0.0 else self.radius_out
 
     @property
     def diameter(self) -> float:
-        """How far apart two places in it are at most [m]."""
+        """Largest distance between two points of the annulus [m]."""
         return 2.0 * self.radius_out
 
     @property
     def area(self) -> float:
-        """Area of the space between them [m2]."""
+        """Area between the circles [m2]."""
         return float(np.pi) * (self.radius_out**2 - self.radius_in**2)
 
     @property
     def depth(self) -> float:
-        """How far its lowest point is below the origin, whichever way is down [m]."""
+        """Distance of the lowest point from the origin [m], for any direction of gravity."""
         return self.radius_out
 
     @property
     def rounding(self) -> float:
-        """A gap within it of zero is a touch, not an overlap [m]."""
+        """Overlap below which a contact is not counted as overlapping [m]."""
         return ROUNDING * self.radius_out
 
     def side(
         self, number: int, position: FloatArray, radius: FloatArray, move: FloatArray | None = None
     ) -> Side:
-        """Return the outer or the inner circle, see `Scene.side`; without an inner one its gaps are inf."""
+        """Return normals and gaps of grains at circle `number`, see `Scene.side`.
+
+        The gaps at a missing inner circle are inf.
+        """
         rho, normal = distance(position), outward(position)
         if number == INNER:
             nowhere = np.full_like(rho, np.inf)
@@ -96,13 +99,13 @@ class Annulus(NamedTuple):
         return Side(normal, gap)
 
     def holds(self, position: FloatArray, radius: FloatArray) -> BoolArray:
-        """Whether each disc is between the walls, and off the origin, where they have no normal."""
+        """Return which discs lie between the walls and not at the origin, where the walls have no normal."""
         rho = distance(position)
         nearest = self.radius_in + radius if self.radius_in > 0.0 else 0.0
         return (rho <= self.radius_out - radius) & (rho >= nearest) & (rho > 0.0)
 
     def require_size(self) -> None:
-        """Raise SceneError unless squares of distances are finite, and not zero."""
+        """Raise SceneError unless squares of distances neither overflow nor underflow."""
         if not SMALLEST <= self.radius_out <= LARGEST:
             raise SceneError(
                 f"radius_out is {self.radius_out} m: it must be between {SMALLEST:g} and {LARGEST:g} m,"
@@ -110,7 +113,7 @@ class Annulus(NamedTuple):
             )
 
     def require_inside(self, position: FloatArray, radius: FloatArray) -> None:
-        """Raise SceneError unless all grains fit between the walls, and have their centres there."""
+        """Raise SceneError unless all grains fit between the walls and have their centers there."""
         rho = distance(position)
         too_large = radius > self.room * (1.0 + ROUNDING)
         if too_large.any():
@@ -126,21 +129,24 @@ class Annulus(NamedTuple):
                 raise SceneError(f"{checks.of_grain('position', position, bad)}: {reason}")
 
     def area_below(self, level: FloatArray | float) -> FloatArray:
-        """Return how much of it is below levels [m2], measured from the origin [m], shape (...)."""
+        """Return the area of the annulus [m2] below levels [m] measured from the origin, shape (...)."""
         outer, inner = (area_below(np.array(r), np.array(level)) for r in (self.radius_out, self.radius_in))
         return outer - inner
 
 
 def outward(position: FloatArray) -> FloatArray:
-    """Return the unit vectors from the origin, normal to both walls, shape (n, 2)."""
+    """Return the unit vectors away from the origin, normal to both circles, shape (n, 2)."""
     return position / distance(position)[:, np.newaxis]
 
 
 def body_of(wall: IntArray) -> IntArray:
-    """Return which of the device's walls each of these walls is, or is a side of."""
+    """Return the device's number of each wall: 0 for both circles, and w - 1 for disc w."""
     return np.maximum(wall - 1, 0)
 
 
 def wall_of(body: IntArray, correction: FloatArray) -> IntArray:
-    """Return the walls that carry the corrections [m/s] of the device's walls."""
+    """Return the walls that carry the corrections [m/s] of the device's walls.
+
+    The sign tells the two circles apart.
+    """
     return np.where(body > 0, body + 1, np.where(correction < 0.0, INNER, OUTER)).astype(np.int32)
