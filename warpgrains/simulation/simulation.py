@@ -1,4 +1,4 @@
-"""Simulation: one scene, run, recorded, saved and shown."""
+"""`Simulation`: one scene with its runs, recordings, checkpoints and pictures."""
 
 from __future__ import annotations
 
@@ -31,35 +31,35 @@ _WRITTEN = ("record", "fps", "color_by", "forces", "draw_as", "checkpoint", "eve
 
 
 class Simulation(Stepper):
-    """One scene on one device.
+    """A simulation of one scene on one device.
 
-    Any number of Python threads may advance simulations, each its own. A simulation that one thread advances
-    refuses all others, by a `SimulationError`.
+    Python threads may advance different simulations at the same time. Advancing the same simulation from two
+    threads at once raises `SimulationError`.
 
     Parameters
     ----------
     scene : Scene
-        What is simulated; or a file or the name of a shipped scene, see `Scene.load`.
+        A scene, a scene file, or the name of a shipped scene, see `Scene.load`.
     device : str
         A Warp device, "cpu" or "cuda:0".
     threads : int, optional
-        OS threads that share the work on a CPU, at most; by default as many as pay. They are fewer while
-        waiting for each other costs more than they gain. The result is the same for any.
+        Largest number of OS threads on a CPU; by default, it follows from the number of contacts. Fewer are
+        used while synchronization costs more than they gain. The result does not depend on it.
     **overrides
-        Fields of the scene that are to be changed, such as order="color" or tolerance=1e-8.
+        Fields of the scene to change, such as order="color" or tolerance=1e-8.
 
     Raises
     ------
     SceneError
-        There is no such scene, the device is unknown, the number of threads is not positive, or an override
-        is not what it must be.
+        The scene does not exist, the device is unknown, the number of threads is not positive, or an
+        override is invalid.
     SimulationError
         The scene does not fit in memory.
 
     Notes
     -----
-    A copy, by `copy.copy` too, and an unpickled simulation have their own memory. They continue from the
-    exact state with the same bits, as after `load`; `last_start` needs a step first.
+    Copies (also by `copy.copy`) and unpickled simulations have separate memory. They continue from the exact
+    state with the same bits, as after `load`; `last_start` needs a step first.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""When a run ends before its last step: at rest, or at what a caller asks for."""
+"""Stopping criteria of runs: rest, or a condition given by the caller."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 EVERY = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
-TOLERANCES = 10.0  # or in the scene's tolerance, where that is more: what a step leaves is no motion
-FALLS = 5.0  # how long it must hold, in sqrt(d / g)
+TOLERANCES = 10.0  # or this many tolerances, if larger, because a converged step leaves speeds of this order
+FALLS = 5.0  # duration for which the criterion must hold, in sqrt(d / g)
 
 
 class Moving(Protocol):
-    """Grains that move: a `Simulation`, a scene of a `Batch`, a `Snapshot`."""
+    """Protocol of objects with grains that move: a `Simulation`, a scene of a `Batch`, a `Snapshot`."""
 
     @property
     def velocity(self) -> FloatArray:
@@ -36,23 +36,23 @@ Question = Callable[[Any], bool]
 
 @dataclass(frozen=True)
 class Criterion:
-    """What ends a run."""
+    """Stopping criterion of a run."""
 
     holds: Question
-    """Asked every `EVERY` steps."""
+    """Condition that is tested every `EVERY` steps."""
     steps: int
-    """For how many steps it must hold."""
+    """Number of steps for which the condition must hold."""
     name: str
 
     def is_met(self, moving: Moving, statistics: RunStatistics) -> bool:
-        """Test, every `EVERY` steps of a run, whether it ends now; count for how long that has held.
+        """Test the criterion and update for how many steps it has held; called every `EVERY` steps of a run.
 
         Parameters
         ----------
         moving : Moving
             Its grains.
         statistics : RunStatistics
-            What the run has done; `held` and `met` are updated.
+            Statistics of the run, whose `held` and `met` are updated.
         """
         if statistics.steps % EVERY == 0:
             held = statistics.held + EVERY if statistics.held else 1
@@ -62,25 +62,25 @@ class Criterion:
 
 
 def steps_to_test(steps: int) -> int:
-    """Return the steps that a run, which has done `steps`, takes to its next test."""
+    """Return the number of steps from step `steps` to the next test."""
     return EVERY - steps % EVERY
 
 
 def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
-    """Return what ends a run of a scene.
+    """Return the stopping criterion of a run, or None.
 
     Parameters
     ----------
     until : str or callable, optional
-        A callable is given the simulation, and is true where the run is to end. A text is "rest", which holds
-        while no grain is faster than `speed` [m/s], and the kinetic energy not above `energy` [J], for a
-        `time` [s]: "rest,speed=1e-3,time=0.5". By default the speed is sqrt(g d) / 1000, d the mean diameter,
-        or ten tolerances if that is more, and the time 5 sqrt(d / g).
+        A callable receives the simulation and returns True to end the run. The text "rest" ends it when, for
+        a `time` [s], no grain was faster than `speed` [m/s] and the kinetic energy was at most `energy` [J]:
+        "rest,speed=1e-3,time=0.5". The default speed is sqrt(g d) / 1000 with the mean diameter d, or ten
+        tolerances if that is larger. The default time is 5 sqrt(d / g).
 
     Raises
     ------
     SceneError
-        It is none of these; or there is no gravity, and the bounds that it sets are not given.
+        `until` is invalid; or there is no gravity, and the bounds that depend on it are not given.
 
     Examples
     --------
@@ -97,12 +97,12 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
 
 
 def rest_bounds(until: str) -> dict[str, float]:
-    """Return the bounds that a text such as "rest,speed=1e-3,time=0.5" sets, by their keys.
+    """Return the bounds that a text such as "rest,speed=1e-3,time=0.5" sets, by key.
 
     Raises
     ------
     SceneError
-        It is no such text.
+        The text has another form.
     """
     name, *rest = (word.strip() for word in until.split(","))
     checks.one_of("until", name, ("rest",))
