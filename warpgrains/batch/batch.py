@@ -1,4 +1,4 @@
-"""Batch: many scenes, advanced together."""
+"""`Batch`: many scenes advanced together on one device, with the results of each alone."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -26,7 +26,7 @@ from warpgrains.turns import Driver
 
 @dataclass(frozen=True, repr=False)
 class SceneSummary(Summary):
-    """A summary of one scene in a run of a batch; `seconds` is its share of one core's time.
+    """Summary of the run of one scene of a batch; `seconds` is its share of one core's time.
 
     Examples
     --------
@@ -37,28 +37,28 @@ class SceneSummary(Summary):
     """
 
     error: str | None = None
-    """Why the scene stopped before its end, at its last good state."""
+    """Reason why the scene stopped early, at its last good state; None if it did not."""
 
     def facts(self) -> dict[str, str]:
-        """Return a summary in a line, by name."""
+        """Return the fields of the one-line summary by name."""
         return super().facts() | ({} if self.error is None else {"error": self.error})
 
 
 class Batch(Shown):
     """Many scenes on one device, of any sizes and parameters.
 
-    Each scene gets the same bits as alone in a `Simulation`, whatever else is in the batch, in whatever
-    order, on however many threads. If there are more scenes than memory holds, they take turns in it. A batch
-    that one Python thread advances refuses all others, by a `SimulationError`.
+    The results of each scene are bit-identical to those of a `Simulation`, for any other scenes in the batch,
+    any order and any number of threads. If the scenes do not all fit in memory, they are processed in groups.
+    Advancing a batch from two Python threads at once raises `SimulationError`.
 
     Parameters
     ----------
     scenes : Scene or iterable of Scene
-        Or files or names of scenes, see `Scene.load`.
+        Scenes, scene files or names of shipped scenes, see `Scene.load`.
     device : str
         A Warp device, "cpu" or "cuda:0".
     threads : int, optional
-        OS threads that share the scenes out on a CPU; by default as many as there are cores.
+        OS threads among which the scenes are divided on a CPU; by default the number of cores.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class Batch(Shown):
 
     Notes
     -----
-    A copy, by `copy.copy` too, and an unpickled batch have their own memory. They continue from the exact
+    Copies (also by `copy.copy`) and unpickled batches have separate memory. They continue from the exact
     states with the same bits.
 
     Examples
@@ -113,14 +113,13 @@ class Batch(Shown):
         self._reports = list(reports)
 
     def facts(self) -> dict[str, str]:
-        """Return a summary in a line, by name."""
+        """Return the fields of the one-line summary by name."""
         names = sorted({scene.name for scene in self.scenes})
         grains = sum(scene.n for scene in self.scenes)
         shown = ", ".join([*names[:3], "..."] if len(names) > 3 else names)
         return {f"{len(self)} scenes": f"of {shown}", "grains": f"{grains} in all"}
 
     def __len__(self) -> int:
-        """Return the number of scenes."""
         return len(self.scenes)
 
     def step(self) -> list[StepReport]:
@@ -129,8 +128,8 @@ class Batch(Shown):
         Raises
         ------
         SimulationError
-            A number of some scene is no longer finite: that scene's state is that before the step, and the
-            others have advanced. Or another thread advances this batch.
+            A number of some scene is no longer finite (that scene keeps the state before the step, and the
+            other scenes have advanced), or another thread advances this batch.
         """
         outcomes = self._advance([1] * len(self), lambda _: None)
         failures = [f"scene {done.k}: {done.error}" for done in outcomes if done.error is not None]
@@ -147,7 +146,7 @@ class Batch(Shown):
     ) -> list[SceneSummary]:
         """Advance every scene by many time steps.
 
-        A scene that fails stops at its last good state, and the others go on.
+        A scene that fails stops at its last good state, and the other scenes continue.
 
         Parameters
         ----------
@@ -158,19 +157,19 @@ class Batch(Shown):
         progress : bool
             Whether to show a progress bar on standard error.
         until : str or callable, optional
-            What ends each scene earlier, as in `Simulation.run`: "rest", or a callable. A callable is given a
-            scene of the batch, with the attributes `scene`, `steps`, `time`, `position`, `velocity` and the
-            method `state` of a `Simulation`.
+            Criterion that ends each scene early, as in `Simulation.run`: "rest", or a callable. The callable
+            receives a scene of the batch, with the attributes `scene`, `steps`, `time`, `position`,
+            `velocity` and the method `state` of a `Simulation`.
 
         Returns
         -------
         list of SceneSummary
-            One a scene; `error` tells why it failed, if it did, and `met` whether it ended at `until`.
+            One summary per scene; `error` is the reason of a failure, and `met` is True if `until` was met.
 
         Raises
         ------
         SceneError
-            The steps are no number of steps; or `until` is no criterion for one of the scenes.
+            `steps` is invalid, or `until` is no criterion for one of the scenes.
         """
         each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
         if len(each) != len(self):
@@ -198,11 +197,11 @@ class Batch(Shown):
 
     @property
     def reports(self) -> list[StepReport | None]:
-        """The last report of every scene, None before its first step."""
+        """The last report of every scene; None before its first step."""
         return list(self._reports)
 
     def position(self, k: int) -> FloatArray:
-        """Return the centres of the grains of scene k [m], shape (n, 2); a read-only copy."""
+        """Return the centers of the grains of scene k [m], shape (n, 2); a read-only copy."""
         return checks.frozen(self.state(k).position.copy())
 
     def velocity(self, k: int) -> FloatArray:
@@ -210,7 +209,10 @@ class Batch(Shown):
         return checks.frozen(self.state(k).velocity.copy())
 
     def state(self, k: int) -> State:
-        """Return the exact state of scene k, from which `restore` continues with the same bits."""
+        """Return the exact state of scene k.
+
+        After `restore`, the scene continues from it with the same bits.
+        """
         with self._driver.alone():
             return self._sets.state(self._number(k))
 
@@ -220,7 +222,7 @@ class Batch(Shown):
         Raises
         ------
         SceneError
-            It is a state of other grains, or there is no scene k.
+            `state` belongs to other grains, or `k` is out of range.
         """
         k = self._number(k)
         require_state(state, self.scenes[k])
