@@ -1,4 +1,4 @@
-"""Time series: quantities of a simulation as it runs, kept in a table and written as CSV."""
+"""Time series of quantities of a simulation during a run, as a table and as a CSV file."""
 
 from __future__ import annotations
 
@@ -24,32 +24,32 @@ FIRST = ("step", "time")
 
 
 class Series:
-    """Measures quantities of a simulation while it runs: ``simulation.run(observer=series)``.
+    """Table of quantities, measured during a run: ``simulation.run(observer=series)``.
 
     Parameters
     ----------
     measure : str or iterable of str
-        Names of `QUANTITIES` or `GROUPS`; in one text, with commas between them.
+        Names of `QUANTITIES` or `GROUPS`; a single text may hold several, separated by commas.
     every : int
-        Steps between two rows: there is one at each step that is a multiple of it.
+        Steps between two rows; they are at multiples of this number.
     path : str or Path, optional
-        CSV file to write the rows to, whole, at each checkpoint and in the end. It is locked until `close`,
-        or the end of a ``with`` block.
+        CSV file, written completely at each checkpoint and at the end. It is locked until `close` or the end
+        of a ``with`` block.
     resume_at : int, optional
-        Continue the rows that the file has up to this step.
+        Step up to which existing rows of the file are kept and continued.
 
     Attributes
     ----------
     names : tuple of str
-        The quantities.
+        Names of the quantities.
     rows : list of dict
-        What was measured: `step`, `time` [s] and the quantities, in the units of `QUANTITIES`.
+        Measurements: `step`, `time` [s] and the quantities, in the units of `QUANTITIES`.
 
     Raises
     ------
     SceneError
-        A name is unknown, or the file cannot be written or continued; as an `OutputError`, if another process
-        writes it, or it is no series.
+        A name is unknown, or the file cannot be written or continued. It is an `OutputError` if another
+        process writes the file, or the file is no series.
 
     Examples
     --------
@@ -90,13 +90,13 @@ class Series:
         self.close()
 
     def observe(self, simulation: Simulation | Snapshot) -> None:
-        """Measure, unless this step is measured already."""
+        """Append a row, unless this step has one."""
         if not self.rows or self.rows[-1]["step"] < simulation.steps:
             found = quantities(simulation, self.names)
             self.rows.append({"step": simulation.steps, "time": simulation.time, **found})
 
     def flush(self) -> None:
-        """Write all rows so far to the file, if there is one."""
+        """Write all rows so far to the file, if one was given."""
         if self._path is not None and len(self.rows) > self._written:
             write_whole(self._path, table_text(self.rows).encode())
             self._written = len(self.rows)
@@ -107,7 +107,7 @@ class Series:
         Raises
         ------
         SceneError
-            pandas is not installed; it comes with the extra ``[data]``.
+            pandas is not installed; the extra ``[data]`` installs it.
         """
         columns = [*FIRST, *self.names]
         return library("pandas", "to_pandas").DataFrame(self.rows, columns=columns).set_index("step")
@@ -118,7 +118,7 @@ class Series:
         Raises
         ------
         SceneError
-            xarray is not installed; it comes with the extra ``[data]``.
+            xarray is not installed; the extra ``[data]`` installs it.
         """
         columns = {name: [row[name] for row in self.rows] for name in (*FIRST, *self.names)}
         return library("xarray", "to_xarray").Dataset(
@@ -132,7 +132,7 @@ class Series:
             self._lock.release()
 
     def _take_up(self, path: Path, resume_at: int | None) -> None:
-        """Refuse to replace a file that is no series; read the rows to continue."""
+        """Read the rows to continue from an existing file. Raises OutputError if the file is no series."""
         if not path.exists():
             rows: list[Row] = []
         else:

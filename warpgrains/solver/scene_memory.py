@@ -72,7 +72,10 @@ class SceneMemory:
         return body[is_wall] - np.array([0, self._scene.n], np.int32), index[is_wall]
 
     def _listed_sides(self) -> IntArray:
-        """Return grains and walls of the listed contacts, the annulus as its outer circle, shape (m, 2)."""
+        """Return (grain, wall) of listed wall contacts, shape (m, 2).
+
+        The annulus counts as its outer circle.
+        """
         wall = self.listed_walls()[0]
         wall[:, 1] = wall_of(wall[:, 1], np.zeros(len(wall)))
         return wall
