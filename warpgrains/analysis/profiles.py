@@ -94,7 +94,7 @@ def _profile(edges: FloatArray, area: FloatArray, room: FloatArray, velocity: Fl
 
 
 def _lens(rho: FloatArray, radius: FloatArray, edge: float) -> FloatArray:
-    """Return the areas [m2] that discs rho from the origin share with one of radius `edge` about it."""
+    """Return the areas [m2] that discs at distances rho from the origin share with that of radius `edge`."""
     touching = (rho < edge + radius) & (rho > np.abs(edge - radius))
     area = np.where(rho <= np.abs(edge - radius), np.pi * np.minimum(radius, edge) ** 2, 0.0)
     d, r = rho[touching], radius[touching]
