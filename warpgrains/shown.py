@@ -1,13 +1,13 @@
-"""How objects show themselves: a line in a terminal, a small table in a notebook."""
+"""Representation of objects: a line in a terminal, a small table in a notebook."""
 
 from html import escape
 
 
 class Shown:
-    """What tells of itself in a few facts."""
+    """Base class of objects that are shown by a few named values."""
 
     def facts(self) -> dict[str, str]:
-        """Return what there is to tell, with units, by name."""
+        """Return the values to show, with units, by name."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
