@@ -226,9 +226,7 @@ class Engine:
 
     def service(self) -> bool:
         """Serve the requests of scenes; return True if one of the scenes can continue."""
-        if (
-            not self.outcome.any()
-        ):  # all are solved; a team ends its launch before its number of threads changes
+        if not self.outcome.any():  # all are solved; only between two launches a team changes its size
             return bool(self.left.any() and not self._halt[0])
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:

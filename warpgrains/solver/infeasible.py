@@ -37,12 +37,7 @@ if TYPE_CHECKING:
 EPS = np.finfo(float).eps
 TRIES = 100  # search directions; any chain of up to this many grains is found
 LINE_STEPS = 3  # Newton steps of a line search, whose derivative is piecewise linear
-SHARES = (
-    0.1,
-    0.01,
-    0.001,
-    0.0,
-)  # fractions of the largest weight below which contacts are dropped from a proof
+SHARES = (0.1, 0.01, 0.001, 0.0)  # fractions of the largest weight below which contacts are dropped
 
 Complex = NDArray[np.complex128]
 """Plane vectors as x + iy."""

@@ -24,10 +24,7 @@ GROWTH = 3.0  # so that the iteration cannot cycle
 SHORT = 0.2  # step length below which the iteration restarts with a larger mu
 NEARLY = 0.999  # of the distance to the boundary
 MOST = 60  # factorizations
-LONG, STUCK = (
-    0.9,
-    3,
-)  # after STUCK steps of this length with A u + s - b not smaller, no u satisfies the bounds
+LONG, STUCK = 0.9, 3  # steps, and their number without reducing A u + s - b: then no u satisfies the bounds
 MOST_RESTARTS = 3  # after short steps; steps with a solution have needed at most two
 STALLED = 25  # steps without halving the residual, after which the method gives up
 NEGLIGIBLE = 0.02  # in tolerances: contacts with smaller corrections are open

@@ -27,9 +27,7 @@ MONITOR_THRESHOLD = 0.3  # in base skins: largest deviation in a step without mo
 NEAREST = 0.01  # radii per step: half of the narrowest skin (kernels/skins.py)
 TILE = {"sequential": 32768, "color": 4096}  # interleaved pairs: many hide latency, few fit in the cache
 DEALT_TILE = 16384  # the same if tiles are assigned to threads, which wait at their borders
-DEALT_GRAINS = (
-    20_000  # least number of grains for assigned tiles: above, threads gain far more than they wait
-)
+DEALT_GRAINS = 20_000  # least number of grains for assigned tiles, where threads gain more than they wait
 SEGMENT_GRAINS = 200.0  # grains per pair of threads above which segments cost little
 HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n sweeps
 WAITING = 1.0 / 3.0  # fraction of its time that a team's first thread may wait; above, the team shrinks
