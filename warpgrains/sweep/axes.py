@@ -1,4 +1,4 @@
-"""Axes of a sweep: what values a key takes, one run after the other.
+"""Axes of a sweep: the values that a key takes in its runs.
 
 ========================================== ==========================================================
 value in the sweep file                    its values
@@ -26,12 +26,12 @@ Values = list[Any]
 
 
 def axis_values(name: str, axis: Any) -> Values:
-    """Return the values of an axis: of what the sweep file holds for a key, such as "physics.drag".
+    """Return the values of an axis from the entry of the sweep file for a key such as "physics.drag".
 
     Raises
     ------
     SceneError
-        It is no axis: the message names key and value.
+        The entry is no axis. The message names key and value.
     """
     if isinstance(axis, list):
         values = axis

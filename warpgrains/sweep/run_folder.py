@@ -1,11 +1,11 @@
-"""The folder of one run, which holds all that it takes to continue it.
+"""The folder of one run, with everything that is needed to continue it.
 
 ================== ==========================================================================================
-scene.toml         what is simulated; alone it gives the run again
-checkpoint.npz     its state, now and then and at the end: ``warpgrains run --resume`` takes it on from there
-recording.usdc     its frames, if they are wanted
-series.csv         what is measured as it goes, if that is wanted
-result.csv         a line of names and a line of values; it appears last: a run that has it is finished
+scene.toml         the scene, which suffices to repeat the run
+checkpoint.npz     the state at intervals and at the end; ``warpgrains run --resume`` continues from it
+recording.usdc     the frames, if requested
+series.csv         quantities over time, if requested
+result.csv         a line of names and a line of values; a run is finished if this file exists
 ================== ==========================================================================================
 """
 
@@ -48,7 +48,7 @@ class RunFolder:
     Attributes
     ----------
     labels : dict of str to str
-        The first columns of its result.
+        The first columns of the run's result.
     """
 
     def __init__(self, path: Path, run: Run, columns: Columns):
@@ -59,7 +59,7 @@ class RunFolder:
         self.result = path / RESULT
 
     def require_own(self) -> None:
-        """Raise OutputError if the folder is that of another run, and SceneError if it is damaged."""
+        """Raise OutputError if the folder belongs to another run, and SceneError if it is damaged."""
         if not self.scene_file.exists():
             return
         try:
@@ -78,7 +78,10 @@ class RunFolder:
             raise OutputError(f"'{self.result}' {OTHERWISE}")
 
     def require_no_other(self) -> None:
-        """Raise OutputError if the folder is that of another run; damage makes the run fail in its turn."""
+        """Raise OutputError if the folder belongs to another run.
+
+        Damage is not tested; it makes the run fail later.
+        """
         try:
             self.require_own()
         except OutputError:
@@ -87,10 +90,10 @@ class RunFolder:
             pass
 
     def _is_of_another(self, found: str) -> bool:
-        """Return whether a scene file is whole, and that of another run: else it is this run's, or damaged.
+        """Return whether a scene file is complete and belongs to another run.
 
-        The first line names the run and its values, which the lines after it have too: in the file of another
-        run, both differ.
+        The first line names the run and its values, and the other lines contain them too. In the file of
+        another run both differ; if only one of them does, the file is damaged.
         """
         (head, _, body), (own_head, _, own_body) = found.partition("\n"), self._text.partition("\n")
         if head == own_head or body == own_body or not head.startswith("# run "):
@@ -102,7 +105,7 @@ class RunFolder:
         return True
 
     def _measures_otherwise(self) -> bool:
-        """Return whether the result has good columns, but not those of this sweep."""
+        """Return whether the result is intact, but has other columns than this sweep."""
         with suppress(OSError, SceneError):
             names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
             until = "rest" if MET in names else None
@@ -113,20 +116,20 @@ class RunFolder:
         return False
 
     def lock(self) -> Lock:
-        """Return the lock on the run, that on its checkpoint: no sweep and no ``run --resume`` shares it."""
+        """Lock the run by its checkpoint, so that no other sweep and no ``run --resume`` executes it."""
         self.path.mkdir(parents=True, exist_ok=True)
         return Lock(self.checkpoint)
 
     def begin(self, execution: ExecutionOptions) -> Checkpoint:
-        """Return where the run, which is locked, is: at its start, or where another process left it.
+        """Return the start of the locked run, or the checkpoint at which another process left it.
 
-        It is recorded as `execution` says; but a run that is resumed keeps to what it was begun with.
+        `execution` determines the outputs of a new run. A resumed run keeps its first outputs.
 
         Raises
         ------
         SceneError
-            Its scene is none, or its checkpoint is damaged; as an `OutputError`, if it is finished, or the
-            folder is that of another run.
+            The scene is invalid or the checkpoint is damaged. It is an `OutputError` if the run is finished
+            or the folder belongs to another run.
         """
         self.require_own()
         if self.result.exists():
@@ -153,7 +156,7 @@ class RunFolder:
         return Checkpoint(scene, first_state(scene), options, RunStatistics())
 
     def _kept(self) -> Checkpoint:
-        """Return the checkpoint of this run; the places that it names count for nothing."""
+        """Return the checkpoint of this run; file names that it contains are ignored."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
         steps = kept.statistics.steps if kept.statistics.met else kept.scene.steps
@@ -166,23 +169,26 @@ class RunFolder:
         return replace(kept, options=replace(options, **places))
 
     def keep(self, reached: Checkpoint) -> None:
-        """Save where the run is."""
+        """Save a checkpoint."""
         self._write_scene()
         write_checkpoint(self.checkpoint, reached)
 
     def finish(self, values: Values) -> None:
-        """Save the result of the run: from then on it is finished."""
+        """Save the result of the run, which is finished from then on."""
         self._write_scene()
         names = (*self.columns.after_labels, SECONDS)
         row = self.labels | dict(zip(names, values, strict=True))
         write_whole(self.result, table_text([row]).encode())
 
     def fail(self, reason: str, seconds: float = 0.0) -> None:
-        """Save that the run has failed: from then on it is finished."""
+        """Save a failure as the result of the run, which is finished from then on."""
         self.finish(failure(reason, self.columns.after_labels, seconds))
 
     def line(self) -> bytes:
-        """Return the line of its result; if it cannot be read, that the run has failed for this reason."""
+        """Return the line of the run's result.
+
+        If it cannot be read, the result is a failure for this reason.
+        """
         columns = self.columns.after_labels
         try:
             return csv_line(require_result(read_table(self.result), self.labels, columns).values())
