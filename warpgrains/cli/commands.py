@@ -1,4 +1,4 @@
-"""The commands: a line a command in `COMMANDS`, its options, and where it is."""
+"""The table of commands, with one entry per command (`COMMANDS`), and the options of each command."""
 
 import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -14,13 +14,13 @@ class Command(NamedTuple):
     """A command of the command line."""
 
     home: str
-    """Module of this package, and the function that does it: it returns whether it failed, or a code."""
+    """Module of this package and its function, which returns whether the command failed, or an exit code."""
     add_options: Callable[[ArgumentParser], None]
     help: str
     description: str
 
     def do(self, arguments: Namespace) -> int:
-        """Carry it out, and return the exit code; what is heavy is imported only now."""
+        """Execute the command and return the exit code. The command's module is imported only here."""
         module, _, function = self.home.partition(".")
         if getattr(arguments, "check_bounds", False):
             os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"  # read when the kernels are imported
@@ -54,7 +54,7 @@ def _add_run(parser: ArgumentParser) -> None:
 
 
 def _add_outputs(parser: ArgumentParser) -> None:
-    """Add the options of `RunOptions`, by what they need."""
+    """Add the options of `RunOptions`, grouped by the options that they need."""
     titles = {"record": "recording", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
     groups: dict[str, Any] = {title: parser.add_argument_group(title) for title in titles.values()}
     for name, flag in FLAGS.items():
@@ -80,7 +80,6 @@ def _add_outputs(parser: ArgumentParser) -> None:
 
 
 def _add_set(parser: ArgumentParser) -> None:
-    """Add the option that changes a scene."""
     parser.add_argument(
         "--set",
         action="append",

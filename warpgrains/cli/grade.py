@@ -1,4 +1,4 @@
-"""`warpgrains grade`: say what is right and what is wrong in homeworks."""
+"""`warpgrains grade`: grade homeworks, and print or write what is right and wrong in them."""
 
 import json
 import os
@@ -29,12 +29,12 @@ _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} 
 
 
 def grade(arguments: Namespace) -> int:
-    """Grade a homework or a folder of them, or write an empty one.
+    """Grade a homework or a folder of homeworks, or write an empty one.
 
     Returns
     -------
     int
-        0: all are right; 1: one is wrong; 2: one cannot be graded, as it cannot be read or compiled.
+        0: all are right; 1: one is wrong; 2: one cannot be graded because it cannot be read or compiled.
     """
     if arguments.template is not None:
         others = ("homework", "output", "json", "strict", "html")
@@ -95,7 +95,7 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
 
 
 def _write_pages(folder: Path, verdicts: list[Verdict], language: str) -> None:
-    """Write a page for each homework of a class, and one for all."""
+    """Write a page for each homework of a class, and an index page."""
     pages = Pages(language)
     links = [f"{k:03}_{re.sub(r'[^A-Za-z0-9.-]', '_', v.file)[-100:]}.html" for k, v in enumerate(verdicts)]
     for verdict, link in zip(verdicts, links, strict=True):
@@ -104,7 +104,7 @@ def _write_pages(folder: Path, verdicts: list[Verdict], language: str) -> None:
 
 
 def _require_pages(folder: Path) -> None:
-    """Make a folder for pages; raise OutputError if its index is not a page of `warpgrains grade`."""
+    """Create a folder for pages. Raises OutputError if its index is not a page of `warpgrains grade`."""
     make_folder(folder)
     index = folder / "index.html"
     if index.exists() and GENERATOR not in index.read_text(errors="replace"):
@@ -112,14 +112,14 @@ def _require_pages(folder: Path) -> None:
 
 
 def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
-    """Grade homeworks side by side."""
+    """Grade homeworks in parallel."""
     processes = Processes()
     with (
         stopping_on_signals(processes.stop),
         TemporaryDirectory() as folder,
         ThreadPoolExecutor(os.cpu_count()) as pool,
     ):
-        # Also the grader starts its processes in a thread, since signals interrupt the main thread.
+        # The grader, too, starts its processes in a thread, because signals interrupt the main thread.
         grader = pool.submit(Grader, Path(folder), strict, processes=processes).result()
         for warning in grader.unprotected():
             print(f"warpgrains: warning: {warning}", file=sys.stderr)
@@ -136,7 +136,7 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
 
 
 def _require_table(output: Path) -> None:
-    """Raise OutputError if a file is there that is no table of grades."""
+    """Raise OutputError if the file exists and is no table of grades."""
     if output.exists() and not {"file", "status", "mistakes"} <= set((read_table(output) or [{}])[0]):
         raise OutputError(f"'{output}' is there, and no table of grades: it is left as it is")
 
@@ -157,7 +157,7 @@ def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str
 
 
 def _in_utf8(text: str) -> str:
-    """Write bytes of a file's name that are not UTF-8 as they are written in Python."""
+    """Escape those bytes of a file name that are not UTF-8, as Python does."""
     return text.encode(errors="surrogateescape").decode(errors="backslashreplace")
 
 

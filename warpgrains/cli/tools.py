@@ -1,4 +1,4 @@
-"""`check`, `recover`, `plot`, `export` and `report`: what is done with recordings, and with the solver."""
+"""Commands for recordings (`check`, `recover`, `plot`, `export`), and the `report` on the solver."""
 
 from argparse import Namespace
 from importlib import import_module
@@ -11,7 +11,7 @@ from warpgrains.pictures.kinds import FILMS, require_drawing
 
 
 def check(arguments: Namespace) -> bool:
-    """Print what is wrong with a recording, a line a problem."""
+    """Print the problems of a recording, one per line."""
     problems = done_apart("usd.check.inspect_recording", arguments.file)
     for problem in problems or ["nothing is wrong"]:
         print(f"{arguments.file}: {problem}")
@@ -19,7 +19,7 @@ def check(arguments: Namespace) -> bool:
 
 
 def recover(arguments: Namespace) -> bool:
-    """Make a file of the frames that a killed run left."""
+    """Make a recording from the frames of a killed run."""
     from warpgrains.usd.recorder import recover
 
     path, frames = recover(arguments.log)
@@ -28,7 +28,7 @@ def recover(arguments: Namespace) -> bool:
 
 
 def plot(arguments: Namespace) -> bool:
-    """Draw a recording, or a history."""
+    """Draw a recording or a history."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
     is_film = Path(output).suffix in FILMS
     require_drawing("plot", is_film)
@@ -52,7 +52,7 @@ def plot(arguments: Namespace) -> bool:
 
 
 def export(arguments: Namespace) -> bool:
-    """Write a recording for ParaView."""
+    """Export a recording for ParaView."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".vtkhdf"))
     frames = done_apart("analysis.vtk.export", arguments.file, output=output)
     print(f"{output}: {frames} frames")
@@ -60,7 +60,7 @@ def export(arguments: Namespace) -> bool:
 
 
 def report(arguments: Namespace) -> bool:
-    """Measure speed against error of scenes, and print the names of the files that tell of it."""
+    """Measure speed against error of scenes, and print the names of the written files."""
     from warpgrains.scene.document import shipped_scenes
     from warpgrains.scene.scene import Scene
 

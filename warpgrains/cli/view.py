@@ -1,4 +1,4 @@
-"""`warpgrains view`: a page that plays a scene or a recording."""
+"""`warpgrains view`: serve a page that plays a scene or a recording."""
 
 import sys
 from argparse import Namespace
