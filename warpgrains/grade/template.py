@@ -1,4 +1,4 @@
-"""An empty homework, its header, and the task in English and French."""
+"""Template of a homework: an empty solution, its header, and the task in English and French."""
 
 from pathlib import Path
 
@@ -10,12 +10,12 @@ _SOURCES = [*sorted((Path(__file__).parent / "template").iterdir()), SOURCE.pare
 
 
 def write_template(folder: Path) -> list[Path]:
-    """Write them to a folder, and return what was written.
+    """Write the files of the template to a folder, and return their paths.
 
     Raises
     ------
     OutputError
-        One of the files is there: nothing is written.
+        One of the files exists; nothing is written.
     SceneError
         The folder cannot be written.
     """
