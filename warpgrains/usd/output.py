@@ -1,4 +1,4 @@
-"""The file that a recording becomes: where it may be, what it may replace, and who may write it."""
+"""The output file of a recording: its valid paths, the files that it may replace, and its lock."""
 
 from pathlib import Path
 
@@ -10,22 +10,22 @@ from warpgrains.locks import Lock, lock_own
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
 RECORDED_BY = "warpgrains"
-"""Key in a layer's own data by which a recording is known."""
+"""Key in a layer's custom data that identifies a recording."""
 
 
 def log_of(path: Path) -> Path:
-    """Return the file that holds the frames of the recording `path` until it is complete."""
+    """Return the path of the log that holds the frames of recording `path` until it is complete."""
     return path.with_name(path.name + ".frames")
 
 
 def lock_output(path: Path) -> Lock:
-    """Return the lock on a recording.
+    """Lock a recording for writing.
 
     Raises
     ------
     SceneError
-        It cannot be written there; as an `OutputError`, if another process does so, or there is something
-        that is no recording.
+        It cannot be written there. It is an `OutputError` if another process writes it, or if the file exists
+        and is no recording.
     """
     require_place("output", path, *SUFFIXES)
     try:

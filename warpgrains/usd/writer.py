@@ -1,4 +1,4 @@
-"""A USD file out of a log of frames, and back again, with some 28 MB of frames in memory at a time."""
+"""Conversion of a log of frames to a USD file and back, with about 28 MB of frames in memory at a time."""
 
 import shutil
 from collections.abc import Iterator
@@ -15,27 +15,27 @@ from warpgrains.files import followed, publish
 from warpgrains.frame_log import FrameLog, LogReader
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
-_SAMPLE = 128  # bytes that a value takes in memory beside its array
+_SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
 def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     """Write the frames of a log to one USD file, and return their number.
 
-    The file, ``.usdc``, ``.usda`` or ``.usdz``, takes the place of an earlier one when it is complete,
-    checked and on the disk.
+    The file, ``.usdc``, ``.usda`` or ``.usdz``, replaces an earlier one when it is complete, checked and on
+    the disk.
 
     Parameters
     ----------
     log, target : Path
     frames : int, optional
-        How many frames there must be; by default, as many as can be read.
+        Required number of frames; by default, all frames that can be read.
 
     Raises
     ------
     SceneError
-        The log is none, or has no frames.
+        The file is no log, or has no frames.
     OSError
-        The file cannot be written, or would not hold these frames.
+        The file cannot be written, or the log holds fewer frames.
     """
     reader, target = LogReader(log), followed(target)
     with _workplace(target) as folder:
@@ -77,7 +77,7 @@ def reopen_log(recording: Path, log: Path) -> None:
 
 
 def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
-    """Return all of a layer that no frame changes, as text."""
+    """Return the content of a layer without animated attributes, as text."""
     constants = Sdf.Layer.CreateAnonymous(".usdc")
     constants.TransferContent(flat)
     for path in animated:
@@ -88,7 +88,7 @@ def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
 
 
 def _write_binary(reader: LogReader, binary: Path, frames: int | None) -> int:
-    """Write the first frames of a log, or all, to a usdc file, and return how many it has."""
+    """Write the first `frames` frames of a log, or all, to a usdc file, and return their number."""
     flat = Sdf.Layer.CreateNew(str(binary))
     constants = Sdf.Layer.CreateAnonymous(".usda")
     constants.ImportFromString(reader.constants)
@@ -122,7 +122,7 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
 
 @contextmanager
 def _workplace(target: Path) -> Iterator[Path]:
-    """Give an empty folder next to the target: USD leaves files of its own names there when it is killed."""
+    """Yield an empty folder next to the target, because a killed USD process leaves temporary files there."""
     folder = target.with_name(f".draft.{target.name}")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -134,7 +134,7 @@ def _workplace(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def _reporting_os_errors(path: Path) -> Iterator[None]:
-    """Turn what USD raises when it cannot write `path` or read it back into an OSError of one line."""
+    """Raise a one-line OSError instead of USD's exceptions when `path` cannot be written or read back."""
     try:
         yield
     except Tf.ErrorException as error:
@@ -146,7 +146,7 @@ def _reporting_os_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _freeing_at_once() -> Iterator[None]:
-    """Keep USD from freeing saved values in threads of its own: on a busy machine it would be late by all."""
+    """Keep USD from freeing saved values in its own threads, which on a busy machine would lag behind."""
     limit = Work.GetConcurrencyLimit()
     Work.SetConcurrencyLimit(1)
     try:
