@@ -77,7 +77,7 @@ class Part:
     warnings : tuple of Words
         Forbidden features that do not change the grade.
     values : bytes
-        All answers of a single function, if one of them is wrong.
+        All answers of a single function, if any answer is wrong.
     """
 
     name: str

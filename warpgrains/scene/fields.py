@@ -76,7 +76,7 @@ def frozen(kind: type[Kind]) -> type[Kind]:
 
 @_record
 class SceneFields:
-    """Fields of a `Scene`."""
+    """Data and settings that define a scene."""
 
     position: Array = _key("Centres of the grains [m], shape (n, 2).")
     velocity: OptionalArray = _key(

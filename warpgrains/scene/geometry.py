@@ -80,7 +80,7 @@ def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
 def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IndexArray, IndexArray]]:
     """Find the pairs of discs that overlap, each once, in memory proportional to n.
 
-    The discs are divided into size classes, each a factor of two wide. A disc can overlap one of its own
+    The discs are divided into size classes, each a factor of two wide. A disc can overlap one of the same
     or a smaller class only if their cells are neighbors; a cell is as wide as the largest diameter of
     the class. So a few huge discs among many small ones cost no more than discs of one size.
 

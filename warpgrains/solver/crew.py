@@ -10,7 +10,9 @@ from warpgrains.solver import tuning
 
 
 class Crew:
-    """A team of CPU threads. A launch has as many of them as paid off in earlier launches (pace.py).
+    """A team of CPU threads.
+
+    Each launch uses the number of threads that paid off in earlier launches (pace.py).
 
     Parameters
     ----------

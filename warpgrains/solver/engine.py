@@ -173,7 +173,7 @@ class Engine:
     def works(self, threads: int) -> list[Callable[[], None]]:
         """Return one task per thread. A task advances free scenes until none is left.
 
-        A team has only as many tasks as pay off now (pace.py).
+        The number of tasks of a team is the number of threads that pay off now (pace.py).
         """
         if self._device.is_cuda:
             return [self._work_on_gpu]

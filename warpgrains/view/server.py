@@ -42,7 +42,7 @@ def serve_page(port: int, label: str) -> viser.ViserServer:
 
 
 def is_own_origin(request: Request) -> bool:
-    """Return whether a request comes from the page itself, that is, from the host of its own address."""
+    """Return whether a request comes from the served page, that is, from the host of the page's address."""
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) != 1:
         return False
