@@ -17,9 +17,7 @@ from warpgrains.files import followed, publish
 from warpgrains.frame_log import FrameLog, LogReader
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
-_PACKED = time.mktime(
-    (1980, 1, 1, 0, 0, 0, 0, 1, -1)
-)  # time of every package, so that equal recordings have equal bytes
+_PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # of every package, so that its bytes repeat
 _SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
