@@ -97,7 +97,7 @@ def progress_bar(
 
 
 @contextmanager
-def interrupts_end_at_once() -> Iterator[None]:
+def exit_on_interrupt() -> Iterator[None]:
     """End the process on Ctrl-C while libraries are imported, because they turn it into other errors.
 
     Afterwards the previous handler is restored, even if a library has set another one.
@@ -118,7 +118,7 @@ def interrupts_end_at_once() -> Iterator[None]:
 
 
 @contextmanager
-def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
+def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
     """Call `stop` on Ctrl-C, SIGTERM and SIGHUP. When the block has ended, the command ends.
 
     No signal interrupts the block itself, so that its context managers can clean up, even if another signal
@@ -152,7 +152,7 @@ def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def stdout_kept_clean() -> Iterator[None]:
+def stdout_to_stderr() -> Iterator[None]:
     """Redirect standard output to standard error, also that of C libraries."""
     with _redirected(STDOUT, STDERR):
         yield

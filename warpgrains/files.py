@@ -41,9 +41,9 @@ def make_folder(folder: Path) -> None:
     require_writable_folder(folder)
 
 
-def require_place(kind: str, path: Path, *suffixes: str) -> None:
+def require_writable_path(kind: str, path: Path, *suffixes: str) -> None:
     """Raise SceneError unless a file with one of these suffixes can be created at `path`."""
-    path = followed(path)
+    path = resolve_link(path)
     if path.suffix not in suffixes:
         raise SceneError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
     if path.is_dir():
@@ -51,7 +51,7 @@ def require_place(kind: str, path: Path, *suffixes: str) -> None:
     require_writable_folder(path.parent)
 
 
-def followed(path: Path) -> Path:
+def resolve_link(path: Path) -> Path:
     """Return the target of a symbolic link, or the path itself if it is none.
 
     Writing to a link replaces its target, and the link stays.
@@ -108,7 +108,7 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
     OSError
         The file cannot be written. The message names the target.
     """
-    target = followed(target)
+    target = resolve_link(target)
     draft = target.with_name(f".draft{writer}.{target.name}")
     try:
         with _naming(target, draft):
@@ -118,7 +118,7 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
         draft.unlink(missing_ok=True)
 
 
-def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> None:
+def write_atomically(path: Path, content: bytes | memoryview, writer: str = "") -> None:
     """Write a file atomically: until it is complete and on the disk, an earlier file stays.
 
     Raises

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.errors import SceneError
-from warpgrains.files import write_whole
+from warpgrains.files import write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
 """One frame: float32 or int32 arrays by name, shape (n,) or (n, k)."""
@@ -123,7 +123,7 @@ class FrameLog:
         header = json.dumps({"constants": self._constants, "kinds": self._kinds}).encode()
         content = _MAGIC + _record(header)
         with _naming(self.path):
-            write_whole(self.path, content)
+            write_atomically(self.path, content)
         self._open(len(content))
 
     def _open(self, end: int) -> None:

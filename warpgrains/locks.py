@@ -25,7 +25,7 @@ from warnings import warn
 from weakref import WeakSet
 
 from warpgrains.errors import OutputError
-from warpgrains.files import followed
+from warpgrains.files import resolve_link
 
 try:
     from fcntl import LOCK_EX, LOCK_NB, LOCK_UN, flock, lockf
@@ -46,7 +46,7 @@ class Lock:
     """
 
     def __init__(self, path: Path) -> None:
-        path = followed(path)
+        path = resolve_link(path)
         self._file = path.with_name(f".{path.name}.lock")
         self._descriptor: int | None = None
         try:

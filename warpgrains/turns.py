@@ -16,7 +16,7 @@ os.register_at_fork(
 )
 
 
-class Driver:
+class ExclusiveUse:
     """Guard against two threads that advance an object at once.
 
     Parameters
@@ -29,7 +29,7 @@ class Driver:
         self._what, self._lock, self._is_advancing = what, RLock(), False
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
+    def exclusive(self) -> Iterator[None]:
         """Exclude other threads during the block.
 
         Raises SimulationError if another thread is in such a block.
@@ -45,8 +45,8 @@ class Driver:
 
     @contextmanager
     def advancing(self) -> Iterator[None]:
-        """Exclude other threads and also callbacks during the block, as `alone` does."""
-        with self.alone():
+        """Exclude other threads and also callbacks during the block, as `exclusive` does."""
+        with self.exclusive():
             self._is_advancing = True
             try:
                 yield

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
-from warpgrains.files import read_table, require_place
+from warpgrains.files import read_table, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
 from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
@@ -56,7 +56,7 @@ def plot(
         command ``warpgrains plot`` is safe against files that crash USD or never end.
     """
     output = Path(output)
-    require_place("picture", output, *STILLS)
+    require_writable_path("picture", output, *STILLS)
     with refusing_foreign_content(recording):
         reader = RecordingReader(recording)
         numbers = _numbers(frames, len(reader.time))
@@ -141,7 +141,7 @@ def plot_history(table: str | Path, output: str | Path) -> list[int]:
         The table cannot be read, or the picture cannot be written.
     """
     output = Path(output)
-    require_place("picture", output, *STILLS)
+    require_writable_path("picture", output, *STILLS)
     step, iteration, *values = _columns(Path(table))
     steps = np.unique(step)
     figure = Figure(_HISTORY_SIZE, layout="constrained")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import Row, read_table, require_place, table_text, write_whole
+from warpgrains.files import Row, read_table, require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene import checks
 from warpgrains.tables import library
@@ -75,7 +75,7 @@ class Series:
         self._lock: Lock | None = None
         self._written = 0
         if self._path is not None:
-            require_place("series", self._path, ".csv")
+            require_writable_path("series", self._path, ".csv")
             self._lock = Lock(self._path)
             try:
                 self._take_up(self._path, resume_at)
@@ -98,7 +98,7 @@ class Series:
     def flush(self) -> None:
         """Write all rows so far to the file, if one was given."""
         if self._path is not None and len(self.rows) > self._written:
-            write_whole(self._path, table_text(self.rows).encode())
+            write_atomically(self._path, table_text(self.rows).encode())
             self._written = len(self.rows)
 
     def to_pandas(self) -> pandas.DataFrame:

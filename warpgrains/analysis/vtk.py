@@ -11,7 +11,7 @@ from warpgrains.analysis.recording import Recording
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_ends, with_walls
 from warpgrains.errors import missing_extra
-from warpgrains.files import draft_of, require_place
+from warpgrains.files import draft_of, require_writable_path
 
 SUFFIX = ".vtkhdf"
 
@@ -30,7 +30,7 @@ def export(recording: str | Path, output: str | Path) -> int:
         installs, is missing.
     """
     output = Path(output)
-    require_place("output", output, SUFFIX)
+    require_writable_path("output", output, SUFFIX)
     try:
         from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
         from vtkmodules.vtkCommonDataModel import vtkDataObject

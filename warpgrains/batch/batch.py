@@ -21,7 +21,7 @@ from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
-from warpgrains.turns import Driver
+from warpgrains.turns import ExclusiveUse
 
 
 @dataclass(frozen=True, repr=False)
@@ -99,7 +99,7 @@ class Batch(Shown):
         self._device, self._threads_wanted = find_device(device), threads
         self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
-        self._driver = Driver("batch")
+        self._use = ExclusiveUse("batch")
 
     def __getstate__(self) -> tuple[Any, ...]:
         states = [self.state(k) for k in range(len(self))]
@@ -188,7 +188,7 @@ class Batch(Shown):
     ) -> list[Done]:
         """Advance each scene, see `ResidentSet.advance`, and keep the last reports."""
         outcomes: list[Done] = []
-        with self._driver.advancing():
+        with self._use.advancing():
             for resident in self._sets.advance(steps, on_progress, endings):
                 outcomes += map(resident.done, resident.scenes)
             for done in outcomes:
@@ -213,7 +213,7 @@ class Batch(Shown):
 
         After `restore`, the scene continues from it with the same bits.
         """
-        with self._driver.alone():
+        with self._use.exclusive():
             return self._sets.state(self._number(k))
 
     def restore(self, k: int, state: State) -> None:
@@ -226,7 +226,7 @@ class Batch(Shown):
         """
         k = self._number(k)
         require_state(state, self.scenes[k])
-        with self._driver.alone():
+        with self._use.exclusive():
             self._sets.restore(k, state)
 
     def _number(self, k: int) -> int:

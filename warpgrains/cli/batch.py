@@ -8,7 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
+from warpgrains.console import in_columns, progress_bar, start_warp, stdout_to_stderr
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE, ExecutionOptions
@@ -47,7 +47,7 @@ def run(arguments: Namespace) -> bool:
     share = _share(sweep, arguments)
     start, left = perf_counter(), folder.unfinished(sweep, share, arguments.resume)
     try:
-        with stdout_kept_clean():
+        with stdout_to_stderr():
             reasons = _finish(folder, sweep, left, len(share), arguments)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("to go on: the same command with --resume") from None

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from warpgrains.console import interrupts_end_at_once
+from warpgrains.console import exit_on_interrupt
 from warpgrains.simulation.options import FLAGS, OPTIONS
 
 
@@ -24,7 +24,7 @@ class Command(NamedTuple):
         module, _, function = self.home.partition(".")
         if getattr(arguments, "check_bounds", False):
             os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"  # read when the kernels are imported
-        with interrupts_end_at_once():
+        with exit_on_interrupt():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
         return int(do(arguments))
 

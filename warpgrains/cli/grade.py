@@ -13,9 +13,9 @@ from tempfile import TemporaryDirectory
 
 from tqdm import tqdm
 
-from warpgrains.console import in_columns, stopping_on_signals
+from warpgrains.console import in_columns, stop_on_signals
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import make_folder, read_table, require_place, table_text, write_whole
+from warpgrains.files import make_folder, read_table, require_writable_path, table_text, write_atomically
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.page import GENERATOR, Pages
 from warpgrains.grade.sandbox import Processes
@@ -57,7 +57,9 @@ def _grade_one(path: Path, arguments: Namespace) -> int:
     if verdict.problem:
         raise SceneError(verdict.problem)
     if arguments.html is not None:
-        write_whole(Path(arguments.html) / "index.html", Pages(arguments.lang).homework(verdict).encode())
+        write_atomically(
+            Path(arguments.html) / "index.html", Pages(arguments.lang).homework(verdict).encode()
+        )
     print(json.dumps(verdict.as_json()) if arguments.json else verdict.text(_has_color(), arguments.lang))
     return _code(verdict)
 
@@ -74,7 +76,7 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
         verdicts = _grade_all(paths, arguments.strict)
     else:
         output = Path(arguments.output)
-        require_place("table", output, ".csv")
+        require_writable_path("table", output, ".csv")
         with Lock(output):
             _require_table(output)
             verdicts = _grade_all(paths, arguments.strict)
@@ -82,7 +84,7 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
                 verdict.as_row(arguments.lang) | {"file": _in_utf8(str(path.relative_to(folder)))}
                 for path, verdict in zip(paths, verdicts, strict=True)
             ]
-            write_whole(output, table_text(rows).encode())
+            write_atomically(output, table_text(rows).encode())
     if arguments.html is not None:
         names = [_in_utf8(str(path.relative_to(folder))) for path in paths]
         named = [replace(verdict, file=name) for verdict, name in zip(verdicts, names, strict=True)]
@@ -99,8 +101,8 @@ def _write_pages(folder: Path, verdicts: list[Verdict], language: str) -> None:
     pages = Pages(language)
     links = [f"{k:03}_{re.sub(r'[^A-Za-z0-9.-]', '_', v.file)[-100:]}.html" for k, v in enumerate(verdicts)]
     for verdict, link in zip(verdicts, links, strict=True):
-        write_whole(folder / link, pages.homework(verdict).encode())
-    write_whole(folder / "index.html", pages.course(verdicts, links).encode())
+        write_atomically(folder / link, pages.homework(verdict).encode())
+    write_atomically(folder / "index.html", pages.course(verdicts, links).encode())
 
 
 def _require_pages(folder: Path) -> None:
@@ -115,7 +117,7 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
     """Grade homeworks in parallel."""
     processes = Processes()
     with (
-        stopping_on_signals(processes.stop),
+        stop_on_signals(processes.stop),
         TemporaryDirectory() as folder,
         ThreadPoolExecutor(os.cpu_count()) as pool,
     ):

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
-from warpgrains.console import in_columns, interrupts_end_at_once, start_warp, stdout_kept_clean
+from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import SceneError
 from warpgrains.kernels.access import CHECKED
@@ -80,9 +80,9 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
     kernels.
     """
     if options.record is not None and options.shows is None:
-        with interrupts_end_at_once():  # while it is loaded, USD would only print an interrupt and continue
+        with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
-    with stdout_kept_clean(), ExitStack() as held:
+    with stdout_to_stderr(), ExitStack() as held:
         until = criterion(options.until, start.scene)
         series = _series(start, options, arguments)
         recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))

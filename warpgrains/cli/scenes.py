@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from warpgrains.console import in_columns
 from warpgrains.errors import OutputError
-from warpgrains.files import require_place, write_whole
+from warpgrains.files import require_writable_path, write_atomically
 from warpgrains.scene.document import Table, parse_toml, read_document, read_text, shipped, toml_value
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
@@ -35,9 +35,9 @@ def init(arguments: Namespace) -> bool:
     path = Path(arguments.file)
     if path.exists():
         raise OutputError(f"'{path}' is there: it is not replaced")
-    require_place("scene", path, ".toml")
+    require_writable_path("scene", path, ".toml")
     text = f"# A scene to begin with, made from {arguments.base}. Try: warpgrains run {path}\n"
-    write_whole(path, (text + commented(read_document(arguments.base))).encode())
+    write_atomically(path, (text + commented(read_document(arguments.base))).encode())
     print(path)
     return False
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from warpgrains.console import STDIN, start_warp
 from warpgrains.errors import SceneError
-from warpgrains.files import require_place, table_text, write_whole
+from warpgrains.files import require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene.scene import Scene
 from warpgrains.solver.statistics import StepReport
@@ -40,13 +40,13 @@ def step_by_step(scene: Scene, steps: int, arguments: Namespace) -> None:
         _step_by_step(scene, steps, arguments)
         return
     output = Path(arguments.history)
-    require_place("history", output, ".csv")
+    require_writable_path("history", output, ".csv")
     with Lock(output):
         _require_history(output)
         rows = _step_by_step(scene, steps, arguments)
         if not rows:
             raise SceneError(f"no step was taken: history '{output}' is not written")
-        write_whole(output, table_text(rows).encode())
+        write_atomically(output, table_text(rows).encode())
 
 
 def _require_history(output: Path) -> None:

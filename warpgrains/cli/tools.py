@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 
 from warpgrains.cli.apart import done_apart
-from warpgrains.console import start_warp, stdout_kept_clean
+from warpgrains.console import start_warp, stdout_to_stderr
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.pictures.kinds import FILMS, require_drawing
 
@@ -71,7 +71,7 @@ def report(arguments: Namespace) -> bool:
         raise missing_extra("report", error) from error
     names = arguments.scenes or shipped_scenes()
     scenes = [Scene.load(name).replace(on_unconverged="report") for name in names]
-    with stdout_kept_clean():
+    with stdout_to_stderr():
         start_warp()
         from warpgrains.report.report import write_report
 

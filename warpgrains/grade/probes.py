@@ -1,8 +1,8 @@
 """Calls that homeworks must answer. Each starts from the reference's state, so that errors do not accumulate.
 
-Each mistake changes the result of at least one scene, and no two mistakes have the same effect. Masses and radii differ, gravity has two components, there is drag, grains touch each other and
-both walls, the lightest and heaviest come first, and initial speeds close any gap within a step. The smallest
-scenes come first.
+Each mistake changes the result of at least one scene, and no two mistakes have the same effect. Masses and
+radii differ, gravity has two components, there is drag, grains touch each other and both walls, the lightest
+and heaviest come first, and initial speeds close any gap within a step. The smallest scenes come first.
 """
 
 from collections.abc import Iterator

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from warpgrains.errors import OutputError
-from warpgrains.files import make_folder, write_whole
+from warpgrains.files import make_folder, write_atomically
 from warpgrains.reference.reference import SOURCE
 
 _SOURCES = [*sorted((Path(__file__).parent / "template").iterdir()), SOURCE.parent / "fem.h"]
@@ -25,5 +25,5 @@ def write_template(folder: Path) -> list[Path]:
         if target.exists():
             raise OutputError(f"'{target}' is there: it is left as it is, and nothing is written")
     for source, target in zip(_SOURCES, targets, strict=True):
-        write_whole(target, source.read_bytes())
+        write_atomically(target, source.read_bytes())
     return targets

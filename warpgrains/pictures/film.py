@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.files import draft_of, require_place
+from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
@@ -176,7 +176,7 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
     SceneError
         It cannot be written there.
     """
-    require_place("film", output, *FILMS)
+    require_writable_path("film", output, *FILMS)
     frames = range(0, len(reader.time), ceil(reader.rate / FASTEST[output.suffix]))
     with draft_of(output) as draft, FilmWriter(draft, setting_of(reader), reader.rate / frames.step) as film:
         for frame in frames:
@@ -196,7 +196,7 @@ class Film:
     """
 
     def __init__(self, path: Path, scene: Scene, frames_per_second: float, painter: Painter) -> None:
-        require_place("output", path, *FILMS)
+        require_writable_path("output", path, *FILMS)
         self._path, self._painter = path, painter
         self.times = FrameTimes.of(scene.dt, frames_per_second)
         self.needs_contacts = painter.needs_contacts

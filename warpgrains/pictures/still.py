@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import ColorScale
 from warpgrains.drawing.shapes import WALL_COLOR
-from warpgrains.files import draft_of, require_place
+from warpgrains.files import draft_of, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import Painter, Setting, Shot
 
@@ -172,7 +172,7 @@ class Picture:
         SceneError
             The picture cannot be written.
         """
-        require_place("picture", Path(path), *STILLS)
+        require_writable_path("picture", Path(path), *STILLS)
         save_figure(self.figure, Path(path))
 
     def _repr_png_(self) -> bytes:

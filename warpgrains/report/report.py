@@ -11,7 +11,7 @@ import numpy as np
 from warpgrains import __version__
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError
-from warpgrains.files import require_writable_folder, table_text, write_whole
+from warpgrains.files import require_writable_folder, table_text, write_atomically
 from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
@@ -118,7 +118,7 @@ def _write_texts(folder: Path, found: Findings, budget: Budget) -> list[Path]:
         "frontier.csv": table_text([*map(asdict, found.frontier)]),
     }
     for name, text in texts.items():
-        write_whole(folder / name, text.encode())
+        write_atomically(folder / name, text.encode())
     return [folder / name for name in texts]
 
 

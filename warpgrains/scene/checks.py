@@ -95,7 +95,7 @@ def function(field: str, value: Any) -> None:
         raise SceneError(f"{field} is {shown(value)}: it must be a function")
 
 
-def truth(field: str, value: Any) -> bool:
+def boolean(field: str, value: Any) -> bool:
     """Return a Python or NumPy bool as a bool."""
     if type(value).__name__ not in ("bool", "bool_"):  # NumPy's own, too
         raise SceneError(f"{field} is {shown(value)}: it must be True or False")

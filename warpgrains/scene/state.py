@@ -127,7 +127,7 @@ def require_state(state: State, scene: Scene) -> None:
     n, walls = scene.n, scene.wall_numbers
     _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
-    checks.truth("staggered", state.staggered)
+    checks.boolean("staggered", state.staggered)
     for name in ("position", "velocity"):
         _require_array(name, getattr(state, name), np.float64, (n, 2))
         checks.require_finite(f"{name} of the state, that", getattr(state, name))

@@ -18,7 +18,7 @@ import numpy as np
 
 from warpgrains import __version__
 from warpgrains.errors import SceneError
-from warpgrains.files import followed, require_place, write_whole
+from warpgrains.files import require_writable_path, resolve_link, write_atomically
 from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -67,7 +67,7 @@ def lock_checkpoint(path: Path) -> Lock:
         It cannot be written there. It is an `OutputError` if another process writes it, or if the file
         exists and is no checkpoint.
     """
-    require_place("checkpoint", path, ".npz")
+    require_writable_path("checkpoint", path, ".npz")
     return lock_own(path, _is_checkpoint, "checkpoint")
 
 
@@ -83,7 +83,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **_entries(checkpoint, path))
-    write_whole(path, buffer.getbuffer())
+    write_atomically(path, buffer.getbuffer())
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -94,7 +94,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
     SceneError
         The file is missing, damaged, of another version, or no checkpoint.
     """
-    path = followed(path)
+    path = resolve_link(path)
     if not path.is_file():
         raise SceneError(f"checkpoint '{path}' does not exist")
     try:
@@ -202,7 +202,7 @@ def _require_statistics(statistics: RunStatistics, state: State, options: RunOpt
     for field in fields(RunStatistics):
         value = getattr(statistics, field.name)
         if isinstance(field.default, bool):
-            checks.truth(field.name, value)
+            checks.boolean(field.name, value)
         elif isinstance(field.default, int):
             most = state.steps if field.name == "steps" else MOST_COUNTED
             checks.whole_number(field.name, value, least=0, most=most)

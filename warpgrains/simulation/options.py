@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
 from warpgrains.errors import SceneError
-from warpgrains.files import followed
+from warpgrains.files import resolve_link
 from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
 from warpgrains.scene import checks
 
@@ -33,7 +33,7 @@ def _file(field: str, name: Any) -> str:
     """Return the name of an output; a symbolic link is resolved."""
     if checks.text(field, name) == "" or "\0" in name:
         raise SceneError(f"{field} is {name!r}: it must be the name of a file")
-    return str(followed(Path(name))) if os.path.islink(name) else name
+    return str(resolve_link(Path(name))) if os.path.islink(name) else name
 
 
 def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
@@ -78,7 +78,7 @@ class RunOptions:
         default="speed",
         needs="record",
     )
-    forces: bool = _option("Draw force chains.", checks.truth, default=False, needs="record")
+    forces: bool = _option("Draw force chains.", checks.boolean, default=False, needs="record")
     draw_as: str = _option(
         "What grains of a USD file are: points, discs or spheres.",
         checks.text,

@@ -15,7 +15,7 @@ from warnings import warn
 
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError
-from warpgrains.files import require_place
+from warpgrains.files import require_writable_path
 from warpgrains.pictures.kinds import FILMS, STILLS, require_drawing
 from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
@@ -149,12 +149,12 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
 
             painter = Painter(scene, options.color_by, options.forces)
             return Film(Path(options.record), scene, options.rate, painter)
-        require_place("picture", Path(options.record), *STILLS)
+        require_writable_path("picture", Path(options.record), *STILLS)
         return None
     from warpgrains.usd.recorder import SUFFIXES, Recorder, log_of
 
     record = Path(options.record)
-    require_place("output", record, *SUFFIXES, *FILMS, *STILLS)
+    require_writable_path("output", record, *SUFFIXES, *FILMS, *STILLS)
     is_whole = statistics.frames > 0 and record.is_file() and not log_of(record).exists()
     if is_whole and statistics.steps == options.steps:
         return None

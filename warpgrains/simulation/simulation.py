@@ -139,7 +139,7 @@ class Simulation(Stepper):
             require_observer(observer)
         ends, statistics = criterion(until, self.scene), RunStatistics()
         with (
-            self._driver.alone(),
+            self._use.exclusive(),
             nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
             open_outputs(options, self.scene, statistics) as recorder,
         ):

@@ -15,7 +15,7 @@ from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import find_device, threads_for
-from warpgrains.turns import Driver
+from warpgrains.turns import ExclusiveUse
 
 Begun = TypeVar("Begun", bound="Stepper")
 
@@ -53,7 +53,7 @@ class Stepper(Shown):
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
-        self._driver = Driver("simulation")
+        self._use = ExclusiveUse("simulation")
         self._begin(scene, state)
 
     def _begin(self, scene: Scene, state: State | None) -> None:
@@ -99,7 +99,7 @@ class Stepper(Shown):
             "raise" (the state is then that before the step); or a history of `max_iterations` does not fit in
             memory; or another thread advances this simulation.
         """
-        with self._driver.alone():
+        with self._use.exclusive():
             self._advance(1, None, history)
             return self._engine.report(0)
 
@@ -124,7 +124,7 @@ class Stepper(Shown):
         steps = checks.whole_number("steps", steps, least=0)
         if on_progress is not None:
             checks.function("on_progress", on_progress)
-        with self._driver.alone():
+        with self._use.exclusive():
             self._advance(steps, on_progress)
             return self._engine.statistics(0)
 
@@ -132,7 +132,7 @@ class Stepper(Shown):
         before = self.steps
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
-        with self._driver.advancing():
+        with self._use.advancing():
             advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before
         error = self._engine.error(0)
@@ -152,7 +152,7 @@ class Stepper(Shown):
         SceneError
             A value is invalid, or a change concerns the grains.
         """
-        with self._driver.alone():
+        with self._use.exclusive():
             state = self.state()
             scene = self.scene.replace(**fields)
             require_state(state, scene)
@@ -207,7 +207,7 @@ class Stepper(Shown):
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
-        with self._driver.alone():
+        with self._use.exclusive():
             return self._engine.state(0)
 
     def restore(self, state: State) -> None:
@@ -219,7 +219,7 @@ class Stepper(Shown):
             `state` is invalid or belongs to other grains. The message names field, grain and value.
         """
         require_state(state, self.scene)
-        with self._driver.alone():
+        with self._use.exclusive():
             self._stepped = False
             self._engine.load(0, state)
 

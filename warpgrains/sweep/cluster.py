@@ -16,7 +16,7 @@ from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import interrupts_end_at_once, start_warp
+from warpgrains.console import exit_on_interrupt, start_warp
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import SweepFolder
@@ -150,7 +150,7 @@ def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]
         from distributed import Client
 
         if slurm_jobs is not None:
-            with interrupts_end_at_once():  # dask_jobqueue sets a handler that exits with code 0
+            with exit_on_interrupt():  # dask_jobqueue sets a handler that exits with code 0
                 from dask_jobqueue import SLURMCluster
     except ModuleNotFoundError as error:
         raise missing_extra("a cluster", error, "cluster") from error

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_whole
+from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
 from warpgrains.sweep.results import MET, SECONDS, Columns
 from warpgrains.sweep.run_folder import GRAINS, RESULT, RunFolder
 from warpgrains.sweep.shards import ResultShards
@@ -81,7 +81,7 @@ class SweepFolder:
             for path, content in files.items():
                 if not path.exists():
                     path.parent.mkdir(parents=True, exist_ok=True)
-                    write_whole(path, content, writer())
+                    write_atomically(path, content, writer())
 
     def _scene_file(self, base: BaseScene) -> Path:
         return self.path / "scenes" / f"{base.name}.toml"
@@ -184,7 +184,7 @@ class SweepFolder:
 def _write(table: Path, lines: Iterable[bytes]) -> None:
     content = b"".join(lines)
     if not table.is_file() or table.read_bytes() != content:
-        write_whole(table, content, writer())
+        write_atomically(table, content, writer())
 
 
 def writer() -> str:

@@ -16,7 +16,7 @@ from typing import Any
 
 from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import csv_line, read_regular, read_table, table_text, write_whole
+from warpgrains.files import csv_line, read_regular, read_table, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene.document import parse_toml
 from warpgrains.scene.reader import scene_fields
@@ -178,7 +178,7 @@ class RunFolder:
         self._write_scene()
         names = (*self.columns.after_labels, SECONDS)
         row = self.labels | dict(zip(names, values, strict=True))
-        write_whole(self.result, table_text([row]).encode())
+        write_atomically(self.result, table_text([row]).encode())
 
     def fail(self, reason: str, seconds: float = 0.0) -> None:
         """Save a failure as the result of the run, which is finished from then on."""
@@ -198,4 +198,4 @@ class RunFolder:
 
     def _write_scene(self) -> None:
         if not self.scene_file.exists():
-            write_whole(self.scene_file, self._text.encode())
+            write_atomically(self.scene_file, self._text.encode())

@@ -13,7 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import Row, csv_line, write_whole
+from warpgrains.files import Row, csv_line, write_atomically
 from warpgrains.sweep.results import Values
 
 DIGITS = 16  # hexadecimal digits of a shard's hash
@@ -50,7 +50,7 @@ class ResultShards:
             lines = (_line(*results[number]) for number in sorted(results))
             content = self._head + b"".join(lines)
             name = f"{min(results):07}-{max(results):07}-{_hash(content)}.csv"
-            write_whole(self.path / name, content, writer)
+            write_atomically(self.path / name, content, writer)
 
     def refresh(self, numbers: Collection[int]) -> None:
         """Read new shards that may contain some of these runs, and rename damaged ones.

@@ -5,7 +5,7 @@ from pathlib import Path
 from pxr import Sdf, Tf
 
 from warpgrains.errors import SceneError
-from warpgrains.files import require_place
+from warpgrains.files import require_writable_path
 from warpgrains.locks import Lock, lock_own
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
@@ -27,7 +27,7 @@ def lock_output(path: Path) -> Lock:
         It cannot be written there. It is an `OutputError` if another process writes it, or if the file exists
         and is no recording.
     """
-    require_place("output", path, *SUFFIXES)
+    require_writable_path("output", path, *SUFFIXES)
     try:
         str(path).encode()
     except UnicodeEncodeError:

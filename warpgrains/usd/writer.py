@@ -13,7 +13,7 @@ import numpy as np
 from pxr import Sdf, Tf, UsdUtils, Work
 
 from warpgrains.errors import SceneError
-from warpgrains.files import followed, publish
+from warpgrains.files import publish, resolve_link
 from warpgrains.frame_log import FrameLog, LogReader
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
@@ -40,7 +40,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     OSError
         The file cannot be written, or the log holds fewer frames.
     """
-    reader, target = LogReader(log), followed(target)
+    reader, target = LogReader(log), resolve_link(target)
     with _workplace(target) as folder:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
         with _reporting_os_errors(target), _freeing_at_once():
