@@ -71,7 +71,7 @@ def one_after_the_other(walls, radius, generator):
             x = walls.radius_out * (2.0 * generator.random(2) - 1.0)
             d, reach = position[placed] - x, radius[placed] + radius[i]
             clear = (d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] >= reach * reach).all()
-            if clear and walls.holds(x[np.newaxis], radius[i : i + 1]).all():
+            if clear and walls.contains(x[np.newaxis], radius[i : i + 1]).all():
                 position[i] = x
         placed.append(i)
     return position

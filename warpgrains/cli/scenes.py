@@ -16,7 +16,7 @@ from warpgrains.files import require_writable_path, write_atomically
 from warpgrains.scene.document import Table, parse_toml, read_document, read_text, shipped, toml_value
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
-from warpgrains.scene.reader import PROPERTIES, SOURCES, own_parameters
+from warpgrains.scene.reader import PROPERTIES, SOURCES, keyword_parameters
 
 REQUIRED = object()
 """Marker for keys without a default."""
@@ -101,7 +101,7 @@ def keys(layout: str | None) -> Iterator[Key]:
     yield from (Key("grains", name, None, meaning) for name, meaning in SOURCES.items())
     if layout in LAYOUTS:
         own = {**COMMON, **parameters_of(LAYOUTS[layout])}
-        for name, parameter in own_parameters(LAYOUTS[layout]).items():
+        for name, parameter in keyword_parameters(LAYOUTS[layout]).items():
             default = REQUIRED if parameter.default is parameter.empty else parameter.default
             yield Key("grains", name, default, own[name])
     else:

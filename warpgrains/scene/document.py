@@ -47,7 +47,7 @@ def read_text(path: Path, kind: str) -> str:
     Raises SceneError if neither exists.
     """
     source: Path | Traversable = path
-    if not _is_there(path):
+    if not _exists(path):
         known = shipped(kind)
         if str(path) not in known:
             raise checks.unknown(f"{kind}, neither a file nor a shipped one,", str(path), known)
@@ -101,7 +101,7 @@ def override_key(document: Table, override: str) -> None:
         table[key] = parsed["value"]
 
 
-def _is_there(path: Path) -> bool:
+def _exists(path: Path) -> bool:
     try:
         return path.exists() and not path.is_dir()
     except (OSError, ValueError):  # no file can have such a name

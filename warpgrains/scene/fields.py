@@ -37,7 +37,7 @@ Given = TypeVar("Given", contravariant=True)
 
 if TYPE_CHECKING:
 
-    class MadeOf(Protocol[Held, Given]):
+    class ConvertedField(Protocol[Held, Given]):
         """Type of a field whose constructor argument (`Given`) has more forms than its value (`Held`).
 
         It exists for type checkers only.
@@ -46,10 +46,10 @@ if TYPE_CHECKING:
         def __get__(self, scene: object, kind: Any = None) -> Held: ...
         def __set__(self, scene: object, value: Given) -> None: ...
 
-    Array = MadeOf[FloatArray, ArrayLike]
-    OptionalArray = MadeOf[FloatArray, ArrayLike | None]
-    Vector = MadeOf[tuple[float, float], Sequence[float] | FloatArray]
-    Walls = MadeOf[tuple[Disc, ...], Sequence[Disc | Mapping[str, Any]]]
+    Array = ConvertedField[FloatArray, ArrayLike]
+    OptionalArray = ConvertedField[FloatArray, ArrayLike | None]
+    Vector = ConvertedField[tuple[float, float], Sequence[float] | FloatArray]
+    Walls = ConvertedField[tuple[Disc, ...], Sequence[Disc | Mapping[str, Any]]]
 else:
     Array, OptionalArray, Vector = FloatArray, FloatArray | None, tuple[float, float]
     Walls = tuple[Disc, ...]
@@ -226,7 +226,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
     }
 
 
-def require_places(scene: "Scene") -> None:
+def require_valid_positions(scene: "Scene") -> None:
     """Raise SceneError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
     _require_size(scene)
     scene.annulus.require_inside(scene.position, scene.radius)
@@ -249,7 +249,7 @@ def _require_size(scene: "Scene") -> None:
     scene.annulus.require_size()
 
 
-def require_agreement(scene: "Scene") -> None:
+def require_compatible_settings(scene: "Scene") -> None:
     """Raise SceneError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
     if scene.method == "exact" and scene.stop == "zeta":

@@ -14,7 +14,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 from warpgrains.scene.placing import grow, place_at_random
-from warpgrains.scene.radii import drawn_radii, radii_given
+from warpgrains.scene.radii import drawn_radii, listed_radii
 from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus
 
@@ -92,7 +92,7 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     x = (column + 0.5 * (row % 2)) * pitch
     y = np.broadcast_to(row * rise - reach, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
-    position = position[walls.holds(position, np.full(len(position), radius))]
+    position = position[walls.contains(position, np.full(len(position), radius))]
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
@@ -136,7 +136,7 @@ def random(
     filled = float(np.pi * (radii**2).sum()) / space.area
     if filled >= 1.0:
         raise SceneError(
-            f"{_asked(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
+            f"{_stated(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
         )
     if filled <= MOST_ADDED:
         position = place_at_random(space, radii, generator)
@@ -146,7 +146,7 @@ def random(
     if share < 1.0:
         filled *= share * share
         raise SceneError(
-            f"{_asked(count, packing_fraction)}: grown and pushed apart, grains fill {filled:.3f} of their"
+            f"{_stated(count, packing_fraction)}: grown and pushed apart, grains fill {filled:.3f} of their"
             f" region, so about {int(share * share * len(radii))} of these radii fit"
         )
     return position, radii
@@ -156,7 +156,7 @@ def _random_radii(
     radius: Any, count: Any, fraction: Any, region: Region, generator: np.random.Generator
 ) -> FloatArray:
     """Return `count` random radii, or enough of them to reach a packing fraction in a region."""
-    given = radii_given(radius)
+    given = listed_radii(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
             raise SceneError(f"grains.radius is a list of {len(given)}: that is how many grains there are")
@@ -181,7 +181,7 @@ def _random_radii(
     return radii[:kept]
 
 
-def _asked(count: Any, fraction: Any) -> str:
+def _stated(count: Any, fraction: Any) -> str:
     if fraction is None:
         return "grains.radius" if count is None else f"grains.count is {count}"
     return f"grains.packing_fraction is {fraction}"
@@ -209,7 +209,7 @@ def _count(value: Any) -> int:
 
 def _radius(walls: Annulus, value: Any) -> float:
     radius = checks.positive("grains.radius", value)
-    if radius > walls.room or radius == walls.radius_out:
+    if radius > walls.largest_radius or radius == walls.radius_out:
         raise SceneError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
     return radius
 

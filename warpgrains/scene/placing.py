@@ -28,7 +28,7 @@ MOST_TRIES = 1_000_000  # for one disc; after that hardly any free space is left
 FIRST_TRIES = 8  # per disc in the first batch; the next batches double
 MOST_AT_ONCE = 1 << 18  # tries per launch; Ctrl-C is handled between two launches
 
-LOOSE = 0.35  # packing fraction before the discs grow
+INITIAL_FRACTION = 0.35  # packing fraction before the discs grow
 STAGES = 24  # number of growth stages
 MARGIN = 2e-4  # relative excess of the radii at the end of growth
 WHILE_GROWING, HOPELESS = 0.02, 0.15  # overlaps [radii] below which growth continues, above which it fails
@@ -61,7 +61,7 @@ def place_at_random(region: Region, radius: FloatArray, generator: np.random.Gen
     tries = FIRST_TRIES * len(radius)
     while discs.placed < len(radius) and discs.tries < MOST_TRIES:
         tries = min(tries, MOST_AT_ONCE)
-        discs.try_places(middle + half * (2.0 * generator.random((tries, 2)) - 1.0))
+        discs.try_positions(middle + half * (2.0 * generator.random((tries, 2)) - 1.0))
         tries *= 2
     placed = np.empty_like(discs.position)
     placed[order] = discs.position
@@ -102,11 +102,11 @@ class _Discs:
         """Number of failed tries for the next disc."""
         return int(self._record["tries"][0])
 
-    def try_places(self, places: FloatArray) -> None:
+    def try_positions(self, positions: FloatArray) -> None:
         """Try positions [m], shape (m, 2), one after the other."""
         import warp as wp
 
-        self._set("places", places)
+        self._set("places", positions)
         record = wp.array(ptr=self._record.ctypes.data, shape=1, dtype=_kernels().DiscsRecord, device="cpu")
         _launch(_kernels().place, [record])
 
@@ -127,7 +127,7 @@ def grow(region: Region, radius: FloatArray, generator: np.random.Generator) -> 
     The scale is 1 if the discs fit, and less than 1 otherwise.
     """
     filled = float(np.pi * (radius**2).sum()) / region.area
-    start = min(1.0, float(np.sqrt(LOOSE / filled)))
+    start = min(1.0, float(np.sqrt(INITIAL_FRACTION / filled)))
     position = place_at_random(region, start * radius, generator)
     while np.isnan(position).any():  # until the few large discs are placed too
         start *= 0.7
@@ -146,9 +146,9 @@ def _clear_share(region: Region, position: FloatArray, radius: FloatArray) -> fl
     """Return the largest scale of the radii at which no disc overlaps another one, a wall or the box."""
     i, j = _near(position, radius).T
     sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
-    room = [side.gap + radius for side in sides]
-    room += [position - region.low, region.high - position]
-    shares = [(one.T / radius).min() for one in room]
+    to_border = [side.gap + radius for side in sides]
+    to_border += [position - region.low, region.high - position]
+    shares = [(one.T / radius).min() for one in to_border]
     shares.append((distance(position[j] - position[i]) / (radius[i] + radius[j])).min(initial=np.inf))
     return max(0.0, float(min(shares)))
 
@@ -165,12 +165,13 @@ def _push(region: Region, position: FloatArray, radius: FloatArray, enough: floa
 
     walls, box = _limits(region)
     worst = np.array([np.inf, 0.0])
-    places, radii, told = _shared(position, wp.vec2d), _shared(radius, wp.float64), _shared(worst, wp.float64)
+    centers, radii = _shared(position, wp.vec2d), _shared(radius, wp.float64)
+    result = _shared(worst, wp.float64)
     far, listed, pair = SKIN * radius.min(), np.full_like(position, np.inf), np.empty((0, 2), np.int32)
     while sweeps > 0 and (worst[0] > enough or distance(position - listed).max() > far):
         if distance(position - listed).max() > far:
             listed, pair = position.copy(), _near(position, (1.0 + SKIN) * radius)
-        inputs: list[Any] = [places, radii, _shared(pair, wp.vec2i), walls, box, AT_ONCE, enough, told]
+        inputs: list[Any] = [centers, radii, _shared(pair, wp.vec2i), walls, box, AT_ONCE, enough, result]
         _launch(pushing.push, inputs)
         sweeps -= int(worst[1])
     return float(worst[0])

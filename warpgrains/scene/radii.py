@@ -29,7 +29,7 @@ OF_MEAN = {"smallest": 0.1, "largest": 10.0}
 LEAST_KEPT = 1e-3  # smallest accepted fraction of draws between the bounds
 
 
-def radii_given(radius: Any) -> FloatArray | None:
+def listed_radii(radius: Any) -> FloatArray | None:
     """Return the radii [m] if they are listed, that is as a list of one or of more than two numbers."""
     if not isinstance(radius, list | tuple | np.ndarray) or np.ndim(radius) == 0 or len(radius) == 2:
         return None

@@ -45,7 +45,7 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
 def require_key(section: str, key: str) -> None:
     """Raise SceneError unless scene files may have this key in this section."""
     _require_section(section)
-    of_layouts = {name for layout in LAYOUTS.values() for name in own_parameters(layout)}
+    of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
     _refuse_unknown_keys(section, {key: None}, known)
 
@@ -95,15 +95,15 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
     else:
         _refuse_unknown_keys("grains", own, (source, "radius"), PROPERTIES)
         grains = {"position": own["position"]} if "position" in own else read_grains(folder, own["file"])
-        _give_once(grains, own, "radius")
+        _set_once(grains, own, "radius")
     grains["position"] = checks.vectors("position", grains["position"])
-    _give_once(grains, table, "velocity")
+    _set_once(grains, table, "velocity")
     velocity = grains.get("velocity")
     if np.iterable(velocity) and not any(np.iterable(component) for component in velocity):  # one for all
         grains["velocity"] = np.tile(checks.vector("grains.velocity", velocity), (len(grains["position"]), 1))
     if "radius" not in grains:
         raise SceneError("grains.radius is missing")
-    _give_once(grains, _with_mass(table, grains), "mass")
+    _set_once(grains, _with_mass(table, grains), "mass")
     if "mass" not in grains:
         raise SceneError("grains.mass or grains.density is missing")
     return grains
@@ -112,7 +112,7 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
 def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
     """Call a layout with those keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
-    own = own_parameters(function)
+    own = keyword_parameters(function)
     _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
@@ -121,7 +121,7 @@ def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
 
 
 @cache
-def own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
+def keyword_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
     """Return the keyword parameters of a layout, which are its keys of `[grains]`."""
     parameters = inspect.signature(layout).parameters
     return {name: own for name, own in parameters.items() if own.kind is own.KEYWORD_ONLY}
@@ -137,7 +137,7 @@ def _with_mass(table: Table, grains: Table) -> Table:
     return {"mass": checks.positive("grains.density", table["density"]) * np.pi * radius**2}
 
 
-def _give_once(grains: Table, table: Table, key: str) -> None:
+def _set_once(grains: Table, table: Table, key: str) -> None:
     if key in table:
         if key in grains:
             raise SceneError(f"grains.{key} is given twice: in the scene and in its file")

@@ -22,8 +22,8 @@ from warpgrains.scene.fields import (
     checked_grains,
     checked_settings,
     frozen,
-    require_agreement,
-    require_places,
+    require_compatible_settings,
+    require_valid_positions,
 )
 from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.reader import scene_fields
@@ -70,8 +70,8 @@ class Scene(SceneFields, Shown):
     def __post_init__(self) -> None:
         vars(self).update(checked_grains(self))
         vars(self).update(checked_settings(self))
-        require_places(self)
-        require_agreement(self)
+        require_valid_positions(self)
+        require_compatible_settings(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {name: getattr(self, name) for name in FIELDS}
@@ -142,7 +142,7 @@ class Scene(SceneFields, Shown):
         found = {"typical_radius": self.typical_radius, "has_equal_masses": self.has_equal_masses}
         vars(scene).update(vars(self) | found | settings)
         vars(scene).update(checked_settings(scene, settings))
-        require_agreement(scene)
+        require_compatible_settings(scene)
         return scene
 
     @property

@@ -56,7 +56,7 @@ class Annulus(NamedTuple):
         return walls
 
     @property
-    def room(self) -> float:
+    def largest_radius(self) -> float:
         """Radius of the largest grain that fits between the circles [m]."""
         return (self.radius_out - self.radius_in) / 2.0 if self.radius_in > 0.0 else self.radius_out
 
@@ -93,12 +93,12 @@ class Annulus(NamedTuple):
             return Side(-normal, rho - self.radius_in - radius if self.radius_in > 0.0 else nowhere)
         gap = self.radius_out - rho - radius
         if move is not None and self.wall == "round":
-            room = self.radius_out - radius
+            path_radius = self.radius_out - radius
             path = normal[:, 0] * move[:, 1] - normal[:, 1] * move[:, 0]
-            gap = gap - (room - np.sqrt(np.maximum(0.0, room**2 - path**2)))
+            gap = gap - (path_radius - np.sqrt(np.maximum(0.0, path_radius**2 - path**2)))
         return Side(normal, gap)
 
-    def holds(self, position: FloatArray, radius: FloatArray) -> BoolArray:
+    def contains(self, position: FloatArray, radius: FloatArray) -> BoolArray:
         """Return which discs lie between the walls and not at the origin, where the walls have no normal."""
         rho = distance(position)
         nearest = self.radius_in + radius if self.radius_in > 0.0 else 0.0
@@ -115,10 +115,10 @@ class Annulus(NamedTuple):
     def require_inside(self, position: FloatArray, radius: FloatArray) -> None:
         """Raise SceneError unless all grains fit between the walls and have their centers there."""
         rho = distance(position)
-        too_large = radius > self.room * (1.0 + ROUNDING)
+        too_large = radius > self.largest_radius * (1.0 + ROUNDING)
         if too_large.any():
             grain = checks.of_grain("radius", radius, too_large)
-            raise SceneError(f"{grain}: at most {self.room} m fit between the walls")
+            raise SceneError(f"{grain}: at most {self.largest_radius} m fit between the walls")
         demands = (
             (rho == 0.0, "the origin is no place for a grain: the walls have no direction there"),
             (rho > self.radius_out, f"it is outside the outer wall, radius_out {self.radius_out} m"),
