@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import Done, Ending, ResidentSets
+from warpgrains.batch.resident import Ending, ResidentSets, StepsDone
 from warpgrains.console import progress_bar
 from warpgrains.errors import SceneError, SimulationError
 from warpgrains.scene import checks
@@ -185,9 +185,9 @@ class Batch(Shown):
 
     def _advance(
         self, steps: list[int], on_progress: OnProgress, endings: list[Ending] | None = None
-    ) -> list[Done]:
+    ) -> list[StepsDone]:
         """Advance each scene, see `ResidentSet.advance`, and keep the last reports."""
-        outcomes: list[Done] = []
+        outcomes: list[StepsDone] = []
         with self._use.advancing():
             for resident in self._sets.advance(steps, on_progress, endings):
                 outcomes += map(resident.done, resident.scenes)

@@ -30,7 +30,7 @@ Ending = tuple[Criterion, RunStatistics]
 """Stopping criterion of a scene, and the statistics of its run, which are updated."""
 
 
-class Done(NamedTuple):
+class StepsDone(NamedTuple):
     """Statistics of the last steps of scene k, its last report, and the reason of an early stop, if any."""
 
     k: int
@@ -78,11 +78,11 @@ class ResidentScene:
         """Load a state, from which the scene continues."""
         self._engine.load(self._index, state)
 
-    def done(self) -> Done:
+    def done(self) -> StepsDone:
         """Return what the scene did since its last steps were submitted."""
         statistics = self._engine.statistics(self._index)
         report = self._engine.report(self._index) if statistics.steps else None
-        return Done(self._k, statistics, report, self._engine.error(self._index))
+        return StepsDone(self._k, statistics, report, self._engine.error(self._index))
 
 
 class ResidentSet:
@@ -94,8 +94,8 @@ class ResidentSet:
     def __init__(self, scenes: dict[int, Scene], device: wp.Device, threads: int, team: int):
         self._threads = threads
         self._engines: list[tuple[Engine, list[int]]] = []
-        self._is_halted = False
-        self._done: dict[int, Done] = {}
+        self._is_canceled = False
+        self._done: dict[int, StepsDone] = {}
         self.scenes: dict[int, ResidentScene] = {}
         for method in sorted({scene.method for scene in scenes.values()}):
             numbers = [k for k, scene in scenes.items() if scene.method == method]
@@ -111,13 +111,13 @@ class ResidentSet:
 
         A scene that fails or is interrupted stops between two steps.
         """
-        self._is_halted, self._done = False, {}
+        self._is_canceled, self._done = False, {}
         if endings is None:
             self._launch(steps, on_progress)
             return
         going = {k: endings[k][1].steps + steps[k] for k in self.scenes if steps[k] > 0}
-        self._done = {k: Done(k, endings[k][1], None, None) for k in self.scenes}
-        while going and not self._is_halted:
+        self._done = {k: StepsDone(k, endings[k][1], None, None) for k in self.scenes}
+        while going and not self._is_canceled:
             due = [0] * len(steps)
             for k, end in going.items():
                 taken = endings[k][1].steps
@@ -138,17 +138,17 @@ class ResidentSet:
         is_whole = last.error is None and last.statistics.steps == due
         return is_whole and not criterion.is_met(self.scenes[k], statistics) and statistics.steps < end
 
-    def done(self, k: int) -> Done:
+    def done(self, k: int) -> StepsDone:
         """Return what scene k did in the last `advance`; with an ending, in its whole run."""
         return self._done.get(k) or self.scenes[k].done()
 
-    def halt(self) -> None:
+    def cancel(self) -> None:
         """Stop after the steps under way; slow steps are abandoned."""
-        self._is_halted = True
+        self._is_canceled = True
         for engine, _ in self._engines:
             engine.halt()
 
-    def alike(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
+    def by_grain_count(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
         """Yield groups of scenes with equal numbers of grains: engine, numbers, and indices in it."""
         for engine, numbers in self._engines:
             n = np.array([scene.n for scene in engine.scenes])
@@ -173,7 +173,7 @@ class ResidentSets:
         self._states: list[State | None] = [None] * len(scenes)
         self._resident: ResidentSet | None = None
         self._in_memory = -1
-        self._is_halted = False
+        self._is_canceled = False
 
     def _divide(self) -> list[list[int]]:
         """Group small scenes while they fit in memory.
@@ -183,11 +183,11 @@ class ResidentSets:
         sizes = self._bytes()
         largest = int(sizes.argmax())
         require_memory(sizes[largest].item(), self._scenes[largest].n, self._device)
-        room, used = SHARE * free_memory(self._device), 0.0
+        capacity, used = SHARE * free_memory(self._device), 0.0
         sets: list[list[int]] = []
         for k, team in enumerate(self._teams):
             if team == 1:
-                if not sets or used + sizes[k] > room:
+                if not sets or used + sizes[k] > capacity:
                     sets.append([])
                     used = 0.0
                 sets[-1].append(k)
@@ -226,23 +226,23 @@ class ResidentSets:
     ) -> Iterator[ResidentSet]:
         """Advance the scenes set after set, see `ResidentSet.advance`. Yields each set after its steps.
 
-        After `halt` the remaining sets are not advanced.
+        After `cancel` the remaining sets are not advanced.
         """
-        self._is_halted = False
+        self._is_canceled = False
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._in_memory):
-            if self._is_halted:
+            if self._is_canceled:
                 return
-            resident = self.enter(number)
+            resident = self.make_resident(number)
             resident.advance(steps, on_progress, endings)
             yield resident
 
-    def halt(self) -> None:
-        """Stop after the steps under way, see `ResidentSet.halt`."""
-        self._is_halted = True
+    def cancel(self) -> None:
+        """Stop after the steps under way, see `ResidentSet.cancel`."""
+        self._is_canceled = True
         if self._resident is not None:
-            self._resident.halt()
+            self._resident.cancel()
 
-    def enter(self, number: int = 0) -> ResidentSet:
+    def make_resident(self, number: int = 0) -> ResidentSet:
         """Load a set into memory, replacing the present one, and return it."""
         if self._resident is not None and number == self._in_memory:
             return self._resident

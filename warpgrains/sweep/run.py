@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.batch.resident import Done
+from warpgrains.batch.resident import StepsDone
 from warpgrains.errors import OutputError, SceneError
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
@@ -117,7 +117,7 @@ class GroupedRun:
             ends.append((steps // self._series.every + 1) * self._series.every)
         return min(ends) - steps
 
-    def count(self, done: Done) -> None:
+    def count(self, done: StepsDone) -> None:
         """Add the steps that the run has done; it ends now if its criterion is met."""
         if self.until is None:
             self.statistics.add(done.statistics)

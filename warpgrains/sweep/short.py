@@ -31,7 +31,7 @@ from warpgrains.sweep.sweep import BaseScene, Run
 
 SHORT = 20.0  # s; longer runs continue with a folder and checkpoints
 WIDTH = 4096  # runs in a group
-ALIKE = 256  # cached scenes, from which scenes with the same grains are made
+CACHED_SCENES = 256  # cached scenes, from which scenes with the same grains are made
 
 
 class ShortRun(NamedTuple):
@@ -78,7 +78,7 @@ class ShortRuns:
         self._folder, self._on_progress = folder, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.narrowest, self.widest = self._threads, WIDTH
-        self._alike: dict[tuple[BaseScene, str], Scene] = {}
+        self._cache: dict[tuple[BaseScene, str], Scene] = {}
         folder.shards.path.mkdir(parents=True, exist_ok=True)
         self._locks = RunLocks(folder.shards.path / ".claims")
         held.callback(self._locks.close)
@@ -91,7 +91,7 @@ class ShortRuns:
         if runs:
             try:
                 sets = ResidentSets([short.scene for short in runs], self._device, self._threads)
-                sets.enter()
+                sets.make_resident()
             except SimulationError:  # one of the scenes does not fit in memory
                 self.longer += [ResumePoint(short.run) for short in runs]
                 runs, sets = [], None
@@ -136,14 +136,14 @@ class ShortRuns:
                 of_grains.append(value)
             else:
                 settings[key] = value
-        alike = self._alike.get((run.base, repr(of_grains)))
-        if alike is not None:
-            return alike.with_settings(**settings)
+        cached = self._cache.get((run.base, repr(of_grains)))
+        if cached is not None:
+            return cached.with_settings(**settings)
         fields = document_fields(run.sections(GRAINS), self._folder.path)
         scene = Scene(**fields, name=run.base.name)
-        if len(self._alike) == ALIKE:
-            del self._alike[next(iter(self._alike))]
-        self._alike[run.base, repr(of_grains)] = scene
+        if len(self._cache) == CACHED_SCENES:
+            del self._cache[next(iter(self._alike))]
+        self._cache[run.base, repr(of_grains)] = scene
         return scene
 
     def carry_out(self, group: ShortGroup) -> int:
@@ -158,7 +158,7 @@ class ShortRuns:
             counted += share * done
             self._on_progress(share * done)
             if perf_counter() > end:
-                sets.halt()
+                sets.cancel()
 
         endings = [short.ending for short in group.runs if short.ending is not None]
         ended: dict[int, tuple[Row, Values]] = {}
@@ -185,7 +185,7 @@ class ShortRuns:
                 if statistics.met or statistics.steps == scene.scene.steps:
                     yield k, result(snapshot(scene.scene, scene.state()), statistics, columns)
             return
-        for engine, numbers, indices in resident.alike():
+        for engine, numbers, indices in resident.by_grain_count():
             ended = engine.left[indices] == 0
             if ended.any():
                 which = numbers[ended].tolist()
