@@ -142,7 +142,7 @@ class ShortRuns:
         fields = document_fields(run.sections(GRAINS), self._folder.path)
         scene = Scene(**fields, name=run.base.name)
         if len(self._cache) == CACHED_SCENES:
-            del self._cache[next(iter(self._alike))]
+            del self._cache[next(iter(self._cache))]
         self._cache[run.base, repr(of_grains)] = scene
         return scene
 
