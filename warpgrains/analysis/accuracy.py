@@ -61,13 +61,13 @@ def certify(simulation: Simulation) -> ErrorBound:
     True
     """
     try:
-        from warpgrains.analysis.exact_step import StepProblem, own_witness, solve_exactly
+        from warpgrains.analysis.exact_step import StepProblem, package_witness, solve_exactly
     except ModuleNotFoundError as error:
         raise missing_extra("certify", error) from error
     velocity = simulation.velocity
     problem = StepProblem(simulation.scene, *simulation.last_start())
     exact = solve_exactly(problem, velocity)
-    other = solve_exactly(problem, velocity, own_witness)
+    other = solve_exactly(problem, velocity, package_witness)
     difference = float(np.abs(velocity - exact.velocity).max())
     return ErrorBound(
         error=difference if difference > exact.error else None,

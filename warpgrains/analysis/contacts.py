@@ -33,8 +33,8 @@ def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
     >>> analysis.contact_numbers(simulation)
     array([3, 4, 2, 4, 3, 4, 1, 2, 1, 4, 3, 3, 0, 3, 3])
     """
-    moment = snapshot(of)
-    return np.bincount(moment.loads.grain[moment.loads.force >= least], minlength=moment.n)
+    now = snapshot(of)
+    return np.bincount(now.loads.grain[now.loads.force >= least], minlength=now.n)
 
 
 def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
@@ -54,14 +54,14 @@ def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     >>> int(analysis.rattlers(simulation).sum())
     3
     """
-    moment = snapshot(of)
-    needed = 2 if any(moment.scene.gravity) else 3
-    pair = moment.pair[moment.force >= least]
-    at_wall = np.bincount(moment.wall[moment.wall_force >= least, 0], minlength=moment.n)
-    loose = np.zeros(moment.n, dtype=bool)
+    now = snapshot(of)
+    needed = 2 if any(now.scene.gravity) else 3
+    pair = now.pair[now.force >= least]
+    at_wall = np.bincount(now.wall[now.wall_force >= least, 0], minlength=now.n)
+    loose = np.zeros(now.n, dtype=bool)
     while True:
         kept = pair[~loose[pair].any(axis=1)]
-        found = np.bincount(kept.ravel(), minlength=moment.n) + at_wall < needed
+        found = np.bincount(kept.ravel(), minlength=now.n) + at_wall < needed
         if (found == loose).all():
             return loose
         loose |= found
@@ -82,14 +82,14 @@ def coordination_number(of: Snapshot | HasState, least: float = 0.0, without_rat
     >>> round(analysis.coordination_number(simulation), 3)
     2.667
     """
-    moment = snapshot(of)
+    now = snapshot(of)
     if not without_rattlers:
-        return float(contact_numbers(moment, least).mean())
-    loose, loads = rattlers(moment, least), moment.loads
-    pair = moment.pair[moment.force >= least]
+        return float(contact_numbers(now, least).mean())
+    loose, loads = rattlers(now, least), now.loads
+    pair = now.pair[now.force >= least]
     between = 2 * np.count_nonzero(~loose[pair].any(axis=1))
-    at_wall = np.count_nonzero(~loose[loads.grain[2 * len(moment.pair) :]])
-    held = moment.n - np.count_nonzero(loose)
+    at_wall = np.count_nonzero(~loose[loads.grain[2 * len(now.pair) :]])
+    held = now.n - np.count_nonzero(loose)
     return (between + at_wall) / held if held else 0.0
 
 
@@ -211,9 +211,9 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     >>> analysis.grain_stresses(simulation).shape
     (15, 2, 2)
     """
-    moment = snapshot(of)
-    area = cell_areas(moment) if area is None else area
-    return _moments(moment) / area[:, np.newaxis, np.newaxis]
+    now = snapshot(of)
+    area = cell_areas(now) if area is None else area
+    return _force_moments(now) / area[:, np.newaxis, np.newaxis]
 
 
 def mean_stress(of: Snapshot | HasState) -> FloatArray:
@@ -225,8 +225,8 @@ def mean_stress(of: Snapshot | HasState) -> FloatArray:
     array([[0.2089, 0.0003],
            [0.0003, 0.1808]])
     """
-    moment = snapshot(of)
-    return _moments(moment).sum(axis=0) / moment.scene.area
+    now = snapshot(of)
+    return _force_moments(now).sum(axis=0) / now.scene.area
 
 
 def pressure(of: Snapshot | HasState) -> float:
@@ -240,12 +240,12 @@ def pressure(of: Snapshot | HasState) -> float:
     return float(np.trace(mean_stress(of)) / 2.0)
 
 
-def _moments(moment: Snapshot) -> FloatArray:
+def _force_moments(now: Snapshot) -> FloatArray:
     """Return the sum of f l n n^T over the contacts of each grain [N m], shape (n, 2, 2)."""
-    grain, normal, force = moment.loads
-    weight = force * moment.scene.radius[grain]
+    grain, normal, force = now.loads
+    weight = force * now.scene.radius[grain]
     product = {
-        (a, b): np.bincount(grain, weight * normal[:, a] * normal[:, b], moment.n)
+        (a, b): np.bincount(grain, weight * normal[:, a] * normal[:, b], now.n)
         for a, b in ((0, 0), (0, 1), (1, 1))
     }
     rows = [[product[0, 0], product[0, 1]], [product[0, 1], product[1, 1]]]

@@ -115,14 +115,14 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     >>> balance.drag_loss > 0.0, balance.contact_loss >= 0.0
     (True, True)
     """
-    moment = snapshot(of)
-    if moment.steps == 0:
+    now = snapshot(of)
+    if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
-    scene, mass = moment.scene, moment.scene.mass[:, np.newaxis]
-    gravity, force = np.array(scene.gravity), contact_forces(moment)
-    free = moment.velocity - scene.dt * force / scene.contact_mass[:, np.newaxis]
-    kick = kick_of(scene, free, moment.velocity, staggered=moment.steps > 1)
-    mean = 0.5 * (kick.before + moment.velocity)
+    scene, mass = now.scene, now.scene.mass[:, np.newaxis]
+    gravity, force = np.array(scene.gravity), contact_forces(now)
+    free = now.velocity - scene.dt * force / scene.contact_mass[:, np.newaxis]
+    kick = kick_of(scene, free, now.velocity, staggered=now.steps > 1)
+    mean = 0.5 * (kick.before + now.velocity)
     return EnergyBalance(
         gravity_work=float((kick.time * mass * mean * gravity).sum()),
         drag_loss=float((scene.drag * kick.path * mean).sum()),
@@ -156,6 +156,6 @@ def contact_forces(of: Snapshot | HasState) -> FloatArray:
     >>> analysis.contact_forces(simulation).shape
     (15, 2)
     """
-    moment = snapshot(of)
-    grain, normal, force = moment.loads
-    return np.stack([np.bincount(grain, -force * along, moment.n) for along in normal.T], axis=1)
+    now = snapshot(of)
+    grain, normal, force = now.loads
+    return np.stack([np.bincount(grain, -force * along, now.n) for along in normal.T], axis=1)

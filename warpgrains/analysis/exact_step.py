@@ -112,7 +112,7 @@ def solve_exactly(problem: StepProblem, velocity: FloatArray, witness: Witness |
     """
     speed = REACH * np.maximum(np.hypot(*problem.free_velocity.T), np.hypot(*velocity.T))
     while True:
-        exact = _solve(problem, problem.projection(speed, velocity), witness or _ask)
+        exact = _solve(problem, problem.projection(speed, velocity), witness or _solve_with_clarabel)
         found = np.hypot(*exact.velocity.T)
         if (found <= speed).all():  # grains without a constraint cannot reach one
             return exact
@@ -148,7 +148,7 @@ def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, floa
     raise SimulationError("the exact velocities were not found: no answer satisfies every gap")
 
 
-def _ask(projection: Projection) -> tuple[FloatArray, FloatArray]:
+def _solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]:
     """Return the library's y, and its z with negative entries set to 0."""
     unknowns, rows = len(projection.free), sparse.csc_array(projection.rows)
     settings = clarabel.DefaultSettings()
@@ -165,7 +165,7 @@ def _ask(projection: Projection) -> tuple[FloatArray, FloatArray]:
     return np.array(answer.x), np.maximum(answer.z, 0.0)
 
 
-def own_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
+def package_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
     """Return y and z by the package's interior point method, started from zero."""
     nothing = np.zeros_like(projection.bound)
     z = interior_point.solve(projection, NormalMatrix(projection.rows), nothing, TOLERANCE).q

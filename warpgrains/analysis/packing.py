@@ -109,8 +109,8 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
     >>> bool(np.isclose(analysis.cell_areas(simulation).sum(), simulation.scene.annulus.area))
     True
     """
-    moment = snapshot(of)
-    return radical_cell_areas(moment.position, moment.scene.radius, moment.scene.annulus)
+    now = snapshot(of)
+    return radical_cell_areas(now.position, now.scene.radius, now.scene.annulus)
 
 
 def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
@@ -121,8 +121,8 @@ def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
     >>> analysis.local_packing_fractions(simulation).shape
     (15,)
     """
-    moment = snapshot(of)
-    return np.pi * moment.scene.radius**2 / cell_areas(moment)
+    now = snapshot(of)
+    return np.pi * now.scene.radius**2 / cell_areas(now)
 
 
 def radical_cell_areas(position: FloatArray, radius: FloatArray, walls: Annulus) -> FloatArray:

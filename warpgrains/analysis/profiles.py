@@ -47,13 +47,13 @@ def height_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
     >>> profile.packing_fraction.round(2)
     array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
-    moment = snapshot(of)
-    walls, up = moment.scene.annulus, upwards(moment.scene.gravity)
+    now = snapshot(of)
+    walls, up = now.scene.annulus, upwards(now.scene.gravity)
     edges = np.linspace(-walls.depth, walls.depth, bins + 1)
-    height = heights(moment)
-    area = np.array([area_below(moment.scene.radius, edge - height) for edge in edges])
-    room = np.array([walls.area_below(edge) for edge in edges])
-    return _profile(edges, area, room, _components(moment.velocity, np.broadcast_to(up, (moment.n, 2))))
+    height = heights(now)
+    area = np.array([area_below(now.scene.radius, edge - height) for edge in edges])
+    space = np.array([walls.area_below(edge) for edge in edges])
+    return _profile(edges, area, space, _components(now.velocity, np.broadcast_to(up, (now.n, 2))))
 
 
 def radial_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
@@ -64,13 +64,13 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
     >>> analysis.radial_profile(simulation, bins=6).packing_fraction.round(2)
     array([0.01, 0.02, 0.  , 0.  , 0.03, 0.12])
     """
-    moment = snapshot(of)
-    walls, rho = moment.scene.annulus, distance(moment.position)
+    now = snapshot(of)
+    walls, rho = now.scene.annulus, distance(now.position)
     edges = np.linspace(walls.radius_in, walls.radius_out, bins + 1)
-    area = np.array([_lens(rho, moment.scene.radius, edge) for edge in edges])
+    area = np.array([_lens(rho, now.scene.radius, edge) for edge in edges])
     with np.errstate(invalid="ignore"):  # no outward direction at the origin
-        along = np.nan_to_num(outward(moment.position))
-    return _profile(edges, area, np.pi * edges**2, _components(moment.velocity, along))
+        along = np.nan_to_num(outward(now.position))
+    return _profile(edges, area, np.pi * edges**2, _components(now.velocity, along))
 
 
 def _components(velocity: FloatArray, along: FloatArray) -> FloatArray:
@@ -79,10 +79,10 @@ def _components(velocity: FloatArray, along: FloatArray) -> FloatArray:
     return np.stack([(velocity * along).sum(axis=1), (velocity * left).sum(axis=1)], axis=1)
 
 
-def _profile(edges: FloatArray, area: FloatArray, room: FloatArray, velocity: FloatArray) -> Profile:
+def _profile(edges: FloatArray, area: FloatArray, space: FloatArray, velocity: FloatArray) -> Profile:
     """Return means over slices.
 
-    `area` holds areas below the edges of grains, (bins + 1, n), and `room` those of the space, (bins + 1,).
+    `area` holds areas below the edges of grains, (bins + 1, n), and `space` those of the space, (bins + 1,).
     """
     weight = np.diff(area, axis=0)
     total = weight.sum(axis=1)
@@ -90,7 +90,7 @@ def _profile(edges: FloatArray, area: FloatArray, room: FloatArray, velocity: Fl
         share = weight / total[:, np.newaxis]
     mean = share @ velocity
     temperature = 0.5 * (share @ (velocity**2).sum(axis=1) - (mean**2).sum(axis=1))
-    return Profile(edges, total / np.diff(room), mean, np.maximum(temperature, 0.0))
+    return Profile(edges, total / np.diff(space), mean, np.maximum(temperature, 0.0))
 
 
 def _lens(rho: FloatArray, radius: FloatArray, edge: float) -> FloatArray:
@@ -159,37 +159,37 @@ def radial_distribution(
         from scipy.spatial import cKDTree
     except ModuleNotFoundError as error:
         raise missing_extra("radial_distribution", error) from error
-    moment = snapshot(of)
-    counted, position = _counted(moment, region)
+    now = snapshot(of)
+    counted, position = _region_and_centers(now, region)
     position = position[counted.contains(position)]
-    reach = 10.0 * float(moment.scene.radius.mean()) if reach is None else reach
+    reach = 10.0 * float(now.scene.radius.mean()) if reach is None else reach
     i, j = cKDTree(position).query_pairs(reach, output_type="ndarray").T
     pairs, edges = np.histogram(distance(position[j] - position[i]), bins, (0.0, reach))
-    expected = _expected(_of_centres(counted, moment), position, edges)
+    expected = _expected(_region_of_centers(counted, now), position, edges)
     g = np.divide(pairs, expected, out=np.zeros(bins), where=expected > 0.0)
     return RadialDistribution(edges, pairs, g)
 
 
-def _counted(moment: Snapshot, region: Any) -> tuple[Region, FloatArray]:
+def _region_and_centers(now: Snapshot, region: Any) -> tuple[Region, FloatArray]:
     """Return region and centers [m], shape (n, 2).
 
     If the region is the default, they are rotated so that up is y.
     """
-    scene = moment.scene
+    scene = now.scene
     if region is not None:
-        return region_of(scene.annulus, dict(region), "region"), moment.position
+        return region_of(scene.annulus, dict(region), "region"), now.position
     inner, outer, diameter = scene.radius_in, scene.radius_out, 2.0 * float(scene.radius.mean())
     bulk = Region(Annulus(inner + diameter if inner > 0.0 else 0.0, outer - diameter))
     if not any(scene.gravity):
-        return bulk, moment.position
+        return bulk, now.position
     x, y = upwards(scene.gravity)
-    turned = np.stack([moment.position @ np.array([y, -x]), heights(moment)], axis=1)
-    return bulk._replace(high=(np.inf, mean_heights(moment.grains).item())), turned
+    turned = np.stack([now.position @ np.array([y, -x]), heights(now)], axis=1)
+    return bulk._replace(high=(np.inf, mean_heights(now.grains).item())), turned
 
 
-def _of_centres(region: Region, moment: Snapshot) -> Region:
+def _region_of_centers(region: Region, now: Snapshot) -> Region:
     """Return the part of a region that the centers of the smallest grains can reach."""
-    smallest, walls = moment.scene.radius.min(), moment.scene.annulus
+    smallest, walls = now.scene.radius.min(), now.scene.annulus
     near = walls.radius_in + smallest if walls.radius_in > 0.0 else 0.0
     near, far = max(region.ring.radius_in, near), min(region.ring.radius_out, walls.radius_out - smallest)
     left = region._replace(ring=Annulus(near, far))

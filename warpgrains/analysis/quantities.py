@@ -29,22 +29,22 @@ class Quantity(NamedTuple):
     of_runs: Callable[[Grains], FloatArray] | None = None
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
 
-    def of(self, moment: Snapshot) -> float:
+    def of(self, now: Snapshot) -> float:
         """Return the quantity of one snapshot."""
-        return self.part(self.function(moment))
+        return self.part(self.function(now))
 
 
 def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray]) -> Quantity:
-    return Quantity(unit, lambda moment: of_runs(moment.grains).item(), of_runs=of_runs)
+    return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs)
 
 
 def _stress(a: int, b: int) -> Quantity:
     return Quantity("N/m", contacts.mean_stress, lambda found: float(found[a, b]))
 
 
-def _powers(moment: Snapshot) -> EnergyBalance:
+def _powers(now: Snapshot) -> EnergyBalance:
     """Return the energy balance of the last step divided by its duration [W]."""
-    return EnergyBalance(*(energy / moment.scene.dt for energy in step_energy_balance(moment)))
+    return EnergyBalance(*(energy / now.scene.dt for energy in step_energy_balance(now)))
 
 
 QUANTITIES = {
@@ -82,7 +82,7 @@ GROUPS = {
 }
 """Names of groups of quantities."""
 
-OF_A_SWEEP = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
+SWEEP_QUANTITIES = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
 """Quantities that are columns of every sweep's results, as functions of many runs."""
 
 
@@ -120,7 +120,7 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
     >>> analysis.quantities(simulation, ["rattlers", "packing_fraction"])["rattlers"]
     3.0
     """
-    moment = snapshot(of)
+    now = snapshot(of)
     wanted = {name: QUANTITIES[name] for name in names_of(names)}
-    found = {function: function(moment) for function in {one.function for one in wanted.values()}}
+    found = {function: function(now) for function in {one.function for one in wanted.values()}}
     return {name: one.part(found[one.function]) for name, one in wanted.items()}

@@ -78,7 +78,7 @@ class Series:
             require_writable_path("series", self._path, ".csv")
             self._lock = Lock(self._path)
             try:
-                self._take_up(self._path, resume_at)
+                self._read_rows(self._path, resume_at)
             except BaseException:
                 self.close()
                 raise
@@ -131,7 +131,7 @@ class Series:
         if self._lock is not None:
             self._lock.release()
 
-    def _take_up(self, path: Path, resume_at: int | None) -> None:
+    def _read_rows(self, path: Path, resume_at: int | None) -> None:
         """Read the rows to continue from an existing file. Raises OutputError if the file is no series."""
         if not path.exists():
             rows: list[Row] = []

@@ -15,7 +15,7 @@ from warpgrains.errors import SceneError
 if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
 
-_NOTHING = Fraction(1, 10**9)  # tolerance, in steps
+_TOLERANCE = Fraction(1, 10**9)  # tolerance, in steps
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class FrameTimes:
 
     def step(self, k: int) -> int:
         """Return the step in which frame k lies, or at whose end it is."""
-        return ceil(k * self._steps_a_frame - _NOTHING)
+        return ceil(k * self._steps_a_frame - _TOLERANCE)
 
     def frame(
         self,
@@ -62,7 +62,7 @@ class FrameTimes:
         are those at the time of the frame.
         """
         before = self.step(k) - k * self._steps_a_frame
-        if before > _NOTHING:
+        if before > _TOLERANCE:
             position = position - float(before) * self.dt * velocity
         return Frame(position, velocity, contacts, wall_contacts)
 

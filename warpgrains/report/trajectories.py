@@ -19,7 +19,7 @@ from warpgrains.simulation.simulation import Simulation
 COARSEST = 4  # longest time step tried, in those of the scene
 FRACTIONS = (4.0, 2.0, 1.0, 1 / 2, 1 / 4, 1 / 8, 1 / 16)  # time steps, in those of the scene
 FINEST = 1 / 64  # time step of the reference trajectory
-APART = 0.01  # in smallest radii: difference of the two finest trajectories at which the comparison ends
+DIVERGED = 0.01  # in smallest radii: difference of the two finest trajectories at which the comparison ends
 SOLVED = 1e-9  # m/s; residual of every step
 SOLVED_ITERATIONS = 20_000
 
@@ -46,8 +46,8 @@ def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]
     solved = begin_solved(scene, start)
     finest = follow(solved, FINEST, longest, SCHEMES[SECOND_ORDER]).position
     finer = follow(solved, 2.0 * FINEST, longest, SCHEMES[SECOND_ORDER]).position
-    apart = np.abs(finer - finest).max(axis=(1, 2))
-    together = max(1, int(np.argmax(np.append(apart > APART * scene.radius.min(), True))))
+    difference = np.abs(finer - finest).max(axis=(1, 2))
+    together = max(1, int(np.argmax(np.append(difference > DIVERGED * scene.radius.min(), True))))
     for name, scheme in SCHEMES.items():
         for fraction in possible_fractions(scene, scheme["scheme"]):
             try:
@@ -62,7 +62,7 @@ def measure_paths(scene: Scene, start: State, longest: int) -> Iterator[PathRow]
                 horizon=together * COARSEST * scene.dt,
                 dt=scene.dt * fraction,
                 error=error,
-                finest_error=float(apart[:together].max()),
+                finest_error=float(difference[:together].max()),
                 cpu_time=cpu_time,
             )
 
@@ -114,12 +114,12 @@ def follow(scene: Scene, fraction: float, horizon: int, changes: dict[str, str] 
     simulation = Simulation(scene, dt=scene.dt * fraction, threads=1, **(changes or {}))
     fastest = overlap = cpu_time = 0.0
     position = []
-    pieces = horizon // COARSEST
-    for piece in range(pieces):
+    chunks = horizon // COARSEST
+    for chunk in range(chunks):
         begun = process_time()
         statistics = simulation.advance(round(COARSEST / fraction))
         cpu_time += process_time() - begun
-        overlap = max(overlap, statistics.overlap if 2 * piece >= pieces else 0.0)
+        overlap = max(overlap, statistics.overlap if 2 * chunk >= chunks else 0.0)
         fastest = max(fastest, float(np.hypot(*simulation.velocity.T).max()))
         position.append(simulation.position)
     return Path(np.stack(position), overlap, fastest, cpu_time)

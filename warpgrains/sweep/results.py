@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.quantities import OF_A_SWEEP, QUANTITIES
+from warpgrains.analysis.quantities import SWEEP_QUANTITIES, QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import SceneError
 from warpgrains.files import Row
@@ -28,7 +28,7 @@ UNITS = {
     "iterations_max": "",
     "unconverged": "",  # steps that did not meet the tolerance
     "worst_overlap": "m",  # after any step
-    **{name: QUANTITIES[name].unit for name in OF_A_SWEEP},  # at the end of the run
+    **{name: QUANTITIES[name].unit for name in SWEEP_QUANTITIES},  # at the end of the run
     "error": "",  # reason of a failure
 }
 """Columns of every sweep in order, and their units."""
@@ -88,14 +88,14 @@ def results(ends: Ends, snapshots: Iterable[Snapshot], columns: Sequence[str]) -
         "iterations_max": done["iterations_max"],
         "unconverged": done["unconverged"],
         "worst_overlap": done["overlap"],
-        **{name: of_runs(grains) for name, of_runs in OF_A_SWEEP.items()},
+        **{name: of_runs(grains) for name, of_runs in SWEEP_QUANTITIES.items()},
     }
     if MET in columns:
         numbers[MET] = done[MET].astype(np.int64)
     measured = [name for name in columns if name not in (*UNITS, MET)]
     if measured:
-        moments = list(snapshots)
-        numbers |= {name: np.array([QUANTITIES[name].of(moment) for moment in moments]) for name in measured}
+        states = list(snapshots)
+        numbers |= {name: np.array([QUANTITIES[name].of(state) for state in states]) for name in measured}
     values = [numbers[name].tolist() if name in numbers else repeat("") for name in columns]
     return zip(*values, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
 
