@@ -16,7 +16,7 @@ from warpgrains.files import read_table, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
 from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
-from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
+from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
 _FRAMES_IN_A_ROW = 5
 _FRAME_SIZE = 2.4  # inches per frame; larger for fewer than three frames
@@ -57,7 +57,7 @@ def plot(
     """
     output = Path(output)
     require_writable_path("picture", output, *STILLS)
-    with refusing_foreign_content(recording):
+    with refusing_untrusted_content(recording):
         reader = RecordingReader(recording)
         numbers = _numbers(frames, len(reader.time))
         save_figure(_draw(reader, numbers, curves and len(reader.time) > 1), output)

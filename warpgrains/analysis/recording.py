@@ -16,7 +16,7 @@ from warpgrains.errors import SceneError
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
 from warpgrains.tables import library
-from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
+from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
 if TYPE_CHECKING:
     import xarray
@@ -55,7 +55,7 @@ class Recording(Shown):
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        with refusing_foreign_content(path):
+        with refusing_untrusted_content(path):
             self._reader = RecordingReader(self.path)
         self.time, self.radius = self._reader.time, self._reader.radius
 

@@ -58,13 +58,13 @@ def _add_outputs(parser: ArgumentParser) -> None:
     titles = {"record": "recording", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
     groups: dict[str, Any] = {title: parser.add_argument_group(title) for title in titles.values()}
     for name, flag in FLAGS.items():
-        default, told = OPTIONS[name].default, OPTIONS[name].metadata
-        group = groups.get(titles.get(told["needs"] or name, ""), parser)
-        given: dict[str, Any] = {"dest": name, "help": told["meaning"][0].lower() + told["meaning"][1:-1]}
+        default, option = OPTIONS[name].default, OPTIONS[name].metadata
+        group = groups.get(titles.get(option["needs"] or name, ""), parser)
+        given: dict[str, Any] = {"dest": name, "help": option["meaning"][0].lower() + option["meaning"][1:-1]}
         if default is False:
             given["action"] = "store_true"
         else:
-            given["metavar"] = told["metavar"]
+            given["metavar"] = option["metavar"]
         if default:
             given |= {"type": type(default), "help": f"{given['help']} (default: {default})"}
         if name == "every":

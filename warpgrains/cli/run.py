@@ -50,7 +50,7 @@ def run(arguments: Namespace) -> bool:
         try:
             _carry_out(start, options, arguments)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(*_how_to_go_on(options)) from None
+            raise KeyboardInterrupt(*_commands_to_continue(options)) from None
     results = results_of(start.scene, start.statistics, options)
     print(json.dumps(results) if arguments.json else summary_lines(results))
     return False
@@ -90,7 +90,7 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
         _simulate(start, options, runs.Outputs(recorder, observer, until), arguments)
 
 
-def _how_to_go_on(options: RunOptions) -> Iterator[str]:
+def _commands_to_continue(options: RunOptions) -> Iterator[str]:
     """Yield the commands that continue an interrupted run, or recover its frames."""
     if options.checkpoint is not None and Path(options.checkpoint).exists():
         yield f"to go on: warpgrains run --resume {shlex.quote(options.checkpoint)}"

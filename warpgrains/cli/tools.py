@@ -4,7 +4,7 @@ from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
 
-from warpgrains.cli.apart import done_apart
+from warpgrains.cli.sandboxed import run_sandboxed
 from warpgrains.console import start_warp, stdout_to_stderr
 from warpgrains.errors import SceneError, missing_extra
 from warpgrains.pictures.kinds import FILMS, require_drawing
@@ -12,7 +12,7 @@ from warpgrains.pictures.kinds import FILMS, require_drawing
 
 def check(arguments: Namespace) -> bool:
     """Print the problems of a recording, one per line."""
-    problems = done_apart("usd.check.inspect_recording", arguments.file)
+    problems = run_sandboxed("usd.check.inspect_recording", arguments.file)
     for problem in problems or ["nothing is wrong"]:
         print(f"{arguments.file}: {problem}")
     return bool(problems)
@@ -42,11 +42,11 @@ def plot(arguments: Namespace) -> bool:
     if is_film:
         if arguments.frames is not None or not arguments.curves:
             raise SceneError("--frames and --no-curves have no effect on a film")
-        numbers = done_apart("cli.apart.film", arguments.file, output=output)
+        numbers = run_sandboxed("cli.sandboxed.film", arguments.file, output=output)
         print(f"{output}: {len(numbers)} frames")
         return False
     given = {"output": output, "frames": arguments.frames, "curves": arguments.curves}
-    numbers = done_apart("analysis.plots.plot", arguments.file, **given)
+    numbers = run_sandboxed("analysis.plots.plot", arguments.file, **given)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
 
@@ -54,7 +54,7 @@ def plot(arguments: Namespace) -> bool:
 def export(arguments: Namespace) -> bool:
     """Export a recording for ParaView."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".vtkhdf"))
-    frames = done_apart("analysis.vtk.export", arguments.file, output=output)
+    frames = run_sandboxed("analysis.vtk.export", arguments.file, output=output)
     print(f"{output}: {frames} frames")
     return False
 

@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.usd.forces import FORCES
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS
-from warpgrains.usd.reader import Values, open_recording, refusing_foreign_content, values_of
+from warpgrains.usd.reader import Values, open_recording, refusing_untrusted_content, values_of
 
 
 def inspect_recording(path: str | Path) -> list[str]:
@@ -20,7 +20,7 @@ def inspect_recording(path: str | Path) -> list[str]:
         The file is missing, is not USD, or has content that recordings do not have. Only the command
         ``warpgrains check`` is safe against files that crash USD or never end.
     """
-    with refusing_foreign_content(path):
+    with refusing_untrusted_content(path):
         return _problems(open_recording(Path(path)))
 
 

@@ -92,12 +92,12 @@ class RecordingReader:
 
     def scene_fields(self) -> dict[str, Any]:
         """Return the fields of the simulated scene, except those that frames and radii contain."""
-        told = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
+        data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
         mass = self._prim.GetAttribute("primvars:mass")
-        if "parameters" not in told or not mass:
+        if "parameters" not in data or not mass:
             raise SceneError("the recording does not tell its whole scene: an earlier release has made it")
-        fields = read_parameters(str(told["parameters"]))
-        texts = {"name": str(told["name"]), "text": str(told["scene"])}
+        fields = read_parameters(str(data["parameters"]))
+        texts = {"name": str(data["name"]), "text": str(data["scene"])}
         return {**fields, **texts, "mass": _values(mass)}
 
     def chains(self, frame: int) -> Chains:
@@ -123,7 +123,7 @@ def open_recording(path: Path) -> Usd.Stage:
 
 
 @contextmanager
-def refusing_foreign_content(path: str | Path) -> Iterator[None]:
+def refusing_untrusted_content(path: str | Path) -> Iterator[None]:
     """Raise SceneError instead of any exception of USD or NumPy that unexpected content causes."""
     try:
         yield

@@ -3,7 +3,7 @@
 USD follows references, opens the files that they name, and descends as deep as a file is nested. A malicious
 file can hang, fill the memory or crash its reader; here it does so in the subprocess only.
 
-    python -m warpgrains.cli.apart FUNCTION '{"path": ...}'
+    python -m warpgrains.cli.sandboxed FUNCTION '{"path": ...}'
 """
 
 import errno
@@ -29,7 +29,7 @@ _REMARKS = 65536  # bytes of the subprocess's standard error that are shown
 _BAD_INPUT, _NOT_WRITTEN = 2, 3
 
 
-def done_apart(function: str, path: str, **arguments: Any) -> Any:
+def run_sandboxed(function: str, path: str, **arguments: Any) -> Any:
     """Call a function, such as "usd.check.inspect_recording", with a recording, in a subprocess.
 
     Raises
@@ -42,7 +42,7 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
     size = Path(path).stat().st_size if Path(path).is_file() else 0
     given = json.dumps({"path": path, **arguments})
     most = str(BYTES + BYTES_A_BYTE * size)
-    command = [sys.executable, "-m", "warpgrains.cli.apart", function, most, given]
+    command = [sys.executable, "-m", "warpgrains.cli.sandboxed", function, most, given]
     seconds = SECONDS + SECONDS_A_BYTE * size
     with TemporaryFile() as remarks:
         try:
@@ -94,9 +94,9 @@ def _main(function: str, most: str, arguments: str) -> int:
     given, code = json.loads(arguments), 0
     path = given.pop("path")
     try:
-        from warpgrains.usd.reader import refusing_foreign_content
+        from warpgrains.usd.reader import refusing_untrusted_content
 
-        with refusing_foreign_content(path):
+        with refusing_untrusted_content(path):
             answer = getattr(import_module(f"warpgrains.{module}"), name)(path, **given)
     except SceneError as error:
         answer, code = str(error), _BAD_INPUT
