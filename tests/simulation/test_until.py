@@ -8,7 +8,7 @@ from command import exit_code, require_refusal
 from same_bits import contents
 
 from warpgrains import Scene, SceneError, Simulation
-from warpgrains.simulation.until import EVERY
+from warpgrains.simulation.until import TEST_INTERVAL
 
 
 def test_rest_is_where_a_twin_finds_it():
@@ -19,7 +19,7 @@ def test_rest_is_where_a_twin_finds_it():
     assert summary.met
     twin, since = Simulation(scene), None
     while True:
-        twin.run(steps=EVERY)
+        twin.run(steps=TEST_INTERVAL)
         calm = np.hypot(*twin.velocity.T).max() <= 0.05
         since = (twin.steps if since is None else since) if calm else None
         if since is not None and twin.steps - since >= 35:
@@ -45,9 +45,9 @@ def test_a_callable_is_asked():
     summary = simulation.run(until=lambda other: other.position[:, 1].min() < -1.0)
     assert summary.met
     assert simulation.position[:, 1].min() < -1.0
-    assert summary.steps % EVERY == 0
+    assert summary.steps % TEST_INTERVAL == 0
     twin = Simulation(Scene.load("annulus"))
-    twin.run(steps=summary.steps - EVERY)
+    twin.run(steps=summary.steps - TEST_INTERVAL)
     assert twin.position[:, 1].min() >= -1.0
 
 

@@ -167,7 +167,7 @@ class RunOptions:
     @classmethod
     def restored(cls, stored: dict[str, Any], checkpoint: Path) -> Self:
         """Return the options that a checkpoint stores; the next checkpoint of the run replaces it."""
-        files = {name: _seen_from(checkpoint, name, stored[name]) for name in FILES}
+        files = {name: _path_relative_to(checkpoint, name, stored[name]) for name in FILES}
         return cls(**{**stored, **files, "checkpoint": str(checkpoint)})
 
 
@@ -180,7 +180,7 @@ def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
     return scene.steps if duration is None else scene.steps_in(duration)
 
 
-def _seen_from(checkpoint: Path, field: str, stored: Any) -> str | None:
+def _path_relative_to(checkpoint: Path, field: str, stored: Any) -> str | None:
     """Return the path of a file that is stored relative to a checkpoint; None if none is stored."""
     if stored is None:
         return None

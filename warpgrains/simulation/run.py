@@ -110,7 +110,7 @@ def carry_out(
     """
     start = perf_counter() - statistics.seconds
     with progress_bar(options.steps, statistics.steps, progress) as bar, _flushed(outputs.observer):
-        _keep(simulation, options, statistics, outputs)
+        _write_outputs(simulation, options, statistics, outputs)
         while statistics.steps < options.steps:
             done = simulation.advance(_steps_to_next(options, statistics, outputs, simulation), bar.update)
             if done.infeasible and not statistics.infeasible:
@@ -120,7 +120,7 @@ def carry_out(
             statistics.seconds = perf_counter() - start
             if outputs.until is not None and outputs.until.is_met(simulation, statistics):
                 options = replace(options, steps=statistics.steps)
-            _keep(simulation, options, statistics, outputs)
+            _write_outputs(simulation, options, statistics, outputs)
     if options.record is not None and options.shows == "still":
         simulation.plot(options.color_by, options.forces).save(options.record)
     statistics.seconds = perf_counter() - start
@@ -169,7 +169,9 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
     )
 
 
-def _keep(simulation: Simulation, options: RunOptions, statistics: RunStatistics, outputs: Outputs) -> None:
+def _write_outputs(
+    simulation: Simulation, options: RunOptions, statistics: RunStatistics, outputs: Outputs
+) -> None:
     """Record, observe and write a checkpoint if due.
 
     Recordings and series reach the disk before the checkpoint that counts them.

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.statistics import RunStatistics
 
-EVERY = 10  # steps between two tests
+TEST_INTERVAL = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
 TOLERANCES = 10.0  # or this many tolerances, if larger, because a converged step leaves speeds of this order
-FALLS = 5.0  # duration for which the criterion must hold, in sqrt(d / g)
+REST_TIME = 5.0  # duration for which the criterion must hold, in sqrt(d / g)
 
 
 class Moving(Protocol):
@@ -38,14 +38,14 @@ Question = Callable[[Any], bool]
 class Criterion:
     """Stopping criterion of a run."""
 
-    holds: Question
-    """Condition that is tested every `EVERY` steps."""
+    condition: Question
+    """Condition that is tested every `TEST_INTERVAL` steps."""
     steps: int
     """Number of steps for which the condition must hold."""
     name: str
 
     def is_met(self, moving: Moving, statistics: RunStatistics) -> bool:
-        """Test the criterion and update for how many steps it has held; called every `EVERY` steps of a run.
+        """Test the criterion and count for how many steps it has held, every `TEST_INTERVAL` steps of a run.
 
         Parameters
         ----------
@@ -54,16 +54,16 @@ class Criterion:
         statistics : RunStatistics
             Statistics of the run, whose `held` and `met` are updated.
         """
-        if statistics.steps % EVERY == 0:
-            held = statistics.held + EVERY if statistics.held else 1
-            statistics.held = held if self.holds(moving) else 0
+        if statistics.steps % TEST_INTERVAL == 0:
+            held = statistics.held + TEST_INTERVAL if statistics.held else 1
+            statistics.held = held if self.condition(moving) else 0
             statistics.met = statistics.held > self.steps
         return statistics.met
 
 
 def steps_to_test(steps: int) -> int:
     """Return the number of steps from step `steps` to the next test."""
-    return EVERY - steps % EVERY
+    return TEST_INTERVAL - steps % TEST_INTERVAL
 
 
 def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
@@ -123,13 +123,13 @@ def _rest(given: dict[str, float], scene: Scene) -> Criterion:
     if gravity == 0.0 and not ("time" in given and given.keys() & {"speed", "energy"}):
         raise SceneError("until=rest needs time, and speed or energy, where there is no gravity")
     bounds = dict(given)
-    time = bounds.pop("time", None) or FALLS * sqrt(diameter / gravity)
+    time = bounds.pop("time", None) or REST_TIME * sqrt(diameter / gravity)
     if not bounds:
         bounds["speed"] = max(FROUDE * sqrt(gravity * diameter), TOLERANCES * scene.tolerance)
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
-    def holds(moving: Moving) -> bool:
+    def is_at_rest(moving: Moving) -> bool:
         square = (moving.velocity**2).sum(axis=1)
         return bool(square.max() <= speed**2 and 0.5 * scene.mass @ square <= energy)
 
-    return Criterion(holds, ceil(time / scene.dt), "rest")
+    return Criterion(is_at_rest, ceil(time / scene.dt), "rest")
