@@ -62,7 +62,7 @@ def _range(field: str, axis: dict[str, Any]) -> Values:
     steps = _count(f"{field}.count", axis["count"]) - 1
     (a, c), (b, d) = first.as_integer_ratio(), last.as_integer_ratio()
     values = [(a * d * (steps - k) + b * c * k) / (c * d * steps) for k in range(steps + 1)]
-    return _whole_if_written_so(axis["range"], values)
+    return _as_integers(axis["range"], values)
 
 
 def _log_range(field: str, axis: dict[str, Any]) -> Values:
@@ -71,7 +71,7 @@ def _log_range(field: str, axis: dict[str, Any]) -> Values:
         raise SceneError(f"{field}.log_range is {axis['log_range']!r}: both ends must be greater than 0")
     steps = _count(f"{field}.count", axis["count"]) - 1
     between = [float(f"{first * (last / first) ** (k / steps):.12g}") for k in range(1, steps)]
-    return _whole_if_written_so(axis["log_range"], [first, *between, last])
+    return _as_integers(axis["log_range"], [first, *between, last])
 
 
 def _seeds(field: str, axis: dict[str, Any]) -> Values:
@@ -96,6 +96,6 @@ def _count(field: str, value: Any) -> int:
     return checks.whole_number(field, value, least=2, most=MOST_VALUES)
 
 
-def _whole_if_written_so(ends: list[Any], values: list[float]) -> Values:
+def _as_integers(ends: list[Any], values: list[float]) -> Values:
     whole = all(isinstance(end, int) for end in ends) and all(value.is_integer() for value in values)
     return [int(value) for value in values] if whole else list(values)

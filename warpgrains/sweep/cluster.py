@@ -28,11 +28,13 @@ if TYPE_CHECKING:
 
 FIRST_BUNDLE, MOST_IN_A_BUNDLE = 16, 16_384  # runs
 BUNDLE = 10.0  # intended duration of a bundle [s] ...
-HANDLING = 0.05  # ... plus this for every thread, because the scheduler takes about 10 ms per bundle
-AHEAD = 2  # submitted bundles per thread
+SECONDS_PER_THREAD = (
+    0.05  # ... plus this for every thread, because the scheduler takes about 10 ms per bundle
+)
+BUNDLES_PER_THREAD = 2  # submitted bundles per thread
 FEWEST_THREADS = 16  # assumed at least, because workers connect one by one
 CONNECT_WITHIN = 30.0  # s
-UNSEEN = "its result is not seen here: all machines must see DIR"
+NO_RESULT = "its result is not seen here: all machines must see DIR"
 
 _one_at_a_time = Lock()
 
@@ -57,9 +59,9 @@ def finish_on_cluster(
         Client of the cluster, see `connected`.
     """
     left: dict[int, str] = {}
-    for run in _left_by_bundles(client, folder, runs, execution, on_progress):
+    for run in _run_bundles(client, folder, runs, execution, on_progress):
         future = client.submit(finish_bundle, folder, [run], execution, pure=False)
-        reason = future.exception() or future.result()[0].get(run.number, UNSEEN)
+        reason = future.exception() or future.result()[0].get(run.number, NO_RESULT)
         if run.number in folder.finished([run]):
             on_progress(1.0)
         else:
@@ -68,7 +70,7 @@ def finish_on_cluster(
     return left
 
 
-def _left_by_bundles(
+def _run_bundles(
     client: Client,
     folder: SweepFolder,
     runs: list[Run],
@@ -88,8 +90,8 @@ def _left_by_bundles(
     completed = as_completed()
     while True:
         threads = max(FEWEST_THREADS, sum(client.nthreads().values()))
-        while waiting and len(submitted) < AHEAD * threads:
-            most = max(1, len(waiting) // (AHEAD * threads))
+        while waiting and len(submitted) < BUNDLES_PER_THREAD * threads:
+            most = max(1, len(waiting) // (BUNDLES_PER_THREAD * threads))
             bundle = [waiting.popleft() for _ in range(min(size, most))]
             future = client.submit(finish_bundle, folder, bundle, execution, pure=False)
             submitted[future] = bundle
@@ -102,7 +104,7 @@ def _left_by_bundles(
         on_progress(len(finished))
         left += [run for run in bundle if run.number not in finished]
         if future.status == "finished":
-            wanted = max(BUNDLE, HANDLING * threads)
+            wanted = max(BUNDLE, SECONDS_PER_THREAD * threads)
             size = next_size(len(bundle), future.result()[1], wanted, MOST_IN_A_BUNDLE)
 
 

@@ -23,7 +23,7 @@ from warpgrains.sweep.shards import ResultShards
 from warpgrains.sweep.sweep import BaseScene, Run, Sweep, copy_name
 
 RESULTS = "results.csv"
-GO_ON = "--resume continues a sweep, or choose another -o"
+HOW_TO_CONTINUE = "--resume continues a sweep, or choose another -o"
 
 
 class Tables(NamedTuple):
@@ -112,15 +112,15 @@ class SweepFolder:
         self.shards.refresh(range(len(sweep.runs)))
         for run in sweep.runs:
             if run.number in self.shards.lines:
-                self.shards.require_own(run.number, run.labels())
+                self.shards.require_this_run(run.number, run.labels())
         begun = self.begun()
         for run in share:
             if run.number in self.shards.lines and not resume:
-                raise SceneError(f"'{self.path}' has results: {GO_ON}")
+                raise SceneError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
             if run.number in begun:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
-                    raise SceneError(f"'{folder.path}' is there: {GO_ON}")
+                    raise SceneError(f"'{folder.path}' is there: {HOW_TO_CONTINUE}")
                 folder.require_no_other()
         finished = self.finished(share)
         return [run for run in share if run.number not in finished]

@@ -112,15 +112,15 @@ def _numbers(axis: Axis, cells: list[str]) -> FloatArray:
     try:
         return np.array([float(cell) for cell in cells])
     except ValueError:
-        words, places = _coded(cells)
+        words, indices = _coded(cells)
         axis.set_ticks(range(len(words)), words)
-        return places.astype(np.float64)
+        return indices.astype(np.float64)
 
 
 def _coded(cells: list[str]) -> tuple[list[str], IndexArray]:
     """Return the distinct words in order of appearance, and the index of each word among them."""
-    places = {word: place for place, word in enumerate(dict.fromkeys(cells))}
-    return list(places), np.array([places[cell] for cell in cells])
+    indices = {word: index for index, word in enumerate(dict.fromkeys(cells))}
+    return list(indices), np.array([indices[cell] for cell in cells])
 
 
 def _is_geometric(values: FloatArray) -> bool:

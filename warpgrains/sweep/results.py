@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.quantities import SWEEP_QUANTITIES, QUANTITIES
+from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import SceneError
 from warpgrains.files import Row

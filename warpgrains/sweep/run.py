@@ -18,7 +18,7 @@ from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.results import result
-from warpgrains.sweep.run_folder import AGAIN, RunFolder
+from warpgrains.sweep.run_folder import HOW_TO_REPEAT, RunFolder
 from warpgrains.sweep.sweep import Run
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class GroupedRun:
             except (OutputError, OSError) as error:
                 return str(error)
             except SceneError as error:
-                reason = str(error) if run is None else f"{error}: {AGAIN}"
+                reason = str(error) if run is None else f"{error}: {HOW_TO_REPEAT}"
                 folder.fail(reason, 0.0 if run is None else run.statistics.seconds)
                 return reason
             held.push(own.pop_all())
@@ -92,17 +92,17 @@ class GroupedRun:
         return self._outputs
 
     @property
-    def goes_on(self) -> bool:
+    def has_steps_left(self) -> bool:
         """True if steps remain to be done."""
         return self.statistics.steps < self.options.steps and self.error is None
 
     @property
     def progress(self) -> float:
         """Fraction of the run that is done."""
-        return self.statistics.steps / self.options.steps if self.goes_on else 1.0
+        return self.statistics.steps / self.options.steps if self.has_steps_left else 1.0
 
     @property
-    def is_recorded(self) -> bool:
+    def has_frames_left(self) -> bool:
         """True if frames remain to be recorded."""
         return self._recorder is not None and self.error is None
 
@@ -141,17 +141,17 @@ class GroupedRun:
         if self._series is not None and steps % self._series.every == 0:
             self._series.observe(snapshot(self.scene, moving.state()))
 
-    def reach(self, state: State) -> None:
+    def set_state(self, state: State) -> None:
         """Set the present state of the run and flush the frames that it counts to the disk."""
         self._state = state
         if self._recorder is not None:
             self._recorder.flush()
 
-    def keep(self) -> None:
+    def save_checkpoint(self) -> None:
         """Save a checkpoint after flushing the rows of the series to the disk."""
         if self._series is not None:
             self._series.flush()
-        self.folder.keep(Checkpoint(self.scene, self._state, self.options, self.statistics))
+        self.folder.save_checkpoint(Checkpoint(self.scene, self._state, self.options, self.statistics))
 
     def complete(self) -> str | None:
         """Complete the recording; return the reason if that fails."""

@@ -26,12 +26,12 @@ from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_
 from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.results import MET, SECONDS, Columns, Values, failure, require_result
-from warpgrains.sweep.shards import OTHERWISE
+from warpgrains.sweep.shards import OTHER_COLUMNS
 from warpgrains.sweep.sweep import Run
 
 RESULT = "result.csv"
 GRAINS = "grains"
-AGAIN = "delete the run's folder to do it again"
+HOW_TO_REPEAT = "delete the run's folder to do it again"
 
 
 class RunFolder:
@@ -58,24 +58,24 @@ class RunFolder:
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
         self.result = path / RESULT
 
-    def require_own(self) -> None:
+    def require_this_run(self) -> None:
         """Raise OutputError if the folder belongs to another run, and SceneError if it is damaged."""
         if not self.scene_file.exists():
             return
         try:
             found = read_regular(self.scene_file).decode()
         except UnicodeDecodeError:
-            raise SceneError(f"'{self.scene_file}' is no text: {AGAIN}") from None
+            raise SceneError(f"'{self.scene_file}' is no text: {HOW_TO_REPEAT}") from None
         except SceneError as error:
-            raise SceneError(f"{error}: {AGAIN}") from None
-        if self._is_of_another(found):
+            raise SceneError(f"{error}: {HOW_TO_REPEAT}") from None
+        if self._belongs_to_another_run(found):
             raise OutputError(
                 f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
             )
         if found != self._text:
-            raise SceneError(f"'{self.scene_file}' is damaged: {AGAIN}")
-        if self.result.exists() and self._measures_otherwise():
-            raise OutputError(f"'{self.result}' {OTHERWISE}")
+            raise SceneError(f"'{self.scene_file}' is damaged: {HOW_TO_REPEAT}")
+        if self.result.exists() and self._has_other_columns():
+            raise OutputError(f"'{self.result}' {OTHER_COLUMNS}")
 
     def require_no_other(self) -> None:
         """Raise OutputError if the folder belongs to another run.
@@ -83,13 +83,13 @@ class RunFolder:
         Damage is not tested; it makes the run fail later.
         """
         try:
-            self.require_own()
+            self.require_this_run()
         except OutputError:
             raise
         except (SceneError, OSError):
             pass
 
-    def _is_of_another(self, found: str) -> bool:
+    def _belongs_to_another_run(self, found: str) -> bool:
         """Return whether a scene file is complete and belongs to another run.
 
         The first line names the run and its values, and the other lines contain them too. In the file of
@@ -104,7 +104,7 @@ class RunFolder:
             return False
         return True
 
-    def _measures_otherwise(self) -> bool:
+    def _has_other_columns(self) -> bool:
         """Return whether the result is intact, but has other columns than this sweep."""
         with suppress(OSError, SceneError):
             names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
@@ -131,11 +131,11 @@ class RunFolder:
             The scene is invalid or the checkpoint is damaged. It is an `OutputError` if the run is finished
             or the folder belongs to another run.
         """
-        self.require_own()
+        self.require_this_run()
         if self.result.exists():
             raise OutputError("another process has finished it")
         if self.checkpoint.exists():
-            return self._kept()
+            return self._read_checkpoint()
         scene = Scene(**{**scene_fields(self._text, self.scene_file), "name": self.labels["scene"]})
         wanted: dict[str, Any] = {}
         if execution.fps is not None:
@@ -155,20 +155,20 @@ class RunFolder:
         )
         return Checkpoint(scene, first_state(scene), options, RunStatistics())
 
-    def _kept(self) -> Checkpoint:
+    def _read_checkpoint(self) -> Checkpoint:
         """Return the checkpoint of this run; file names that it contains are ignored."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
         steps = kept.statistics.steps if kept.statistics.met else kept.scene.steps
         own = (self._text, self.columns.until, steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
-            raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
+            raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
         record = None if options.record is None else str(self.recording)
         series = None if options.series is None else str(self.series)
         places: dict[str, Any] = {"record": record, "series": series, "checkpoint": str(self.checkpoint)}
         return replace(kept, options=replace(options, **places))
 
-    def keep(self, reached: Checkpoint) -> None:
+    def save_checkpoint(self, reached: Checkpoint) -> None:
         """Save a checkpoint."""
         self._write_scene()
         write_checkpoint(self.checkpoint, reached)
@@ -193,7 +193,7 @@ class RunFolder:
         try:
             return csv_line(require_result(read_table(self.result), self.labels, columns).values())
         except SceneError:
-            lost = failure(f"{RESULT} is damaged: {AGAIN}", columns)
+            lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", columns)
             return csv_line([*self.labels.values(), *lost])
 
     def _write_scene(self) -> None:

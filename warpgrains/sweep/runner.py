@@ -125,7 +125,7 @@ class FolderRuns:
             Total number of grains of the runs.
         """
         self._on_progress(sum(run.progress for run in runs))
-        self._advance([run for run in runs if run.goes_on])
+        self._advance([run for run in runs if run.has_steps_left])
         troubles = [(run, run.complete()) for run in runs]
         self.left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
         _write(GroupedRun.finish, [run for run, trouble in troubles if trouble is None])
@@ -155,11 +155,11 @@ class FolderRuns:
         slice_steps, kept_at = FIRST_SLICE, perf_counter()
         for run in runs:
             run.observe(run)
-        if any(run.is_recorded for run in runs):
-            _keep(runs, sets)
-        while any(run.goes_on for run in runs):
+        if any(run.has_frames_left for run in runs):
+            _save_checkpoints(runs, sets)
+        while any(run.has_steps_left for run in runs):
             start, before = perf_counter(), sum(run.progress for run in runs)
-            steps = [min(slice_steps, run.steps_to_output) if run.goes_on else 0 for run in runs]
+            steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
             endings = [(run.until, run.statistics) for run in runs if run.until is not None]
             for resident in sets.advance(steps, lambda _: None, endings or None):
                 for k, scene in resident.scenes.items():
@@ -169,15 +169,15 @@ class FolderRuns:
             self._on_progress(sum(run.progress for run in runs) - before)
             now = perf_counter()
             slice_steps = next_size(max(steps), now - start, SLICE, inf)
-            if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.goes_on for run in runs):
-                _keep(runs, sets)
+            if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.has_steps_left for run in runs):
+                _save_checkpoints(runs, sets)
                 kept_at = now
 
 
-def _keep(runs: list[GroupedRun], sets: ResidentSets) -> None:
+def _save_checkpoints(runs: list[GroupedRun], sets: ResidentSets) -> None:
     for k, run in enumerate(runs):
-        run.reach(sets.state(k))
-    _write(GroupedRun.keep, runs)
+        run.set_state(sets.state(k))
+    _write(GroupedRun.save_checkpoint, runs)
 
 
 def _write(write: Callable[[GroupedRun], None], runs: list[GroupedRun]) -> None:

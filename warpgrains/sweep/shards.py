@@ -20,7 +20,7 @@ DIGITS = 16  # hexadecimal digits of a shard's hash
 
 _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
 
-OTHERWISE = "measures something else: choose another -o, or the same --measure"
+OTHER_COLUMNS = "measures something else: choose another -o, or the same --measure"
 
 
 class ResultShards:
@@ -76,12 +76,12 @@ class ResultShards:
             print(f"'{path}' is damaged: its runs are done again", file=sys.stderr)
             return
         if not content.startswith(self._head):
-            raise SceneError(f"'{path}' is of another sweep, or {OTHERWISE}")
+            raise SceneError(f"'{path}' is of another sweep, or {OTHER_COLUMNS}")
         for line in content[len(self._head) :].splitlines(keepends=True):
             self.lines.setdefault(int(line.partition(b",")[0]), line)
         self._read.add(path.name)
 
-    def require_own(self, number: int, labels: Row) -> None:
+    def require_this_run(self, number: int, labels: Row) -> None:
         """Raise OutputError if the result of run `number` has other labels, that is, of another run."""
         if not self.lines[number].startswith(_cells(labels) + b","):
             raise OutputError(

@@ -85,7 +85,7 @@ class ShortRuns:
 
     def begin(self, points: list[ResumePoint], held: ExitStack) -> ShortGroup:
         """Load the scenes of runs into memory. Nothing is entered into `held`."""
-        free = self._free([point.run for point in points])
+        free = self._available([point.run for point in points])
         runs = [short for run in free if (short := self._short(run)) is not None]
         sets = None
         if runs:
@@ -97,7 +97,7 @@ class ShortRuns:
                 runs, sets = [], None
         return ShortGroup(runs, sets)
 
-    def _free(self, runs: list[Run]) -> list[Run]:
+    def _available(self, runs: list[Run]) -> list[Run]:
         """Return the runs without a folder that no other process has locked or finished."""
         begun = self._folder.begun()
         self.longer += [ResumePoint(run) for run in runs if run.number in begun]
