@@ -11,8 +11,8 @@ class Shown:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{name} {value}".strip() for name, value in self.facts().items())
-        return f"{type(self).__name__}({told})"
+        text = ", ".join(f"{name} {value}".strip() for name, value in self.facts().items())
+        return f"{type(self).__name__}({text})"
 
     def _repr_html_(self) -> str:
         rows = "".join(

@@ -47,7 +47,7 @@ class Difference(NamedTuple):
         place = [Words("scene {scene}", scene=self.scene), Words("step {step}", step=self.step)]
         place += [] if self.iteration is None else [Words("iteration {iteration}", iteration=self.iteration)]
         place += [] if self.contact is None else [self.contact]
-        expected, found = _in_digits(self.expected, self.found)
+        expected, found = _distinct_digits(self.expected, self.found)
         values = {"place": joined(place), "quantity": self.quantity, "found": found, "expected": expected}
         return Words("{place}: {quantity} is {found}, expected {expected}", **values)
 
@@ -80,12 +80,12 @@ class _Comparison:
         first = self._first_before_end()
         if self._found.calls == self._expected.calls:
             return first or self._first_in_state(_UPDATE_ORDER)
-        if first or self._may_end_otherwise():
+        if first or self._may_end_differently():
             return first
         calls = Words("number of calls of femGrainsContactIterate")
         return self._difference(calls, self._expected.calls, self._found.calls)
 
-    def _may_end_otherwise(self) -> bool:
+    def _may_end_differently(self) -> bool:
         """Return whether the step may take another number of iterations than the reference."""
         call, expected, found = self._probe.call, self._expected, self._found
         if found.calls == expected.calls - 1 == call.max_iterations:
@@ -188,7 +188,7 @@ def _same(expected: FloatArray, found: FloatArray, most: float) -> np.ndarray:
     return near | (expected == found) | (np.isnan(expected) & np.isnan(found))
 
 
-def _in_digits(one: float, other: float) -> tuple[str, str]:
+def _distinct_digits(one: float, other: float) -> tuple[str, str]:
     """Return two numbers with the fewest digits that distinguish them."""
     for digits in range(4, 18):
         words = f"{one:.{digits}g}", f"{other:.{digits}g}"

@@ -43,7 +43,7 @@ class CompileError(Exception):
 def read_homework(source: Path) -> bytes:
     """Return the text of a homework. Raises SceneError if it cannot be read."""
     try:
-        with open(source, "rb", opener=_open_at_once) as file:
+        with open(source, "rb", opener=_open_nonblocking) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 raise SceneError(f"'{source}' cannot be read: it is not a regular file")
             text = file.read(_LONGEST + 1)
@@ -54,7 +54,7 @@ def read_homework(source: Path) -> bytes:
     return text
 
 
-def _open_at_once(path: str, flags: int) -> int:
+def _open_nonblocking(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)  # otherwise opening a pipe would wait for a writer
 
 

@@ -144,7 +144,7 @@ class Model:
         variant = np.zeros(self._variants.shape[1], np.int32)
         for mistake in mistakes:
             variant += self._variants[self.mistakes.index(mistake)]
-        arrays = _room(call.n)
+        arrays = _answer_arrays(call.n)
         answer = _answer(*arrays)
         chosen = (_pointer(variant), _pointer(variant))
         self._library.answer(*chosen, ctypes.byref(_probe(call)), ctypes.byref(answer))
@@ -176,7 +176,7 @@ class Model:
         asked = (_Probe * len(probes))(*(_probe(probe.call) for probe in probes))
         answers = (_Answer * len(probes))(*(_found(answer) for answer in found))
         facts = _Found(len(found), first, outside, asked, answers)
-        room = _room(max(probe.call.n for probe in probes))
+        room = _answer_arrays(max(probe.call.n for probe in probes))
         own = _answer(*room)
         explaining = np.zeros((_MOST, 2), np.int32)
         for when in (*_ALONE, *_TOGETHER) if function == CONTACT else (_ALONE[0], _TOGETHER[0]):
@@ -203,7 +203,7 @@ def _common(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
     return Explanation(mistakes, len(mistakes) == len(first))
 
 
-def _room(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _answer_arrays(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return arrays for the answer of a scene of n grains."""
     return np.zeros(7 * n + n * (n - 1) // 2), np.zeros(4 * n), np.zeros((2 * MOST_CALLS, 3))
 

@@ -128,7 +128,7 @@ class Grader:
         raise SceneError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
 
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
-        text, until = read_homework(source), start + self._limits.in_all
+        text, until = read_homework(source), start + self._limits.total
         has_markers = any(marker[2:].encode() in text for marker in WITHOUT.values())
         libraries: dict[str, Path] = {}
         said: dict[str, str] = {}

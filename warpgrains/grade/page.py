@@ -43,7 +43,7 @@ class Pages:
             scenes = list(next((part.scenes for part in verdict.parts if part.scenes), {}))
             rows = [[Words(part.name), *_words(part, scenes)] for part in verdict.parts]
             parts.append(self._table([Words("", ""), *(Words(scene, scene) for scene in scenes)], rows))
-        for part in verdict.told():
+        for part in verdict.reported_parts():
             parts.append(f"<h2>{self._say(Words(part.name))}</h2><p>{self._say(part.first)}</p><dl>")
             parts += [f"<dt>{self._say(a)}</dt><dd>{self._say(b)}</dd>" for a, b in part.advice()]
             parts.append("</dl>")

@@ -116,7 +116,7 @@ class Limits(NamedTuple):
     """CPU time of one call; the reference needs less than 1 % of it."""
     patience: float = 60.0
     """Wall time of one call, also on a busy machine."""
-    in_all: float = 300.0
+    total: float = 300.0
     """Wall time of a homework."""
 
 
@@ -336,7 +336,7 @@ class Child:
         ready.register(pipe, event)
         if not ready.poll(1e3 * self._left()):
             if self._call_until == self._until:
-                limit = f"{self._limits.in_all:g}"
+                limit = f"{self._limits.total:g}"
                 raise EndedError("takes more than {seconds} s, compiled and run in all scenes", seconds=limit)
             raise EndedError("does not answer within {seconds} s", seconds=f"{self._limits.patience:g}")
 

@@ -149,7 +149,7 @@ class Verdict:
             return Words("does not compile")
         return Words("right" if all(part.status == "right" for part in self.parts) else "wrong")
 
-    def told(self) -> list[Part]:
+    def reported_parts(self) -> list[Part]:
         """Return the parts to report: both functions together only if each alone is right."""
         alone = [part for part in self.parts if part.name != BOTH]
         told = alone if any(part.status != "right" for part in alone) else self.parts
@@ -161,18 +161,18 @@ class Verdict:
         def say(text: object) -> str:
             return _printable(str(in_language(text, language)))
 
-        def told(heading: str, said: Words) -> str:
+        def paragraph(heading: str, said: Words) -> str:
             return say(Words("{heading}: {said}", heading=Words(heading), said=said))
 
         lines = [f"{_printable(self.file)}: {_colored(say(self.status), self.status, color)}"]
-        lines += [f"  {told('warning', warning)}" for warning in self.warnings]
+        lines += [f"  {paragraph('warning', warning)}" for warning in self.warnings]
         lines += ["", *_printable(self.compiler).splitlines()] if self.compiler else []
         lines += ["", *self._table(color, language)] if self.parts else []
-        for part in self.told():
+        for part in self.reported_parts():
             lines += ["", say(Words(part.name)), f"  {say(part.first)}"]
-            lines += [f"  {told(heading, said)}" for heading, said in part.advice()]
+            lines += [f"  {paragraph(heading, said)}" for heading, said in part.advice()]
             if part.shown and part.shown.call.n <= MOST_SHOWN:
-                lines += [f"  {told('scene before this call', part.shown.numbers())}"]
+                lines += [f"  {paragraph('scene before this call', part.shown.numbers())}"]
                 lines += ["    " + " ".join(f"{cell:>11}" for cell in row) for row in part.shown.rows()]
         return "\n".join(lines)
 

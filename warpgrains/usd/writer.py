@@ -41,9 +41,9 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
         The file cannot be written, or the log holds fewer frames.
     """
     reader, target = LogReader(log), resolve_link(target)
-    with _workplace(target) as folder:
+    with _temporary_folder(target) as folder:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
-        with _reporting_os_errors(target), _freeing_at_once():
+        with _reporting_os_errors(target), _freeing_in_this_thread():
             written = _write_binary(reader, binary, frames)
             if target.suffix == ".usda":
                 Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
@@ -125,7 +125,7 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
 
 
 @contextmanager
-def _workplace(target: Path) -> Iterator[Path]:
+def _temporary_folder(target: Path) -> Iterator[Path]:
     """Yield an empty folder next to the target, because a killed USD process leaves temporary files there."""
     folder = target.with_name(f".draft.{target.name}")
     shutil.rmtree(folder, ignore_errors=True)
@@ -149,7 +149,7 @@ def _reporting_os_errors(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _freeing_at_once() -> Iterator[None]:
+def _freeing_in_this_thread() -> Iterator[None]:
     """Keep USD from freeing saved values in its own threads, which on a busy machine would lag behind."""
     limit = Work.GetConcurrencyLimit()
     Work.SetConcurrencyLimit(1)

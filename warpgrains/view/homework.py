@@ -13,7 +13,7 @@ from warpgrains.grade.probes import start_of
 from warpgrains.grade.sandbox import Answer, Child, EndedError
 from warpgrains.pictures.shots import Setting, Shot
 from warpgrains.scene.scene import Scene
-from warpgrains.view.players import NONE_YET
+from warpgrains.view.players import PLACEHOLDER
 
 _EQUAL, _DIFFERENT = np.array([0.75, 0.83, 0.95]), np.array([0.85, 0.1, 0.1])
 _LEAST = 1e-9  # [m/s]: smaller differences may be rounding errors
@@ -63,14 +63,14 @@ class Homework:
             child.close()
 
     @property
-    def is_over(self) -> bool:
+    def has_ended(self) -> bool:
         """True if the homework has ended."""
         return self.error is not None
 
     def advance(self, steps: int) -> None:
         """Advance by some stages."""
         for _ in range(steps):
-            if not self.is_over:
+            if not self.has_ended:
                 try:
                     next(self._stages)
                     self.steps += 1
@@ -131,15 +131,15 @@ class Homework:
         difference = self._difference()
         worst = int(difference.argmax())
         differs = difference[worst] > _LEAST
-        expected, found = (NONE_YET if np.isnan(zeta) else f"{zeta:.2e} m/s" for zeta in self._zeta)
-        told = {
+        expected, found = (PLACEHOLDER if np.isnan(zeta) else f"{zeta:.2e} m/s" for zeta in self._zeta)
+        rows = {
             "step": f"{self._time_steps + 1}",
-            "stage": self._stage or NONE_YET,
+            "stage": self._stage or PLACEHOLDER,
             "zeta of the reference": expected,
             "zeta of the homework": found,
             "largest difference of v": f"{difference[worst]:.2e} m/s, grain {worst}" if differs else "none",
         }
-        return told | ({"error": self.error} if self.error else {})
+        return rows | ({"error": self.error} if self.error else {})
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Return zeta of the homework over the iterations of the step."""

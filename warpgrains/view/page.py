@@ -80,7 +80,7 @@ class Page:
         """Advance by a frame, and wait until it is time for the next one."""
         start = time.perf_counter()
         self._player.advance(max(1, round(self._speed / _FRAMES / self._player.dt)))
-        self.is_playing = not self._player.is_over
+        self.is_playing = not self._player.has_ended
         self._show(texts=not self.is_playing or start - self._texts_at > 1.0 / _TEXTS)
         time.sleep(max(0.0, 1.0 / _FRAMES - (time.perf_counter() - start)))
 
@@ -102,7 +102,7 @@ class Page:
         return lambda _: self._asked.put(what)
 
     def _resume(self) -> None:
-        self.is_playing = not self._player.is_over
+        self.is_playing = not self._player.has_ended
 
     def _pause(self, then: Callable[[], None] = lambda: None) -> None:
         self.is_playing = False

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warpgrains.usd.reader import RecordingReader
     from warpgrains.view.homework import Homework
 
-NONE_YET = "\N{EN DASH}"
+PLACEHOLDER = "\N{EN DASH}"
 """Placeholder for a number that does not exist yet, so that the table has all rows from the start."""
 AXES = {
     "log10 zeta of the last step": ("iteration", "log10 zeta [m/s]"),
@@ -60,7 +60,7 @@ class Live:
         return self._simulation.steps
 
     @property
-    def is_over(self) -> bool:
+    def has_ended(self) -> bool:
         """True if a step has failed."""
         return self.error is not None
 
@@ -100,7 +100,7 @@ class Live:
     def readout(self) -> dict[str, str]:
         """Return numbers of the last step by name."""
         rows = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
-        rows |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), NONE_YET)
+        rows |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), PLACEHOLDER)
         report = self._report
         if report is not None:
             rows |= {
@@ -134,7 +134,7 @@ class Recorded:
         self.has_chains = reader.chain_scale is not None
 
     @property
-    def is_over(self) -> bool:
+    def has_ended(self) -> bool:
         """True at the last frame."""
         return self.steps >= self.last
 
