@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
-    from warpgrains.errors import OutputError, SceneError, SimulationError
+    from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
     from warpgrains.scene.disc import Disc
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Batch",
     "Disc",
+    "InputError",
     "OutputError",
     "Recording",
     "Scene",
@@ -47,6 +48,7 @@ __all__ = [
 _HOME = {
     "Batch": "batch.batch",
     "Disc": "scene.disc",
+    "InputError": "errors",
     "OutputError": "errors",
     "Recording": "analysis.recording",
     "Scene": "scene.scene",

@@ -1,7 +1,7 @@
 """Exceptions for users. Each message is one clear line."""
 
 
-class SceneError(ValueError):
+class InputError(ValueError):
     """Invalid input. The message names the field, the grain or file, and the value.
 
     Examples
@@ -9,11 +9,15 @@ class SceneError(ValueError):
     >>> wg.Scene.load("annulus", ["physics.drag=-1"])
     Traceback (most recent call last):
         ...
-    warpgrains.errors.SceneError: drag is -1.0: it must be 0 or more
+    warpgrains.errors.InputError: drag is -1.0: it must be 0 or more
     """
 
 
-class OutputError(SceneError):
+SceneError = InputError
+"""Former name of `InputError`, kept for one release."""
+
+
+class OutputError(InputError):
     """Output that another process writes, or that would replace a file of another kind.
 
     The file is left unchanged.
@@ -41,6 +45,6 @@ class SimulationError(RuntimeError):
     """
 
 
-def missing_extra(what: str, error: ModuleNotFoundError, extra: str = "report") -> SceneError:
+def missing_extra(what: str, error: ModuleNotFoundError, extra: str = "report") -> InputError:
     """Return the error for a feature whose library, part of an extra, is not installed."""
-    return SceneError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'")
+    return InputError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'")

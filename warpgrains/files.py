@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 _NUMBER, _WORD = r"-\d+(?:\.\d+)?(?:e[+-]?\d+)?", r"[A-Za-z0-9][\w.+-]*"
 _PLAIN = re.compile(rf"(?:(?:{_WORD}|{_NUMBER})?(?:,|$))*", re.ASCII)
@@ -24,30 +24,30 @@ Row = dict[str, str]
 
 
 def require_writable_folder(folder: Path) -> None:
-    """Raise SceneError unless a file can be created in the folder."""
+    """Raise InputError unless a file can be created in the folder."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
 
 
 def make_folder(folder: Path) -> None:
-    """Create a folder for outputs, unless it exists. Raises SceneError if it cannot be written."""
+    """Create a folder for outputs, unless it exists. Raises InputError if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
     require_writable_folder(folder)
 
 
 def require_writable_path(kind: str, path: Path, *suffixes: str) -> None:
-    """Raise SceneError unless a file with one of these suffixes can be created at `path`."""
+    """Raise InputError unless a file with one of these suffixes can be created at `path`."""
     path = resolve_link(path)
     if path.suffix not in suffixes:
-        raise SceneError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
+        raise InputError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
     if path.is_dir():
-        raise SceneError(f"{kind} '{path}' is a folder")
+        raise InputError(f"{kind} '{path}' is a folder")
     require_writable_folder(path.parent)
 
 
@@ -62,10 +62,10 @@ def resolve_link(path: Path) -> Path:
 def read_regular(path: Path) -> bytes:
     """Return the content of a regular file.
 
-    Raises SceneError for anything else, because a pipe would block.
+    Raises InputError for anything else, because a pipe would block.
     """
     if not path.is_file():
-        raise SceneError(f"'{path}' is not a regular file")
+        raise InputError(f"'{path}' is not a regular file")
     return path.read_bytes()
 
 
@@ -176,14 +176,14 @@ def _is_number(cell: str) -> bool:
 
 
 def read_table(path: Path) -> list[Row]:
-    """Read a table as rows of text by column. Raises SceneError if the file is no table."""
+    """Read a table as rows of text by column. Raises InputError if the file is no table."""
     with _opened(path) as lines:
         rows = csv.DictReader(lines, strict=True)
         return [{name: _unguarded(cell) for name, cell in row.items()} for row in rows]
 
 
 def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Read some columns of a table, see `columns_of`. Raises SceneError if the file is no table."""
+    """Read some columns of a table, see `columns_of`. Raises InputError if the file is no table."""
     with _opened(path) as lines:
         return columns_of(lines, wanted)
 
@@ -218,9 +218,9 @@ def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]
 @contextmanager
 def _opened(path: Path) -> Iterator[Iterable[str]]:
     if not path.is_file():
-        raise SceneError(f"'{path}' cannot be read: it is no file")
+        raise InputError(f"'{path}' cannot be read: it is no file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
             yield lines
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"'{path}' cannot be read: {error}") from None
+        raise InputError(f"'{path}' cannot be read: {error}") from None

@@ -18,7 +18,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -52,9 +52,9 @@ class FrameLog:
         self._unsynced = 0, 0
 
     def require_absent(self) -> None:
-        """Raise SceneError if the file exists, because it may hold the only copy of another run's frames."""
+        """Raise InputError if the file exists, because it may hold the only copy of another run's frames."""
         if self.path.exists():
-            raise SceneError(
+            raise InputError(
                 f"'{self.path}' holds frames of another run: make a recording of them with"
                 " 'warpgrains recover', or delete it"
             )
@@ -64,19 +64,19 @@ class FrameLog:
 
         Raises
         ------
-        SceneError
+        InputError
             The log has other constants or fewer frames.
         """
         reader = LogReader(self.path)
         if reader.constants != self._constants:
-            raise SceneError(f"'{self.path}' holds no frames of this scene, drawn as now asked for")
+            raise InputError(f"'{self.path}' holds no frames of this scene, drawn as now asked for")
         end, held = reader.end, 0
         for _ in reader:
             held, end = held + 1, reader.end
             if held == frames:
                 break
         if held != frames:
-            raise SceneError(f"'{self.path}' holds {held} of the {frames} frames to continue from")
+            raise InputError(f"'{self.path}' holds {held} of the {frames} frames to continue from")
         self._kinds, self.frames = reader.kinds, frames
         self._open(end)
 
@@ -160,14 +160,14 @@ class LogReader:
 
     Raises
     ------
-    SceneError
+    InputError
         The file is missing or is no log.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            raise SceneError(f"'{path}' holds no frames: there is no such file")
+            raise InputError(f"'{path}' holds no frames: there is no such file")
         with path.open("rb") as file:
             content = _read(file) if file.read(len(_MAGIC)) == _MAGIC else None
             self._start = self.end = file.tell()
@@ -176,7 +176,7 @@ class LogReader:
             self.constants: str = header["constants"]
             self.kinds: dict[str, str] = header["kinds"]
         except (ValueError, KeyError, TypeError):
-            raise SceneError(f"'{path}' is not a log of frames") from None
+            raise InputError(f"'{path}' is not a log of frames") from None
 
     def __iter__(self) -> Iterator[dict[str, NDArray[Any]]]:
         with self.path.open("rb") as file:

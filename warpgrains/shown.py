@@ -6,18 +6,22 @@ from html import escape
 class Shown:
     """Base class of objects that are shown by a few named values."""
 
-    def facts(self) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Return the values to show, with units, by name."""
         raise NotImplementedError
 
+    def facts(self) -> dict[str, str]:
+        """Return `summary()`. This is its former name, kept for one release."""
+        return self.summary()
+
     def __repr__(self) -> str:
-        text = ", ".join(f"{name} {value}".strip() for name, value in self.facts().items())
+        text = ", ".join(f"{name} {value}".strip() for name, value in self.summary().items())
         return f"{type(self).__name__}({text})"
 
     def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><th style='text-align: left'>{escape(name)}</th>"
             f"<td style='text-align: left'>{escape(value)}</td></tr>"
-            for name, value in self.facts().items()
+            for name, value in self.summary().items()
         )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"

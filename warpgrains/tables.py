@@ -18,7 +18,7 @@ COMPONENTS = {"pair": ("i", "j"), "wall": ("grain", "wall")}
 
 
 def library(name: str, what: str) -> Any:
-    """Import a library of the extra ``[data]``. Raises SceneError if it is not installed."""
+    """Import a library of the extra ``[data]``. Raises InputError if it is not installed."""
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
@@ -33,7 +33,7 @@ class Tabular:
 
         Raises
         ------
-        SceneError
+        InputError
             pandas is not installed; the extra ``[data]`` installs it.
         """
         columns: dict[str, Any] = {}

@@ -47,7 +47,7 @@ def certify(simulation: Simulation) -> ErrorBound:
 
     Raises
     ------
-    SceneError
+    InputError
         clarabel or qdldl is not installed; the extra ``[report]`` installs both.
     SimulationError
         No step has been taken, or no velocities satisfy every gap of the step.

@@ -203,7 +203,7 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
 
     Raises
     ------
-    SceneError
+    InputError
         scipy is not installed; the extra ``[report]`` installs it.
 
     Examples

@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
@@ -51,7 +51,7 @@ def plot(
 
     Raises
     ------
-    SceneError
+    InputError
         The file cannot be read, is no recording or lacks a frame, or the picture cannot be written. Only the
         command ``warpgrains plot`` is safe against files that crash USD or never end.
     """
@@ -70,7 +70,7 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
         return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
     for frame in frames:
         if not -count <= frame < count:
-            raise SceneError(f"there is no frame {frame}: the recording has {count}, from 0 to {count - 1}")
+            raise InputError(f"there is no frame {frame}: the recording has {count}, from 0 to {count - 1}")
     return [frame % count for frame in frames]
 
 
@@ -137,7 +137,7 @@ def plot_history(table: str | Path, output: str | Path) -> list[int]:
 
     Raises
     ------
-    SceneError
+    InputError
         The table cannot be read, or the picture cannot be written.
     """
     output = Path(output)
@@ -169,5 +169,5 @@ def _columns(table: Path) -> list[FloatArray]:
     except (KeyError, TypeError, ValueError):
         columns = []
     if not columns or not len(rows) or not all(np.isfinite(column).all() for column in columns):
-        raise SceneError(f"'{table}' is no history of `warpgrains run --step-by-step --history`")
+        raise InputError(f"'{table}' is no history of `warpgrains run --step-by-step --history`")
     return columns

@@ -8,7 +8,7 @@ import numpy as np
 from warpgrains.analysis.packing import heights, mean_heights, upwards
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene.geometry import area_below, distance
 from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus, outward
@@ -145,7 +145,7 @@ def radial_distribution(
 
     Raises
     ------
-    SceneError
+    InputError
         The region is invalid or has no space for centers, as the default in a pile of one layer; or scipy is
         not installed, which the extra ``[report]`` installs.
 
@@ -194,7 +194,7 @@ def _region_of_centers(region: Region, now: Snapshot) -> Region:
     near, far = max(region.ring.radius_in, near), min(region.ring.radius_out, walls.radius_out - smallest)
     left = region._replace(ring=Annulus(near, far))
     if near >= far or left.area <= 0.0:
-        raise SceneError(
+        raise InputError(
             f"there is no space for centres of grains of radius {smallest:g} m in the region:"
             " give a larger one, such as region={}"
         )

@@ -91,7 +91,7 @@ def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
 
     Raises
     ------
-    SceneError
+    InputError
         A name is neither a quantity nor a group, or no name is given.
     """
     found: dict[str, None] = {}
@@ -112,7 +112,7 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
 
     Raises
     ------
-    SceneError
+    InputError
         A name is unknown.
 
     Examples

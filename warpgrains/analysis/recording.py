@@ -12,7 +12,7 @@ from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_normals
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
 from warpgrains.tables import library
@@ -40,7 +40,7 @@ class Recording(Shown):
 
     Raises
     ------
-    SceneError
+    InputError
         The file is missing, is not USD, holds no frames of grains, or has content that recordings do not
         have.
 
@@ -59,7 +59,7 @@ class Recording(Shown):
             self._reader = RecordingReader(self.path)
         self.time, self.radius = self._reader.time, self._reader.radius
 
-    def facts(self) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
         return {
             self.path.name: f"of {len(self.radius)} grains",
@@ -92,7 +92,7 @@ class Recording(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             An earlier release recorded the file, without all fields of a scene.
         """
         fields = self._reader.scene_fields()
@@ -111,13 +111,13 @@ class Recording(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             The frame does not exist, or contacts were not recorded.
         """
         if not -len(self) <= k < len(self):
-            raise SceneError(f"there is no frame {k}: '{self.path}' has {len(self)}")
+            raise InputError(f"there is no frame {k}: '{self.path}' has {len(self)}")
         if contacts and not self.has_forces:
-            raise SceneError(f"'{self.path}' holds no contacts: record them with --forces")
+            raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
         position = self._reader.position(k)
         pair, force = np.zeros((0, 2), np.int32), np.zeros(0)
@@ -151,7 +151,7 @@ class Recording(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             xarray is not installed; the extra ``[data]`` installs it.
         """
         dims = ("time", "grain", "component")

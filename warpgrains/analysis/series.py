@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, read_table, require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene import checks
@@ -47,7 +47,7 @@ class Series:
 
     Raises
     ------
-    SceneError
+    InputError
         A name is unknown, or the file cannot be written or continued. It is an `OutputError` if another
         process writes the file, or the file is no series.
 
@@ -106,7 +106,7 @@ class Series:
 
         Raises
         ------
-        SceneError
+        InputError
             pandas is not installed; the extra ``[data]`` installs it.
         """
         columns = [*FIRST, *self.names]
@@ -117,7 +117,7 @@ class Series:
 
         Raises
         ------
-        SceneError
+        InputError
             xarray is not installed; the extra ``[data]`` installs it.
         """
         columns = {name: [row[name] for row in self.rows] for name in (*FIRST, *self.names)}
@@ -142,13 +142,13 @@ class Series:
         if resume_at is None:
             return
         if rows and tuple(rows[0]) != (*FIRST, *self.names):
-            raise SceneError(f"'{path}' is a series of other quantities")
+            raise InputError(f"'{path}' is a series of other quantities")
         try:
             kept = [row for row in rows if int(row["step"]) <= resume_at]
             self.rows = [{name: float(cell) for name, cell in row.items()} for row in kept]
         except (ValueError, TypeError):
-            raise SceneError(f"'{path}' holds what is no number") from None
+            raise InputError(f"'{path}' holds what is no number") from None
         for row in self.rows:
             row["step"] = int(row["step"])
         if not self.rows or self.rows[-1]["step"] <= resume_at - self.every:
-            raise SceneError(f"'{path}' does not hold the rows before step {resume_at}, to continue from")
+            raise InputError(f"'{path}' does not hold the rows before step {resume_at}, to continue from")

@@ -25,7 +25,7 @@ def export(recording: str | Path, output: str | Path) -> int:
 
     Raises
     ------
-    SceneError
+    InputError
         The recording cannot be read, the output cannot be written, or VTK, which the extra ``[data]``
         installs, is missing.
     """

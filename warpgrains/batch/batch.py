@@ -10,7 +10,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.batch.resident import Ending, ResidentSets, StepsDone
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
@@ -39,9 +39,9 @@ class SceneSummary(Summary):
     error: str | None = None
     """Reason why the scene stopped early, at its last good state; None if it did not."""
 
-    def facts(self) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
-        return super().facts() | ({} if self.error is None else {"error": self.error})
+        return super().summary() | ({} if self.error is None else {"error": self.error})
 
 
 class Batch(Shown):
@@ -62,7 +62,7 @@ class Batch(Shown):
 
     Raises
     ------
-    SceneError
+    InputError
         There is no scene, the device is unknown, or the number of threads is not positive.
     SimulationError
         A scene does not fit in memory.
@@ -93,7 +93,7 @@ class Batch(Shown):
             scenes = (as_scene("scenes", scenes),)
         self.scenes = tuple(as_scene(f"scenes[{k}]", scene) for k, scene in enumerate(scenes))
         if not self.scenes:
-            raise SceneError("a batch needs at least one scene")
+            raise InputError("a batch needs at least one scene")
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
@@ -112,7 +112,7 @@ class Batch(Shown):
             self.restore(k, state)
         self._reports = list(reports)
 
-    def facts(self) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
         names = sorted({scene.name for scene in self.scenes})
         grains = sum(scene.n for scene in self.scenes)
@@ -168,12 +168,12 @@ class Batch(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             `steps` is invalid, or `until` is no criterion for one of the scenes.
         """
         each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
         if len(each) != len(self):
-            raise SceneError(
+            raise InputError(
                 f"steps are {len(each)} numbers: a batch of {len(self)} scenes needs one of each"
             )
         wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
@@ -221,7 +221,7 @@ class Batch(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             `state` belongs to other grains, or `k` is out of range.
         """
         k = self._number(k)

@@ -21,7 +21,7 @@ from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -44,7 +44,7 @@ def run(arguments: Namespace) -> bool:
         return _step_by_step(arguments)
     for option in ("history", "full_speed"):
         if getattr(arguments, option):
-            raise SceneError(f"--{option.replace('_', '-')} needs --step-by-step")
+            raise InputError(f"--{option.replace('_', '-')} needs --step-by-step")
     with ExitStack() as held:
         start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
         try:
@@ -59,9 +59,9 @@ def run(arguments: Namespace) -> bool:
 def _step_by_step(arguments: Namespace) -> bool:
     """Run a scene interactively, one step per key press."""
     if arguments.scene is None:
-        raise SceneError("SCENE is missing")
+        raise InputError("SCENE is missing")
     for name in _given(arguments, *FLAGS, "resume", "json"):
-        raise SceneError(f"{FLAGS.get(name, f'--{name}')} cannot go with --step-by-step")
+        raise InputError(f"{FLAGS.get(name, f'--{name}')} cannot go with --step-by-step")
     scene = _scene(arguments)
     step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
     return False
@@ -101,7 +101,7 @@ def _commands_to_continue(options: RunOptions) -> Iterator[str]:
 def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
     """Return the initial checkpoint and the options of a new run, after locking its checkpoint."""
     if arguments.scene is None:
-        raise SceneError("SCENE is missing, or --resume FILE")
+        raise InputError("SCENE is missing, or --resume FILE")
     given = _given(arguments, *FLAGS)
     _require_needed(given)
     scene = _scene(arguments)
@@ -120,7 +120,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     Locks that checkpoint and the one that the run will write.
     """
     for name in _given(arguments, *KEPT):
-        raise SceneError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
+        raise InputError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
     kept, other = Path(arguments.resume), arguments.checkpoint
     start = read_checkpoint(kept)
     if start.options is not None:
@@ -132,21 +132,21 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     planned = start.scene.steps if start.options is None else begun_at + start.options.steps
     end = _steps(start.scene, arguments) or planned
     if end < start.state.steps:
-        raise SceneError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
+        raise InputError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
     options = start.options or RunOptions(steps=planned)
     spacing = _spacing(arguments.every, options.checkpoint or other, options.series)
     return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint"), **spacing)
 
 
 def _require_needed(given: dict[str, Any]) -> None:
-    """Raise SceneError if an option is given without one that it needs; `every` may serve two files."""
+    """Raise InputError if an option is given without one that it needs; `every` may serve two files."""
     for name in given:
         needed = OPTIONS[name].metadata["needs"]
         if name == "every" or needed is None or needed in given:
             continue
         if OPTIONS[needed].metadata["needs"] == name:
-            raise SceneError("--measure and --series go together")
-        raise SceneError(f"{FLAGS[name]} needs {FLAGS[needed]}")
+            raise InputError("--measure and --series go together")
+        raise InputError(f"{FLAGS[name]} needs {FLAGS[needed]}")
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
@@ -154,7 +154,7 @@ def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> d
     if every is None:
         return {}
     if checkpoint is series is None:
-        raise SceneError("--every needs --checkpoint or --measure")
+        raise InputError("--every needs --checkpoint or --measure")
     spaced = {"every": checkpoint, "measure_every": series}
     return {name: every for name, file in spaced.items() if file is not None}
 

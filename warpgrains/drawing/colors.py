@@ -143,7 +143,7 @@ class GrainColors:
 
     Raises
     ------
-    SceneError
+    InputError
         `color_by` is unknown.
     """
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from threading import Lock
 from time import monotonic
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
 from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, CompileError, Compiler, read_homework
 from warpgrains.grade.diagnosis import Model, hint_of
@@ -54,7 +54,7 @@ class Grader:
 
     Raises
     ------
-    SceneError
+    InputError
         There is no C compiler.
     """
 
@@ -96,7 +96,7 @@ class Grader:
 
         Raises
         ------
-        SceneError
+        InputError
             The homework cannot be read.
         """
         start = monotonic()
@@ -113,7 +113,7 @@ class Grader:
 
         Raises
         ------
-        SceneError
+        InputError
             The homework cannot be read, does not compile, or lacks a function.
         """
         folder = self._folder / "run"
@@ -121,11 +121,11 @@ class Grader:
             library, _ = self._compiler.compile_homework(read_homework(source), folder)
             child = self._child({name: Function(library, name) for name in (UPDATE, CONTACT)}, self._limits)
         except (CompileError, EndedError) as error:
-            raise SceneError(f"'{source}' cannot be run: {error}") from None
+            raise InputError(f"'{source}' cannot be run: {error}") from None
         if child.updates and child.iterates:
             return self._child({}), child
         child.close()
-        raise SceneError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
+        raise InputError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
 
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
         text, until = read_homework(source), start + self._limits.total

@@ -173,7 +173,7 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
 
     Raises
     ------
-    SceneError
+    InputError
         It cannot be written there.
     """
     require_writable_path("film", output, *FILMS)
@@ -191,7 +191,7 @@ class Film:
 
     Raises
     ------
-    SceneError
+    InputError
         The film cannot be written. It is an `OutputError` if another process writes it.
     """
 

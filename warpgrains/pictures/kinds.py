@@ -11,7 +11,7 @@ FASTEST: dict[str | None, float] = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
 
 
 def require_drawing(what: str, is_film: bool = False) -> None:
-    """Raise SceneError unless the libraries for a picture, or a film of it, are installed."""
+    """Raise InputError unless the libraries for a picture, or a film of it, are installed."""
     try:
         import matplotlib.axes  # noqa: F401
 

@@ -169,7 +169,7 @@ class Picture:
 
         Raises
         ------
-        SceneError
+        InputError
             The picture cannot be written.
         """
         require_writable_path("picture", Path(path), *STILLS)

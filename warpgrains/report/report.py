@@ -10,7 +10,7 @@ import numpy as np
 
 from warpgrains import __version__
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import require_writable_folder, table_text, write_atomically
 from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
@@ -57,7 +57,7 @@ def write_report(
 
     Raises
     ------
-    SceneError
+    InputError
         Two scenes have the same name, the folder cannot be written, or a scene has no contacts.
     SimulationError
         A step failed.
@@ -81,15 +81,15 @@ def write_report(
 
 
 def _prepare(scenes: Sequence[Scene], folder: Path) -> None:
-    """Create the folder of a report, unless it exists. Raises SceneError if it cannot be written."""
+    """Create the folder of a report, unless it exists. Raises InputError if it cannot be written."""
     names = [scene.name for scene in scenes]
     for name in names:
         if names.count(name) > 1:
-            raise SceneError(f"two scenes are called '{name}': a report tells scenes apart by their names")
+            raise InputError(f"two scenes are called '{name}': a report tells scenes apart by their names")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
     require_writable_folder(folder)
 
 

@@ -24,7 +24,7 @@ class Disc:
 
     Raises
     ------
-    SceneError
+    InputError
         The center or the radius is invalid.
 
     Examples

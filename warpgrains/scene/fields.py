@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
 from warpgrains.described import described, described_fields
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.disc import Disc
 from warpgrains.scene.geometry import require_distinct
@@ -168,7 +168,7 @@ _SETTINGS = {
 def checked_walls(field: str, value: Any) -> tuple[Disc, ...]:
     """Return walls, each given as an object or by the keys of a `[[walls]]` table."""
     if not isinstance(value, Sequence) or isinstance(value, str):
-        raise SceneError(f"{field} is {checks.shown(value)}: it must be a list of walls")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
     return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
 
 
@@ -176,7 +176,7 @@ def _checked_wall(field: str, value: Any) -> Disc:
     if isinstance(value, Disc):
         return value
     if not isinstance(value, Mapping):
-        raise SceneError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
     own = dict(value)
     kind = WALL_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WALL_KINDS)]
     keys = [one.name for one in fields(kind)]
@@ -185,11 +185,11 @@ def _checked_wall(field: str, value: Any) -> Disc:
             raise checks.unknown(f"key of {field}", key, ("kind", *keys))
     for key in keys:
         if key not in own:
-            raise SceneError(f"{field}.{key} is missing: a {kind.kind} needs it")
+            raise InputError(f"{field}.{key} is missing: a {kind.kind} needs it")
     try:
         return kind(**own)
-    except SceneError as error:
-        raise SceneError(f"{field}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{field}: {error}") from None
 
 
 def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> dict[str, Any]:
@@ -197,7 +197,7 @@ def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> di
 
     Raises
     ------
-    SceneError
+    InputError
         A value is invalid.
     """
     return {name: _SETTINGS[name](name, getattr(scene, name)) for name in names}
@@ -208,7 +208,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
 
     Raises
     ------
-    SceneError
+    InputError
         A value is invalid, or an array has another number of grains than `position`.
     """
     position = checks.vectors("position", scene.position)
@@ -216,7 +216,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
     velocity = checks.vectors("velocity", velocity)
     n = len(position)
     if len(velocity) != n:
-        raise SceneError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
+        raise InputError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
     return {
         "position": position,
         "velocity": velocity,
@@ -227,22 +227,22 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
 
 
 def require_valid_positions(scene: "Scene") -> None:
-    """Raise SceneError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
+    """Raise InputError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
     _require_size(scene)
     scene.annulus.require_inside(scene.position, scene.radius)
     for k, wall in enumerate(scene.walls):
         inside = wall.side(scene.position, scene.radius).gap < -scene.radius
         if inside.any():
             grain = checks.of_grain("position", scene.position, inside)
-            raise SceneError(f"{grain}: its center is inside walls[{k}], {wall}")
+            raise InputError(f"{grain}: its center is inside walls[{k}], {wall}")
     require_distinct("position", scene.position)
 
 
 def _require_size(scene: "Scene") -> None:
-    """Raise SceneError unless doubles resolve gaps of this size and hold the square of it."""
+    """Raise InputError unless doubles resolve gaps of this size and hold the square of it."""
     smallest = scene.smallest_radius
     if scene.radius_out / MOST_RADII >= smallest:
-        raise SceneError(
+        raise InputError(
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
             f" grain {int(np.argmin(scene.radius))}, {smallest} m, for positions to have digits for a gap"
         )
@@ -250,10 +250,10 @@ def _require_size(scene: "Scene") -> None:
 
 
 def require_compatible_settings(scene: "Scene") -> None:
-    """Raise SceneError unless the settings are compatible with each other and with the grains."""
+    """Raise InputError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
     if scene.method == "exact" and scene.stop == "zeta":
-        raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
+        raise InputError("stop is 'zeta': method 'exact' stops on the residual")
 
 
 def _require_short_step(scene: "Scene") -> None:
@@ -263,12 +263,12 @@ def _require_short_step(scene: "Scene") -> None:
         return
     lightest = int(np.argmin(scene.mass))
     if scene.scheme == "text":
-        raise SceneError(
+        raise InputError(
             f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would turn round grain {lightest}"
             f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
         )
     if not isfinite(lost):
-        raise SceneError(
+        raise InputError(
             f"drag is {scene.drag} kg/s: times dt, {scene.dt} s, it is no number in masses of"
             f" grain {lightest}, {mass} kg"
         )

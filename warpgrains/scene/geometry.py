@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
@@ -23,13 +23,13 @@ def distance(vectors: FloatArray) -> FloatArray:
 
 
 def require_distinct(field: str, position: FloatArray) -> None:
-    """Raise SceneError if two grains have the same center."""
+    """Raise InputError if two grains have the same center."""
     in_order = np.lexsort(position.T)
     same = distance(np.diff(position[in_order], axis=0)) == 0.0
     if same.any():
         first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
         place = tuple(position[second].tolist())
-        raise SceneError(f"{field} of grain {second} is {place}: grain {first} has the same centre")
+        raise InputError(f"{field} of grain {second} is {place}: grain {first} has the same centre")
 
 
 def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) -> FloatArray:

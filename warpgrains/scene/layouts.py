@@ -1,7 +1,7 @@
 """Layouts: initial positions and radii of the grains.
 
 Each layout is a function whose keyword parameters are the keys of `[grains]`. Its first argument is the
-annulus. It raises SceneError, one line, if a value is invalid or the grains do not fit.
+annulus. It raises InputError, one line, if a value is invalid or the grains do not fit.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
@@ -83,7 +83,7 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     reach = walls.radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
     if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
-        raise SceneError(
+        raise InputError(
             f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} places"
         )
     row = np.arange(floor(2 * reach / rise) + 1)[:, np.newaxis]
@@ -96,7 +96,7 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
-        raise SceneError(f"grains.count is {count}: only {len(position)} grains of radius {radius} m fit")
+        raise InputError(f"grains.count is {count}: only {len(position)} grains of radius {radius} m fit")
     return position[:count], np.full(count, radius)
 
 
@@ -135,7 +135,7 @@ def random(
         _radius(space.ring, extreme)
     filled = float(np.pi * (radii**2).sum()) / space.area
     if filled >= 1.0:
-        raise SceneError(
+        raise InputError(
             f"{_stated(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
         )
     if filled <= MOST_ADDED:
@@ -145,7 +145,7 @@ def random(
     position, share = grow(space, radii, generator)
     if share < 1.0:
         filled *= share * share
-        raise SceneError(
+        raise InputError(
             f"{_stated(count, packing_fraction)}: grown and pushed apart, grains fill {filled:.3f} of their"
             f" region, so about {int(share * share * len(radii))} of these radii fit"
         )
@@ -159,10 +159,10 @@ def _random_radii(
     given = listed_radii(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
-            raise SceneError(f"grains.radius is a list of {len(given)}: that is how many grains there are")
+            raise InputError(f"grains.radius is a list of {len(given)}: that is how many grains there are")
         return given
     if (count is None) == (fraction is None):
-        raise SceneError("layout 'random' needs one of grains.count and grains.packing_fraction")
+        raise InputError("layout 'random' needs one of grains.count and grains.packing_fraction")
     draw, largest = drawn_radii(radius, generator)
     if fraction is None:
         return draw(_count(count))
@@ -175,7 +175,7 @@ def _random_radii(
         _count(len(radii))
     kept = int(np.searchsorted(area, wanted, side="right"))
     if kept == 0:
-        raise SceneError(
+        raise InputError(
             f"grains.packing_fraction is {fraction}: one grain of radius {radii[0]} m fills more"
         )
     return radii[:kept]
@@ -210,14 +210,14 @@ def _count(value: Any) -> int:
 def _radius(walls: Annulus, value: Any) -> float:
     radius = checks.positive("grains.radius", value)
     if radius > walls.largest_radius or radius == walls.radius_out:
-        raise SceneError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
+        raise InputError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
     return radius
 
 
 def _spacing(value: Any) -> float:
     spacing = checks.positive("grains.spacing", value)
     if spacing < LEAST_SPACING:
-        raise SceneError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
+        raise InputError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
     return spacing
 
 
@@ -230,6 +230,6 @@ def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> An
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch
         if abs(y) > reach:
-            raise SceneError(f"grains.count is {count}: the rows have room for {count - missing} grains only")
+            raise InputError(f"grains.count is {count}: the rows have room for {count - missing} grains only")
         widths.append(1 + floor(min(MOST_GRAINS, 2.0 * sqrt(reach * reach - y * y) / pitch)))
     return np.array(widths)

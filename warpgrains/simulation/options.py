@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
 from warpgrains.scene import checks
@@ -32,7 +32,7 @@ FILES = ("record", "series")
 def _file(field: str, name: Any) -> str:
     """Return the name of an output; a symbolic link is resolved."""
     if checks.text(field, name) == "" or "\0" in name:
-        raise SceneError(f"{field} is {name!r}: it must be the name of a file")
+        raise InputError(f"{field} is {name!r}: it must be the name of a file")
     return str(resolve_link(Path(name))) if os.path.islink(name) else name
 
 
@@ -51,7 +51,7 @@ class RunOptions:
 
     Raises
     ------
-    SceneError
+    InputError
         A value is invalid or has no effect, such as `forces` without `record`.
     """
 
@@ -124,7 +124,7 @@ class RunOptions:
         for name, option in OPTIONS.items():
             needed = option.metadata["needs"]
             if needed is not None and getattr(self, needed) is None and getattr(self, name) != option.default:
-                raise SceneError(f"{name} has no effect without {needed}")
+                raise InputError(f"{name} has no effect without {needed}")
         if self.shows is not None:
             self._require_no_recording(self.shows)
 
@@ -143,12 +143,12 @@ class RunOptions:
         return min(self.fps, FASTEST.get(self._suffix, self.fps))
 
     def _require_no_recording(self, kind: str) -> None:
-        """Raise SceneError for options that recordings have and pictures of this kind lack."""
+        """Raise InputError for options that recordings have and pictures of this kind lack."""
         for name in ["draw_as"] + ["fps"] * (kind == "still"):
             if getattr(self, name) != getattr(type(self), name):
-                raise SceneError(f"{name} has no effect on a {kind}, '{self.record}'")
+                raise InputError(f"{name} has no effect on a {kind}, '{self.record}'")
         if self.checkpoint is not None:
-            raise SceneError(f"a run with a checkpoint cannot continue a {kind}: record .usdc, and plot that")
+            raise InputError(f"a run with a checkpoint cannot continue a {kind}: record .usdc, and plot that")
 
     def checkpoint_after(self, steps: int) -> Path | None:
         """Return the path of the checkpoint that is due after step number `steps`, or None."""
@@ -174,7 +174,7 @@ class RunOptions:
 def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
     """Return the number of steps of a run, from `steps` or a duration [s], by default that of the scene."""
     if steps is not None and duration is not None:
-        raise SceneError("a run has steps and duration: it needs one of them")
+        raise InputError("a run has steps and duration: it needs one of them")
     if steps is not None:
         return checks.whole_number("steps", steps, least=0)
     return scene.steps if duration is None else scene.steps_in(duration)
@@ -186,7 +186,7 @@ def _path_relative_to(checkpoint: Path, field: str, stored: Any) -> str | None:
         return None
     name = _file(field, stored)
     if os.path.isabs(name):
-        raise SceneError(f"{field} is {name!r}: it must be where it is as seen from the checkpoint")
+        raise InputError(f"{field} is {name!r}: it must be where it is as seen from the checkpoint")
     return os.path.normpath(checkpoint.parent / name)
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from warnings import warn
 
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path
 from warpgrains.pictures.kinds import FILMS, STILLS, require_drawing
 from warpgrains.pictures.shots import Painter
@@ -45,9 +45,9 @@ class Observer(Protocol):
 
 
 def require_observer(observer: Observer) -> None:
-    """Raise SceneError unless `observer` has `every`, `observe` and `flush`."""
+    """Raise InputError unless `observer` has `every`, `observe` and `flush`."""
     if not all(callable(getattr(observer, name, None)) for name in ("observe", "flush")):
-        raise SceneError(f"observer is {checks.shown(observer)}: it must have every, observe() and flush()")
+        raise InputError(f"observer is {checks.shown(observer)}: it must have every, observe() and flush()")
     checks.whole_number("observer.every", getattr(observer, "every", None))
 
 
@@ -69,7 +69,7 @@ def open_outputs(
 
     Raises
     ------
-    SceneError
+    InputError
         An output cannot be written.
     """
     recorder = _recorder(options, scene, statistics)

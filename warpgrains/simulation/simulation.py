@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from warpgrains.described import documented
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
@@ -50,7 +50,7 @@ class Simulation(Stepper):
 
     Raises
     ------
-    SceneError
+    InputError
         The scene does not exist, the device is unknown, the number of threads is not positive, or an
         override is invalid.
     SimulationError
@@ -111,7 +111,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             An argument is not what it must be, or the recording or the checkpoint cannot be written there; as
             an `OutputError`, if another run does so at the same time.
         SimulationError
@@ -134,7 +134,7 @@ class Simulation(Stepper):
             until=until if isinstance(until, str) else None,
         )
         if checkpoint is not None and callable(until):
-            raise SceneError("until is a callable, which no checkpoint can hold")
+            raise InputError("until is a callable, which no checkpoint can hold")
         if observer is not None:
             require_observer(observer)
         ends, statistics = criterion(until, self.scene), RunStatistics()
@@ -153,7 +153,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             viser is not installed, or the port is no port.
         """
         checks.whole_number("port", port, most=65535)
@@ -175,7 +175,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             The coloring is unknown, or Matplotlib is not installed.
         """
         require_drawing("plot")
@@ -188,7 +188,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             It cannot be written there; as an `OutputError`, if a run does so.
         """
         path = Path(checks.path("path", path))
@@ -208,7 +208,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             The checkpoint cannot be read.
         """
         kept = read_checkpoint(Path(checks.path("path", path)))

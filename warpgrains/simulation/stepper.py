@@ -66,7 +66,7 @@ class Stepper(Shown):
         else:
             self._engine.load(0, state)
 
-    def facts(self) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Return the line that describes the simulation, by name."""
         return {
             self.scene.name: f"of {self.scene.n} grains",
@@ -115,7 +115,7 @@ class Stepper(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             An argument is not what it must be.
         SimulationError
             A step failed as in `step`, after which the earlier steps remain done; or another thread advances
@@ -149,7 +149,7 @@ class Stepper(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             A value is invalid, or a change concerns the grains.
         """
         with self._use.exclusive():
@@ -215,7 +215,7 @@ class Stepper(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             `state` is invalid or belongs to other grains. The message names field, grain and value.
         """
         require_state(state, self.scene)

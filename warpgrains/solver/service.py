@@ -28,7 +28,7 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
 
     Raises
     ------
-    SceneError
+    InputError
         The method is "exact" and qdldl, which the extra ``[exact]`` installs, is missing.
     """
     if method != "exact":

@@ -148,7 +148,7 @@ class Summary(Shown, Tabular):
     output: str | None
     met: bool = False
 
-    def facts(self) -> dict[str, str]:
+    def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
         told = {
             "steps": f"{self.steps}",

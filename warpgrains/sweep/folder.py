@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
 from warpgrains.sweep.results import MET, SECONDS, Columns
 from warpgrains.sweep.run_folder import GRAINS, RESULT, RunFolder
@@ -97,7 +97,7 @@ class SweepFolder:
 
         Raises
         ------
-        SceneError
+        InputError
             Some runs have begun although `resume` is False. It is an `OutputError` if the folder belongs to
             another sweep.
         """
@@ -116,11 +116,11 @@ class SweepFolder:
         begun = self.begun()
         for run in share:
             if run.number in self.shards.lines and not resume:
-                raise SceneError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
+                raise InputError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
             if run.number in begun:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
-                    raise SceneError(f"'{folder.path}' is there: {HOW_TO_CONTINUE}")
+                    raise InputError(f"'{folder.path}' is there: {HOW_TO_CONTINUE}")
                 folder.require_no_other()
         finished = self.finished(share)
         return [run for run in share if run.number not in finished]

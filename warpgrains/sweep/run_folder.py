@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from warpgrains.analysis.quantities import QUANTITIES
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import csv_line, read_regular, read_table, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene.document import parse_toml
@@ -59,21 +59,21 @@ class RunFolder:
         self.result = path / RESULT
 
     def require_this_run(self) -> None:
-        """Raise OutputError if the folder belongs to another run, and SceneError if it is damaged."""
+        """Raise OutputError if the folder belongs to another run, and InputError if it is damaged."""
         if not self.scene_file.exists():
             return
         try:
             found = read_regular(self.scene_file).decode()
         except UnicodeDecodeError:
-            raise SceneError(f"'{self.scene_file}' is no text: {HOW_TO_REPEAT}") from None
-        except SceneError as error:
-            raise SceneError(f"{error}: {HOW_TO_REPEAT}") from None
+            raise InputError(f"'{self.scene_file}' is no text: {HOW_TO_REPEAT}") from None
+        except InputError as error:
+            raise InputError(f"{error}: {HOW_TO_REPEAT}") from None
         if self._belongs_to_another_run(found):
             raise OutputError(
                 f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
             )
         if found != self._text:
-            raise SceneError(f"'{self.scene_file}' is damaged: {HOW_TO_REPEAT}")
+            raise InputError(f"'{self.scene_file}' is damaged: {HOW_TO_REPEAT}")
         if self.result.exists() and self._has_other_columns():
             raise OutputError(f"'{self.result}' {OTHER_COLUMNS}")
 
@@ -86,7 +86,7 @@ class RunFolder:
             self.require_this_run()
         except OutputError:
             raise
-        except (SceneError, OSError):
+        except (InputError, OSError):
             pass
 
     def _belongs_to_another_run(self, found: str) -> bool:
@@ -100,13 +100,13 @@ class RunFolder:
             return False
         try:
             parse_toml(found, self.scene_file)
-        except SceneError:
+        except InputError:
             return False
         return True
 
     def _has_other_columns(self) -> bool:
         """Return whether the result is intact, but has other columns than this sweep."""
-        with suppress(OSError, SceneError):
+        with suppress(OSError, InputError):
             names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
             until = "rest" if MET in names else None
             columns = Columns(
@@ -127,7 +127,7 @@ class RunFolder:
 
         Raises
         ------
-        SceneError
+        InputError
             The scene is invalid or the checkpoint is damaged. It is an `OutputError` if the run is finished
             or the folder belongs to another run.
         """
@@ -162,7 +162,7 @@ class RunFolder:
         steps = kept.statistics.steps if kept.statistics.met else kept.scene.steps
         own = (self._text, self.columns.until, steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
-            raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
+            raise InputError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
         record = None if options.record is None else str(self.recording)
         series = None if options.series is None else str(self.series)
         places: dict[str, Any] = {"record": record, "series": series, "checkpoint": str(self.checkpoint)}
@@ -192,7 +192,7 @@ class RunFolder:
         columns = self.columns.after_labels
         try:
             return csv_line(require_result(read_table(self.result), self.labels, columns).values())
-        except SceneError:
+        except InputError:
             lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", columns)
             return csv_line([*self.labels.values(), *lost])
 

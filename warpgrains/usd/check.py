@@ -16,7 +16,7 @@ def inspect_recording(path: str | Path) -> list[str]:
 
     Raises
     ------
-    SceneError
+    InputError
         The file is missing, is not USD, or has content that recordings do not have. Only the command
         ``warpgrains check`` is safe against files that crash USD or never end.
     """

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pxr import Sdf, Tf
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path
 from warpgrains.locks import Lock, lock_own
 
@@ -23,7 +23,7 @@ def lock_output(path: Path) -> Lock:
 
     Raises
     ------
-    SceneError
+    InputError
         It cannot be written there. It is an `OutputError` if another process writes it, or if the file exists
         and is no recording.
     """
@@ -31,7 +31,7 @@ def lock_output(path: Path) -> Lock:
     try:
         str(path).encode()
     except UnicodeEncodeError:
-        raise SceneError(f"output '{path}' is not UTF-8: USD can write no file of such a name") from None
+        raise InputError(f"output '{path}' is not UTF-8: USD can write no file of such a name") from None
     return lock_own(path, _is_recording, "recording of warpgrains")
 
 
