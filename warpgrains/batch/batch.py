@@ -47,9 +47,9 @@ class SceneSummary(Summary):
 class Batch(Shown):
     """Many scenes on one device, of any sizes and parameters.
 
-    The results of each scene are bit-identical to those of a `Simulation`, for any other scenes in the batch,
-    any order and any number of threads. If the scenes do not all fit in memory, they are processed in groups.
-    Advancing a batch from two Python threads at once raises `SimulationError`.
+    The results of each scene are bit-identical to those of a `Simulation`, and do not depend on the other
+    scenes, their order and the number of threads. If the scenes do not all fit in memory, they are processed
+    in groups. Advancing a batch from two Python threads at once raises `SimulationError`.
 
     Parameters
     ----------
@@ -151,9 +151,9 @@ class Batch(Shown):
         Parameters
         ----------
         steps : int or sequence of int, optional
-            How many, or how many of each scene; or
+            Number of steps, or one number per scene; or
         duration : float, optional
-            for how long [s]; by default every scene for its own duration.
+            simulated time [s]; by default the duration of each scene.
         progress : bool
             Whether to show a progress bar on standard error.
         until : str or callable, optional

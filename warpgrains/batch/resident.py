@@ -149,7 +149,7 @@ class ResidentSet:
             engine.halt()
 
     def by_grain_count(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
-        """Yield groups of scenes with equal numbers of grains: engine, numbers, and indices in it."""
+        """Group scenes by engine and number of grains; yield engine, numbers and indices in the engine."""
         for engine, numbers in self._engines:
             n = np.array([scene.n for scene in engine.scenes])
             for count in np.unique(n):

@@ -32,7 +32,7 @@ _UPDATE_ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")
 
 
 class Difference(NamedTuple):
-    """The first difference: `quantity`, such as "vx[3]", and the step; iteration and contact if known."""
+    """The first difference from the reference: its `quantity`, such as "vx[3]", and its place in the run."""
 
     scene: str
     step: int

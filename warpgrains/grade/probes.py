@@ -85,7 +85,7 @@ def _scene(
 
 
 def start_of(scene: Scene) -> Call:
-    """Return the first step of a scene as a call."""
+    """Return a call of femGrainsUpdate for the first step of a scene."""
     n = scene.n
     arrays = (*scene.position.T, *scene.velocity.T, scene.radius, scene.mass, np.zeros(n + n * (n - 1) // 2))
     limits = (scene.dt, scene.tolerance, scene.max_iterations, scene.radius_in, scene.radius_out)

@@ -96,31 +96,32 @@ class Simulation(Stepper):
         Parameters
         ----------
         steps : int, optional
-            How many; or
+            Number of steps; or
         duration : float, optional
-            for how long [s]; by default for the scene's duration.
+            simulated time [s]; by default the scene's duration.
         until : str or callable, optional
-            What ends the run earlier: "rest", or a callable that is asked every 10 steps whether the
-            simulation that it is given is to stop, see `warpgrains.simulation.until.criterion`.
+            Criterion that ends the run early: "rest", or a callable. Every 10 steps the callable receives the
+            simulation and returns True to stop, see `warpgrains.simulation.until.criterion`.
         {fields}
         observer : object, optional
-            Measures during the run, such as a `warpgrains.analysis.Series`. Its ``observe(simulation)`` is
-            called at multiples of its ``every`` steps, its ``flush()`` before a checkpoint and at the end.
+            Object that measures during the run, such as a `warpgrains.analysis.Series`.
+            ``observe(simulation)`` is called at multiples of its ``every`` steps, ``flush()`` before a
+            checkpoint and at the end.
         progress : bool
             Whether to show a progress bar on standard error.
 
         Raises
         ------
         InputError
-            An argument is not what it must be, or the recording or the checkpoint cannot be written there; as
-            an `OutputError`, if another run does so at the same time.
+            An argument is invalid, or the recording or the checkpoint cannot be written. It is an
+            `OutputError` if another run writes it at the same time.
         SimulationError
             A step failed, or another thread advances this simulation.
 
         Notes
         -----
-        A frame within a step shows positions on the straight path of that step. Where the name of an output
-        is a symbolic link, the file that it leads to is written.
+        A frame within a step shows positions on the straight path of that step. If an output is a symbolic
+        link, its target is written.
         """
         options = RunOptions(
             steps=steps_of(self.scene, steps, duration),
@@ -147,14 +148,17 @@ class Simulation(Stepper):
         return statistics.summary(options.record)
 
     def view(self, port: int = 8080) -> Page:
-        """Play it in a page of this machine's browser, from where it is; a notebook shows the page.
+        """Play the simulation from its present state in a page of this machine's browser.
 
-        It is stepped by the page until ``close`` is called on what is returned; its ``url`` says where it is.
+        A notebook shows the page.
+
+        The page advances the simulation until ``close()`` of the returned object is called; its ``url`` is
+        the address.
 
         Raises
         ------
         InputError
-            viser is not installed, or the port is no port.
+            viser is not installed, or the port is invalid.
         """
         checks.whole_number("port", port, most=65535)
         try:
@@ -167,7 +171,7 @@ class Simulation(Stepper):
 
     @documented([OPTIONS["color_by"], OPTIONS["forces"]])
     def plot(self, color_by: str = RunOptions.color_by, forces: bool = RunOptions.forces) -> Picture:
-        """Return a picture of the present state, which a notebook shows.
+        """Return a picture of the present state. Notebooks show it.
 
         Parameters
         ----------
@@ -184,12 +188,12 @@ class Simulation(Stepper):
         return Picture(self, color_by, forces)
 
     def save(self, path: str | Path) -> None:
-        """Save the exact state and the scene to a checkpoint, an .npz file, at once and whole.
+        """Save the exact state and the scene to a checkpoint, an .npz file, atomically.
 
         Raises
         ------
         InputError
-            It cannot be written there; as an `OutputError`, if a run does so.
+            The checkpoint cannot be written. It is an `OutputError` if a run writes it.
         """
         path = Path(checks.path("path", path))
         with lock_checkpoint(path):
@@ -197,14 +201,14 @@ class Simulation(Stepper):
 
     @classmethod
     def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:
-        """Continue from a checkpoint, of `save` or of a run, with the same bits.
+        """Continue from a checkpoint of `save` or of a run, with the same bits.
 
         Parameters
         ----------
         path : str or Path
             The checkpoint.
         device, threads
-            See `Simulation`; not those that wrote the checkpoint, the result is the same for any.
+            See `Simulation`. They may differ from those that wrote the checkpoint; the result is the same.
 
         Raises
         ------

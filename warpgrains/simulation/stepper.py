@@ -116,7 +116,7 @@ class Stepper(Shown):
         Raises
         ------
         InputError
-            An argument is not what it must be.
+            An argument is invalid.
         SimulationError
             A step failed as in `step`, after which the earlier steps remain done; or another thread advances
             this simulation.

@@ -50,7 +50,7 @@ class Criterion:
         Parameters
         ----------
         moving : Moving
-            Its grains.
+            Grains of the run.
         statistics : RunStatistics
             Statistics of the run, whose `held` and `met` are updated.
         """

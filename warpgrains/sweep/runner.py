@@ -132,7 +132,7 @@ class FolderRuns:
         return sum(run.scene.n for run in runs)
 
     def _advance(self, runs: list[GroupedRun]) -> None:
-        """Advance runs to their ends. A run that alone does not fit in memory has failed."""
+        """Advance runs to their ends. A run that does not fit in memory even alone has failed."""
         if not runs:
             return
         try:
