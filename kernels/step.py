@@ -17,6 +17,7 @@ from . import (
     contact_list,
     dealing,
     exact,
+    friction,
     gauss_seidel,
     integrate,
     neighbors,
@@ -49,7 +50,7 @@ from .conditions import (
     unordered,
     unsolved,
 )
-from .contacts import part_count
+from .contacts import contact_count, part_count
 from .record import grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
@@ -80,7 +81,12 @@ TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
 DEAL_OUT = [*TILES, Each(grain_count, coloring.gather), Serial(dealing.deal_out)]
 
 
-def sweeping_order(dealt: bool) -> list[Stage]:
+def if_rough(rough: bool, stages: list[Stage]) -> list[Stage]:
+    """Return stages that only scenes with friction have."""
+    return stages if rough else []
+
+
+def sweeping_order(dealt: bool, rough: bool) -> list[Stage]:
     """Put the list in the order in which it is swept, and its corrections with it."""
     return [
         Serial(coloring.group_pairs),
@@ -88,18 +94,24 @@ def sweeping_order(dealt: bool) -> list[Stage]:
         *(DEAL_OUT if dealt else [If(tiled, TILES)]),
         Serial(coloring.place_walls),
         Each(grain_count, contact_list.transfer_warm_start),
+        *if_rough(rough, [Each(grain_count, friction.transfer_warm_start)]),
         Serial(contact_list.find_row_sums),
+        *if_rough(rough, [Serial(friction.widen_row_sum)]),
     ]
 
 
-WARM_START = [
-    Each(grain_count, warm_start.begin_attempt),
-    Sets(warm_start.start),
-    Serial(verlet.clear_check),
-    Serial(verlet.find_frame),
-    Each(grain_count, verlet.begin_check),
-    Serial(stopping.begin_iterating),
-]
+def warm_started(rough: bool) -> list[Stage]:
+    """Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
+    return [
+        Each(grain_count, warm_start.begin_attempt),
+        *if_rough(rough, [Each(grain_count, friction.begin_attempt)]),
+        Sets(friction.start if rough else warm_start.start),
+        Serial(verlet.clear_check),
+        Serial(verlet.find_frame),
+        Each(grain_count, verlet.begin_check),
+        Serial(stopping.begin_iterating),
+    ]
+
 
 REBUILD = [
     Each(grain_count, residual.begin_rebuild),
@@ -107,19 +119,34 @@ REBUILD = [
     Shared(residual.measure_residual),
 ]
 
-MEASURE = [*REBUILD, Serial(stopping.stop_on_residual)]
-
-GAUSS_SEIDEL = [
-    While(
-        iterating,
-        [
-            Sets(gauss_seidel.sweep),
-            Serial(gauss_seidel.decide),
-            If(sampling, [Each(grain_count, verlet.sample)]),
-            If(measuring, MEASURE),
-        ],
-    ),
+REBUILD_ROUGH = [
+    Each(grain_count, residual.begin_rebuild),
+    Each(grain_count, friction.begin_rebuild),
+    Sets(friction.rebuild),
+    Shared(friction.measure_residual),
 ]
+
+MEASURE = [*REBUILD, Serial(stopping.stop_on_residual)]
+MEASURE_ROUGH = [*REBUILD_ROUGH, Serial(stopping.stop_on_residual)]
+
+
+def plain_sweeps(sweep: wp.Function, measure: list[Stage]) -> list[Stage]:
+    """Sweep all contacts until the changes, or the residual, are small."""
+    return [
+        While(
+            iterating,
+            [
+                Sets(sweep),
+                Serial(gauss_seidel.decide),
+                If(sampling, [Each(grain_count, verlet.sample)]),
+                If(measuring, measure),
+            ],
+        ),
+    ]
+
+
+GAUSS_SEIDEL = plain_sweeps(gauss_seidel.sweep, MEASURE)
+GAUSS_SEIDEL_ROUGH = plain_sweeps(friction.sweep, MEASURE_ROUGH)
 
 
 PUT_BACK = [Each(part_count, working_set.put_back)]
@@ -183,58 +210,72 @@ EXACT = [
 ]
 
 METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED, "exact": EXACT}
-
-SAVE = [
-    Each(grain_count, contact_list.save_row),
-    Each(contact_list.listed_count, contact_list.save_contact),
-]
-
-FINISH = [
-    Each(grain_count, integrate.move),
-    Serial(integrate.stagger),
-    Each(grain_count, verlet.remember),
-    Serial(verlet.shift_frame),
-    Shared(statistics.overlaps),
-    Serial(statistics.report),
-    Serial(statistics.add_step),
-    If(
-        recoloring,
-        [
-            *SAVE,
-            Serial(contact_list.color_anew),
-        ],
-    ),
-]
-
-EXPIRE = [
-    *SAVE,
-    Serial(contact_list.expire),
-    Serial(skins.adapt_base_skin),
-    Each(grain_count, skins.renew_skin),
-    Serial(skins.find_lifetime),
-]
+METHODS_ROUGH = {"gauss-seidel": GAUSS_SEIDEL_ROUGH}
 
 
-def step(method: str, dealt: bool = False) -> list[Stage]:
-    """Return the stages of one step by a method; `dealt` where threads are dealt tiles."""
+def save(rough: bool) -> list[Stage]:
+    """Keep the list and what its contacts carry, for the next list."""
+    return [
+        Each(grain_count, contact_list.save_row),
+        Each(contact_list.listed_count, contact_list.save_contact),
+        *if_rough(rough, [Each(contact_list.listed_count, friction.save_contact)]),
+    ]
+
+
+def finish(rough: bool) -> list[Stage]:
+    """Move the grains, and report."""
+    return [
+        Each(grain_count, integrate.move),
+        *if_rough(rough, [Each(grain_count, friction.turn), Each(contact_count, friction.keep_correction)]),
+        Serial(integrate.stagger),
+        Each(grain_count, verlet.remember),
+        Serial(verlet.shift_frame),
+        Shared(statistics.overlaps),
+        Serial(statistics.report),
+        Serial(statistics.add_step),
+        If(recoloring, [*save(rough), Serial(contact_list.color_anew)]),
+    ]
+
+
+def expire(rough: bool) -> list[Stage]:
+    """Ask for another list."""
+    return [
+        *save(rough),
+        Serial(contact_list.expire),
+        Serial(skins.adapt_base_skin),
+        Each(grain_count, skins.renew_skin),
+        Serial(skins.find_lifetime),
+    ]
+
+
+def step(method: str, rough: bool, dealt: bool = False) -> list[Stage]:
+    """Return the stages of one step by a method.
+
+    `rough`: with friction; `dealt`: threads are dealt tiles.
+    """
+    free = [
+        Each(grain_count, integrate.free_velocity),
+        *if_rough(rough, [Each(grain_count, friction.free_spin)]),
+    ]
+    methods = METHODS_ROUGH if rough else METHODS
     return [
         Serial(stopping.begin),
-        If(starting, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),
+        If(starting, [Serial(integrate.begin_step), *free]),
         While(
             unsolved,
             [
                 If(unlisted, NEW_LIST),
-                If(unordered, sweeping_order(dealt)),
+                If(unordered, sweeping_order(dealt, rough)),
                 Serial(stopping.see_whether_listed),
                 If(
                     attempting,
                     [
-                        If(fresh, WARM_START),
-                        *METHODS[method],
+                        If(fresh, warm_started(rough)),
+                        *methods[method],
                         Each(grain_count, verlet.verify),
                         Serial(stopping.judge),
-                        If(accepted, FINISH),
-                        If(unlisted, EXPIRE),
+                        If(accepted, finish(rough)),
+                        If(unlisted, expire(rough)),
                     ],
                 ),
             ],
@@ -243,6 +284,6 @@ def step(method: str, dealt: bool = False) -> list[Stage]:
 
 
 @cache
-def fused_step(method: str, dealt: bool) -> wp.Function:
+def fused_step(method: str, rough: bool, dealt: bool) -> wp.Function:
     """Return the function that takes one step, `(team, scene)`."""
-    return fuse(step(method, dealt))
+    return fuse(step(method, rough, dealt))

@@ -1,4 +1,4 @@
-"""Engine: scenes of one method in memory, and the launches that advance them."""
+"""Engine: scenes of one kind in memory, and the launches that advance them."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, REFUSED)
 
 
 class Engine:
-    """Scenes of one method, their queue, and the launches that work it off.
+    """Scenes of one kind, their queue, and the launches that work it off.
 
     Parameters
     ----------
     scenes : sequence of Scene
-        All of one method.
+        All of one `Scene.kernel_kind`.
     device : wp.Device
     team : int
         Threads that share a scene on a CPU.
@@ -92,10 +92,10 @@ class Engine:
     @property
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes on a CPU."""
-        method, dealt = self.scenes[0].method, self._records.sizes.is_dealt
-        name = f"warpgrains.kernels_{method.replace('-', '_')}{'_dealt' if dealt else ''}"
+        (method, rough), dealt = self.scenes[0].kernel_kind, self._records.sizes.is_dealt
+        parts = (method.replace("-", "_"), *["rough"] * rough, *["dealt"] * dealt)
         with BUILDING:
-            return kernels.kernel(name, fused_step(method, dealt))
+            return kernels.kernel(f"warpgrains.kernels_{'_'.join(parts)}", fused_step(method, rough, dealt))
 
     @property
     def is_compiled(self) -> bool:
@@ -202,8 +202,9 @@ class Engine:
     def _graph(self, k: int) -> wp.Graph:
         """Return the graph of a step of scene k on a GPU."""
         if k not in self._graphs:
-            stages = step(self.scenes[k].method)
-            module = wp.get_module(f"warpgrains.kernels_gpu_{self.scenes[k].method}")
+            method, rough = self.scenes[k].kernel_kind
+            stages = step(method, rough)
+            module = wp.get_module(f"warpgrains.kernels_gpu_{method}{'_rough' if rough else ''}")
             wp.set_module_options(OPTIONS, module)
             launcher = Launcher(module, self._records.device, k, stages)
             with wp.ScopedCapture(device=self._device) as capture:
