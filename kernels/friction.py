@@ -15,11 +15,9 @@ from .access import (
     first_of,
     gap_rate_of,
     larger,
-    lowest_bit,
     normal_of,
     put,
     second_of,
-    vn_of,
 )
 from .contacts import apply, contact_count, gap_rates_now, is_wall_set
 from .gauss_seidel import in_blocks, note_moment
@@ -302,7 +300,7 @@ def transfer_warm_start(s: Scene, i: int):
 
 @wp.func
 def widen_row_sum(s: Scene):
-    """Allow for tangential corrections, as large as normal ones, in what one iteration changes a velocity by."""
+    """Bound the change of a velocity in one iteration, tangential corrections as large as normal ones."""
     s.verlet.numbers.max_row_sum = ROOT_TWO * s.verlet.numbers.max_row_sum
 
 

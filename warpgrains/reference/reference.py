@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.scene.scene import Scene
 from warpgrains.scene.disc import Disc
+from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State
 from warpgrains.scene.walls import INNER, body_of
@@ -114,7 +114,7 @@ class Reference:
             arrays["dvDiscs"][disc[at_disc]] = carried[at_disc]
             sign = np.where((wall == INNER) & ~at_disc, -1.0, 1.0)
             arrays["dvBoundary"][grain[~at_disc]] = (sign * carried)[~at_disc]
-            if scene.has_friction and corrections.pair_friction is not None:
+            if corrections.pair_friction is not None and corrections.wall_friction is not None:
                 arrays["w"][:], arrays["angle"][:] = state.spin, state.angle
                 arrays["dtContacts"][pair_index(corrections.pair, n)] = corrections.pair_friction
                 arrays["dtDiscs"][disc[at_disc]] = corrections.wall_friction[at_disc]

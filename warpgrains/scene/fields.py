@@ -79,8 +79,8 @@ class SceneFields:
     radius: Array = _key("Radius of every grain [m], shape (n,), or one number for all.")
     mass: Array = _key("Mass of every grain [kg], shape (n,), or one number for all.")
     spin: OptionalArray = _key(
-        "Angular velocity of every grain at the start [rad/s], shape (n,), or one number for all; by default no"
-        " grain rotates. Only with friction.",
+        "Angular velocity of every grain at the start [rad/s], shape (n,), or one number for all; by default"
+        " no grain rotates. Only with friction.",
         default=None,
     )
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
@@ -292,9 +292,7 @@ def _require_friction(scene: "Scene") -> None:
     """Raise SceneError if a field has no effect without friction, or a method knows none."""
     walls = ("angular_velocity_out", "angular_velocity_in")
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
-        raise SceneError(
-            f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall, radius_in is 0"
-        )
+        raise SceneError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
     for name in walls:
         if getattr(scene, name) != 0.0 and scene.friction_at_walls == 0.0:
             raise SceneError(
@@ -309,12 +307,14 @@ def _require_friction(scene: "Scene") -> None:
         lost = scene.spin_drag * scene.dt / inertia
         if scene.scheme == "text" and (lost >= 1.0).any():
             raise SceneError(
-                f"{checks.of_grain('spin_drag', np.full(scene.n, scene.spin_drag), lost >= 1.0)}: in a step of"
-                f" {scene.dt} s it would reverse its rotation; dt must be less than"
+                f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
+                f" rotation of grain {int(lost.argmax())}; dt must be less than"
                 f' {float(inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
             )
-        if not np.isfinite(scene.spin * scene.radius).all():
-            grain = checks.of_grain("spin", scene.spin, ~np.isfinite(scene.spin * scene.radius))
+        with np.errstate(over="ignore"):
+            too_fast = ~np.isfinite(scene.spin * scene.radius)
+        if too_fast.any():
+            grain = checks.of_grain("spin", scene.spin, too_fast)
             raise SceneError(f"{grain}: the speed of its rim is not finite")
         return
     if scene.spin.any():

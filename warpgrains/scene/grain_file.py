@@ -1,6 +1,7 @@
 """Files of grains beside a scene file.
 
-An `.npz` file holds the array `position` (n, 2), and any of `velocity` (n, 2), `radius`, `mass` and `spin` (n,).
+An `.npz` file holds the array `position` (n, 2), and any of `velocity` (n, 2), `radius`, `mass` and `spin`,
+shape (n,).
 A `.csv` file names its columns in the first line: `x` and `y`, and any of `vx` and `vy`, `radius`, `mass`
 and `spin`.
 """
