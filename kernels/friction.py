@@ -91,14 +91,14 @@ def apply_both(s: Scene, velocity: Vectors, rim: Floats, c: int, dv: f64, dvt: f
 
 
 @wp.func
-def begin_attempt(s: Scene, i: int):
+def begin_rim(s: Scene, i: int):
     """Begin with the free rim speed."""
     if s.control.resuming == 0:
         put(s.grains.next_rim, i, at(s.grains.free_rim, i))
 
 
 @wp.func
-def start(team: Team, s: Scene, k: int):
+def start_with_friction(team: Team, s: Scene, k: int):
     """Freeze the contacts of a set, and apply their corrections."""
     c, end = contacts_of(team, s, k)
     at_wall = is_wall_set(s, k)
@@ -113,13 +113,13 @@ def start(team: Team, s: Scene, k: int):
 
 
 @wp.func
-def begin_rebuild(s: Scene, i: int):
+def begin_rebuilt_rim(s: Scene, i: int):
     """Begin with the free rim speed."""
     put(s.grains.rebuilt_rim, i, at(s.grains.free_rim, i))
 
 
 @wp.func
-def rebuild(team: Team, s: Scene, k: int):
+def rebuild_with_friction(team: Team, s: Scene, k: int):
     """Apply the corrections of the contacts of a set."""
     c, end = contacts_of(team, s, k)
     at_wall = is_wall_set(s, k)
@@ -153,7 +153,7 @@ def residual_of(s: Scene, c: int) -> f64:
 
 
 @wp.func
-def measure_residual(team: Team, s: Scene):
+def measure_with_friction(team: Team, s: Scene):
     """Find the largest residual of this thread's share of the contacts."""
     worst = f64(0.0)
     c, end = thread_range(team, 0, contact_count(s))
@@ -256,7 +256,7 @@ def sweep_walls(s: Scene, begin: int, end: int) -> f64:
 
 
 @wp.func
-def sweep(team: Team, s: Scene, k: int):
+def sweep_with_friction(team: Team, s: Scene, k: int):
     """Correct the contacts of a set."""
     zeta = f64(0.0)
     moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
@@ -271,7 +271,7 @@ def sweep(team: Team, s: Scene, k: int):
 
 
 @wp.func
-def save_contact(s: Scene, k: int):
+def save_tangential(s: Scene, k: int):
     """Keep the tangential corrections of the contact at place k of the list."""
     c = at(s.workspace.sweep_index, k)
     last = f64(0.0)
@@ -281,7 +281,7 @@ def save_contact(s: Scene, k: int):
 
 
 @wp.func
-def transfer_warm_start(s: Scene, i: int):
+def transfer_tangential(s: Scene, i: int):
     """Write the tangential corrections of a grain's contacts where they are swept, or zero."""
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:

@@ -81,12 +81,12 @@ TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
 DEAL_OUT = [*TILES, Each(grain_count, coloring.gather), Serial(dealing.deal_out)]
 
 
-def if_rough(rough: bool, stages: list[Stage]) -> list[Stage]:
-    """Return stages that only scenes with friction have."""
-    return stages if rough else []
+def only(wanted: bool, stages: list[Stage]) -> list[Stage]:
+    """Return stages, or none where they are not wanted."""
+    return stages if wanted else []
 
 
-def sweeping_order(dealt: bool, rough: bool) -> list[Stage]:
+def sweeping_order(dealt: bool, has_friction: bool) -> list[Stage]:
     """Put the list in the order in which it is swept, and its corrections with it."""
     return [
         Serial(coloring.group_pairs),
@@ -94,18 +94,18 @@ def sweeping_order(dealt: bool, rough: bool) -> list[Stage]:
         *(DEAL_OUT if dealt else [If(tiled, TILES)]),
         Serial(coloring.place_walls),
         Each(grain_count, contact_list.transfer_warm_start),
-        *if_rough(rough, [Each(grain_count, friction.transfer_warm_start)]),
+        *only(has_friction, [Each(grain_count, friction.transfer_tangential)]),
         Serial(contact_list.find_row_sums),
-        *if_rough(rough, [Serial(friction.widen_row_sum)]),
+        *only(has_friction, [Serial(friction.widen_row_sum)]),
     ]
 
 
-def warm_started(rough: bool) -> list[Stage]:
+def warm_started(has_friction: bool) -> list[Stage]:
     """Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
     return [
         Each(grain_count, warm_start.begin_attempt),
-        *if_rough(rough, [Each(grain_count, friction.begin_attempt)]),
-        Sets(friction.start if rough else warm_start.start),
+        *only(has_friction, [Each(grain_count, friction.begin_rim)]),
+        Sets(friction.start_with_friction if has_friction else warm_start.start),
         Serial(verlet.clear_check),
         Serial(verlet.find_frame),
         Each(grain_count, verlet.begin_check),
@@ -119,15 +119,15 @@ REBUILD = [
     Shared(residual.measure_residual),
 ]
 
-REBUILD_ROUGH = [
+REBUILD_WITH_FRICTION = [
     Each(grain_count, residual.begin_rebuild),
-    Each(grain_count, friction.begin_rebuild),
-    Sets(friction.rebuild),
-    Shared(friction.measure_residual),
+    Each(grain_count, friction.begin_rebuilt_rim),
+    Sets(friction.rebuild_with_friction),
+    Shared(friction.measure_with_friction),
 ]
 
 MEASURE = [*REBUILD, Serial(stopping.stop_on_residual)]
-MEASURE_ROUGH = [*REBUILD_ROUGH, Serial(stopping.stop_on_residual)]
+MEASURE_WITH_FRICTION = [*REBUILD_WITH_FRICTION, Serial(stopping.stop_on_residual)]
 
 
 def plain_sweeps(sweep: wp.Function, measure: list[Stage]) -> list[Stage]:
@@ -146,7 +146,7 @@ def plain_sweeps(sweep: wp.Function, measure: list[Stage]) -> list[Stage]:
 
 
 GAUSS_SEIDEL = plain_sweeps(gauss_seidel.sweep, MEASURE)
-GAUSS_SEIDEL_ROUGH = plain_sweeps(friction.sweep, MEASURE_ROUGH)
+GAUSS_SEIDEL_WITH_FRICTION = plain_sweeps(friction.sweep_with_friction, MEASURE_WITH_FRICTION)
 
 
 PUT_BACK = [Each(part_count, working_set.put_back)]
@@ -209,38 +209,46 @@ EXACT = [
     *sweeps_ahead(exact.decide_exactly, [*MEASURE, Serial(exact.stop_when_slow)]),
 ]
 
-METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED, "exact": EXACT}
-METHODS_ROUGH = {"gauss-seidel": GAUSS_SEIDEL_ROUGH}
+Kind = tuple[str, bool]
+"""Method, and whether there is friction."""
+METHODS: dict[Kind, list[Stage]] = {
+    ("gauss-seidel", False): GAUSS_SEIDEL,
+    ("accelerated", False): ACCELERATED,
+    ("exact", False): EXACT,
+    ("gauss-seidel", True): GAUSS_SEIDEL_WITH_FRICTION,
+}
 
 
-def save(rough: bool) -> list[Stage]:
+def save(has_friction: bool) -> list[Stage]:
     """Keep the list and what its contacts carry, for the next list."""
     return [
         Each(grain_count, contact_list.save_row),
         Each(contact_list.listed_count, contact_list.save_contact),
-        *if_rough(rough, [Each(contact_list.listed_count, friction.save_contact)]),
+        *only(has_friction, [Each(contact_list.listed_count, friction.save_tangential)]),
     ]
 
 
-def finish(rough: bool) -> list[Stage]:
+def finish(has_friction: bool) -> list[Stage]:
     """Move the grains, and report."""
     return [
         Each(grain_count, integrate.move),
-        *if_rough(rough, [Each(grain_count, friction.turn), Each(contact_count, friction.keep_correction)]),
+        *only(
+            has_friction, [Each(grain_count, friction.turn), Each(contact_count, friction.keep_correction)]
+        ),
         Serial(integrate.stagger),
         Each(grain_count, verlet.remember),
         Serial(verlet.shift_frame),
         Shared(statistics.overlaps),
         Serial(statistics.report),
         Serial(statistics.add_step),
-        If(recoloring, [*save(rough), Serial(contact_list.color_anew)]),
+        If(recoloring, [*save(has_friction), Serial(contact_list.color_anew)]),
     ]
 
 
-def expire(rough: bool) -> list[Stage]:
+def expire(has_friction: bool) -> list[Stage]:
     """Ask for another list."""
     return [
-        *save(rough),
+        *save(has_friction),
         Serial(contact_list.expire),
         Serial(skins.adapt_base_skin),
         Each(grain_count, skins.renew_skin),
@@ -248,16 +256,13 @@ def expire(rough: bool) -> list[Stage]:
     ]
 
 
-def step(method: str, rough: bool, dealt: bool = False) -> list[Stage]:
-    """Return the stages of one step by a method.
-
-    `rough`: with friction; `dealt`: threads are dealt tiles.
-    """
+def step(kind: Kind, dealt: bool = False) -> list[Stage]:
+    """Return the stages of one step of a kind; `dealt` where threads are dealt tiles."""
+    has_friction = kind[1]
     free = [
         Each(grain_count, integrate.free_velocity),
-        *if_rough(rough, [Each(grain_count, friction.free_spin)]),
+        *only(has_friction, [Each(grain_count, friction.free_spin)]),
     ]
-    methods = METHODS_ROUGH if rough else METHODS
     return [
         Serial(stopping.begin),
         If(starting, [Serial(integrate.begin_step), *free]),
@@ -265,17 +270,17 @@ def step(method: str, rough: bool, dealt: bool = False) -> list[Stage]:
             unsolved,
             [
                 If(unlisted, NEW_LIST),
-                If(unordered, sweeping_order(dealt, rough)),
+                If(unordered, sweeping_order(dealt, has_friction)),
                 Serial(stopping.see_whether_listed),
                 If(
                     attempting,
                     [
-                        If(fresh, warm_started(rough)),
-                        *methods[method],
+                        If(fresh, warm_started(has_friction)),
+                        *METHODS[kind],
                         Each(grain_count, verlet.verify),
                         Serial(stopping.judge),
-                        If(accepted, finish(rough)),
-                        If(unlisted, expire(rough)),
+                        If(accepted, finish(has_friction)),
+                        If(unlisted, expire(has_friction)),
                     ],
                 ),
             ],
@@ -284,6 +289,6 @@ def step(method: str, rough: bool, dealt: bool = False) -> list[Stage]:
 
 
 @cache
-def fused_step(method: str, rough: bool, dealt: bool) -> wp.Function:
+def fused_step(kind: Kind, dealt: bool) -> wp.Function:
     """Return the function that takes one step, `(team, scene)`."""
-    return fuse(step(method, rough, dealt))
+    return fuse(step(kind, dealt))

@@ -60,7 +60,7 @@ static double contactMass(const femGrains *g, int i, double dt) {
     return g->leapfrog ? g->m[i] + g->gamma * dt / 2.0 : g->m[i];
 }
 
-static int isRough(const femGrains *g) {
+static int hasFriction(const femGrains *g) {
     return g->friction > 0.0 || g->wallFriction > 0.0;
 }
 
@@ -97,7 +97,7 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, 
     double wi = mj / (mi + mj);
     double wj = mi / (mi + mj);
     double dvt = 0.0;
-    if (isRough(g)) {
+    if (hasFriction(g)) {
         double rimI = wi * rimFactor(g, i, dt);
         double rimJ = wj * rimFactor(g, j, dt);
         double vt = (g->vx[i] - g->vx[j]) * -ny + (g->vy[i] - g->vy[j]) * nx + g->u[i] + g->u[j];
@@ -118,7 +118,7 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, 
 static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv, double carried, double *dtc,
                            double speed, double dt, int iter) {
     double dvt = 0.0;
-    if (isRough(g)) {
+    if (hasFriction(g)) {
         double rim = rimFactor(g, i, dt);
         double vt = g->vx[i] * -ny + g->vy[i] * nx + (g->u[i] - speed);
         dvt = frictionChange(dtc, vt, 1.0 / (1.0 + rim), g->wallFriction * carried, iter);
@@ -153,7 +153,7 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         dv = dvOut - dvIn - *dvb;
         *dvb += dv;
     }
-    double *dtb = isRough(g) ? &g->dtBoundary[i] : NULL;
+    double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
     return pushFromWall(g, i, nx, ny, dv, *dvb, dtb, g->speedOut, dt, iter);
 }
 
@@ -173,17 +173,17 @@ static double contactDisc(femGrains *g, int i, int d, double dt, int iter) {
         dv = fmax(0.0, vn + *dvd - gap / dt) - *dvd;
         *dvd += dv;
     }
-    double *dtd = isRough(g) ? &g->dtDiscs[i * g->nDiscs + d] : NULL;
-    return pushFromWall(g, i, nx, ny, dv, *dvd, dtd, isRough(g) ? g->speedDiscs[d] : 0.0, dt, iter);
+    double *dtd = hasFriction(g) ? &g->dtDiscs[i * g->nDiscs + d] : NULL;
+    return pushFromWall(g, i, nx, ny, dv, *dvd, dtd, hasFriction(g) ? g->speedDiscs[d] : 0.0, dt, iter);
 }
 
 double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
     int n = myGrains->n;
     double zeta = 0.0;
     double *dvc = myGrains->dvContacts, *dtc = myGrains->dtContacts;
-    int rough = isRough(myGrains);
+    int step = hasFriction(myGrains);
     for (int i = 0; i < n; i++)
-        for (int j = i + 1; j < n; j++, dtc += rough)
+        for (int j = i + 1; j < n; j++, dtc += step)
             zeta = fmax(zeta, contactPair(myGrains, i, j, dvc++, dtc, dt, iter));
     for (int i = 0; i < n; i++) {
         zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
@@ -205,7 +205,7 @@ double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, in
             zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
         } else {
             long pair = (long)i * (2 * n - i - 1) / 2 + (j - i - 1);
-            double *dtc = isRough(myGrains) ? &myGrains->dtContacts[pair] : NULL;
+            double *dtc = hasFriction(myGrains) ? &myGrains->dtContacts[pair] : NULL;
             zeta = fmax(zeta, contactPair(myGrains, i, j, &myGrains->dvContacts[pair], dtc, dt, iter));
         }
     }
@@ -238,7 +238,7 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
         double m = myGrains->m[i];
         myGrains->vx[i] = freeVelocity(myGrains, myGrains->vx[i], myGrains->gravity[0], m, dt);
         myGrains->vy[i] = freeVelocity(myGrains, myGrains->vy[i], myGrains->gravity[1], m, dt);
-        if (isRough(myGrains)) myGrains->u[i] = myGrains->r[i] * freeSpin(myGrains, myGrains->w[i], m, myGrains->r[i], dt);
+        if (hasFriction(myGrains)) myGrains->u[i] = myGrains->r[i] * freeSpin(myGrains, myGrains->w[i], m, myGrains->r[i], dt);
     }
 
     femGrainsContactIterate(myGrains, dt, 0);
@@ -252,7 +252,7 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
     for (int i = 0; i < n; i++) {
         myGrains->x[i] += dt * myGrains->vx[i];
         myGrains->y[i] += dt * myGrains->vy[i];
-        if (isRough(myGrains)) {
+        if (hasFriction(myGrains)) {
             myGrains->w[i] = myGrains->u[i] / myGrains->r[i];
             myGrains->angle[i] += dt * myGrains->w[i];
         }

@@ -22,7 +22,7 @@ FAST = ("-O3", "-march=native")
 MOST_GRAINS = 3000  # of a scene that is timed: it visits all pairs, and keeps a number for each
 
 _Doubles = ctypes.POINTER(ctypes.c_double)
-_ROUGH = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtDiscs")
+_ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtDiscs")
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
@@ -39,7 +39,7 @@ class Grains(ctypes.Structure):
         *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round", "nDiscs")),
         *((name, _Doubles) for name in ("discs", "dvDiscs")),
         *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "speedOut")),
-        *((name, _Doubles) for name in ("speedDiscs", *_ROUGH)),
+        *((name, _Doubles) for name in ("speedDiscs", *_ROTATING)),
     )
 
 
@@ -97,8 +97,8 @@ class Reference:
             *np.zeros((2, n)),
             *map(np.zeros, (n * (n - 1) // 2, n, n * len(discs))),
         )
-        self._arrays |= dict(zip(_ROUGH, rotating, strict=True))
-        for name in ("discs", "dvDiscs", "speedDiscs", *_ROUGH):
+        self._arrays |= dict(zip(_ROTATING, rotating, strict=True))
+        for name in ("discs", "dvDiscs", "speedDiscs", *_ROTATING):
             setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
         self._grains.nDiscs = self._discs = len(discs)
         self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", scene.wall == "round"

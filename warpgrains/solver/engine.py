@@ -92,10 +92,9 @@ class Engine:
     @property
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes on a CPU."""
-        (method, rough), dealt = self.scenes[0].kernel_kind, self._records.sizes.is_dealt
-        parts = (method.replace("-", "_"), *["rough"] * rough, *["dealt"] * dealt)
+        kind, dealt = self.scenes[0].kernel_kind, self._records.sizes.is_dealt
         with BUILDING:
-            return kernels.kernel(f"warpgrains.kernels_{'_'.join(parts)}", fused_step(method, rough, dealt))
+            return kernels.kernel(_module_name(*kind, "dealt" * dealt), fused_step(kind, dealt))
 
     @property
     def is_compiled(self) -> bool:
@@ -202,9 +201,9 @@ class Engine:
     def _graph(self, k: int) -> wp.Graph:
         """Return the graph of a step of scene k on a GPU."""
         if k not in self._graphs:
-            method, rough = self.scenes[k].kernel_kind
-            stages = step(method, rough)
-            module = wp.get_module(f"warpgrains.kernels_gpu_{method}{'_rough' if rough else ''}")
+            kind = self.scenes[k].kernel_kind
+            stages = step(kind)
+            module = wp.get_module(_module_name(*kind, "gpu"))
             wp.set_module_options(OPTIONS, module)
             launcher = Launcher(module, self._records.device, k, stages)
             with wp.ScopedCapture(device=self._device) as capture:
@@ -301,3 +300,9 @@ class Engine:
     def error(self, k: int) -> str | None:
         """Return why scene k stopped before its end, if it did."""
         return self._service.errors.get(k)
+
+
+def _module_name(method: str, has_friction: bool, way: str) -> str:
+    """Return the name of the module that holds the kernels of a kind, launched in one way."""
+    parts = ["warpgrains.kernels", method.replace("-", "_"), "friction" * has_friction, way]
+    return "_".join(filter(None, parts))

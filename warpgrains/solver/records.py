@@ -152,7 +152,7 @@ class SceneRecords:
         for name in ("radius", "mass", "contact_mass", "position", "velocity"):
             array = self._together(f"grains.{name}")
             array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(array.shape)
-        if self.sizes.rough:
+        if self.sizes.friction:
             for name in ("spin", "rim_mass"):
                 array = self._together(f"grains.{name}")
                 array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(

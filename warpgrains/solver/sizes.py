@@ -33,7 +33,7 @@ class Sizes:
         Bodies that are walls (kernels/walls.py).
     weighted : ndarray
         1 where grains take unequal parts of corrections (`Scene.has_equal_shares`), 0 elsewhere.
-    accelerated, rough : int
+    accelerated, friction : int
         1 where the sweeps are accelerated, or there is friction, 0 elsewhere.
     team : int
         CPU threads that share a scene.
@@ -48,7 +48,7 @@ class Sizes:
     walls: Counts
     weighted: Counts
     accelerated: int
-    rough: int
+    friction: int
     team: int
     partials: int
     history: int = 0
@@ -94,7 +94,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": contacts}
     search = {"firsts": n, "seconds": n + size.walls, "found": contacts, "by_second": contacts, "total": 1}
-    rough = size.rough
+    friction = size.friction
     ahead, dealt = size.accelerated, int(size.is_dealt)
     threads = size.team * dealt
     parts = contacts + contacts // CHUNK + 2 + size.walls
@@ -103,26 +103,26 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
             **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity"), n),
             **dict.fromkeys(("radius", "mass", "contact_mass"), n),
-            **dict.fromkeys(("spin", "last_spin", "angle", "rim_mass"), rough * n),
-            **dict.fromkeys(("free_rim", "next_rim", "rebuilt_rim"), rough * n),
+            **dict.fromkeys(("spin", "last_spin", "angle", "rim_mass"), friction * n),
+            **dict.fromkeys(("free_rim", "next_rim", "rebuilt_rim"), friction * n),
         },
         "contacts": {
             **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
-            **dict.fromkeys(("dvt", "dvt_start"), rough * contacts),
+            **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
             "weights": contacts * size.weighted,
-            "rim_weights": rough * contacts * size.weighted,
+            "rim_weights": friction * contacts * size.weighted,
             "limits": n * size.walls,
             "set_start": contacts + 2 + size.walls,
         },
-        "walls": {"shape": size.walls - 1, "surface": rough * size.walls},
+        "walls": {"shape": size.walls - 1, "surface": friction * size.walls},
         "verlet": {
             **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
             **dict.fromkeys(("reference_position", "reference_velocity"), n),
         },
         "momentum": {
             "last_dv": ahead * contacts,
-            "last_dvt": ahead * rough * contacts,
-            "last_rim": ahead * rough * n,
+            "last_dvt": ahead * friction * contacts,
+            "last_rim": ahead * friction * n,
             "contact_part": ahead * parts,
             **dict.fromkeys(("last_velocity", "grain_part"), ahead * n),
         },
@@ -141,7 +141,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
             **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "sweep_index"), contacts),
-            "old_dvt": rough * contacts,
+            "old_dvt": friction * contacts,
             "sequence": contacts,
             "group": contacts + 1,
             **dict.fromkeys(("row_sum", "next_level", "used_colors"), n),
