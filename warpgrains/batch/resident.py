@@ -86,7 +86,7 @@ class ResidentScene:
 
 
 class ResidentSet:
-    """Scenes in memory, by their numbers in the batch. Scenes with the same method share an engine.
+    """Scenes in memory, by their numbers in the batch, each in the engine of its kind.
 
     Of the `threads`, groups of `team` threads share a scene.
     """
@@ -97,8 +97,8 @@ class ResidentSet:
         self._is_canceled = False
         self._done: dict[int, StepsDone] = {}
         self.scenes: dict[int, ResidentScene] = {}
-        for method in sorted({scene.method for scene in scenes.values()}):
-            numbers = [k for k, scene in scenes.items() if scene.method == method]
+        for kind in sorted({scene.kernel_kind for scene in scenes.values()}):
+            numbers = [k for k, scene in scenes.items() if scene.kernel_kind == kind]
             engine = Engine([scenes[k] for k in numbers], device, team)
             engine.begin()
             self._engines.append((engine, numbers))
@@ -197,7 +197,7 @@ class ResidentSets:
     def _bytes(self) -> Counts:
         """Return the memory of each scene [bytes]."""
         sizes = np.zeros(len(self._scenes), np.int64)
-        kinds = [(scene.method, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
+        kinds = [(scene.kernel_kind, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
         for kind in set(kinds):
             members = [k for k, other in enumerate(kinds) if other == kind]
             sizes[members] = bytes_needed(
