@@ -86,7 +86,7 @@ class ResidentScene:
 
 
 class ResidentSet:
-    """Scenes in memory, by their numbers in the batch, each in the engine of its kind.
+    """Scenes in memory, by their numbers in the batch. Scenes of one kind share an engine.
 
     Of the `threads`, groups of `team` threads share a scene.
     """

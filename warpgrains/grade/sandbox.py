@@ -1,6 +1,6 @@
 """The sandbox: a process (child.c) that executes a homework and answers one call after the other.
 
-The process returns numbers only, and this process judges them. The sandbox contains no expected result except
+The child returns numbers only, and the parent judges them. The sandbox contains no expected result except
 those of the reference function that it calls. It is limited by `Limits`, to a megabyte of output, and has no
 access to files, processes and the network.
 """

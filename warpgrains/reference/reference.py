@@ -128,7 +128,7 @@ class Reference:
     def step(self, order: IntArray | None = None) -> tuple[int, float]:
         """Advance by one step in Python's loop; return iterations and last zeta, which C does not return.
 
-        `order`: contacts (i, j), (i, -1) for the annulus, (i, -2 - d) for disc d, if not in the text's order;
+        `order` overrides the text's order: contacts (i, j), (i, -1) for the annulus, (i, -2 - d) for disc d,
         shape (m, 2). With friction, disc 0 is the inner wall, if there is one.
         """
         scene, arrays = self._scene, self._arrays

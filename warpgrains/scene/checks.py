@@ -158,7 +158,7 @@ def require_finite(field: str, array: FloatArray) -> None:
 
 
 def per_grain(field: str, value: Any, n: int) -> FloatArray:
-    """Return a read-only array of finite numbers, shape (n,), from n of them or from one for all."""
+    """Return a read-only array of finite numbers, shape (n,), from n numbers or from one for all grains."""
     import numpy as np
 
     array = _floats(field, value)
@@ -173,7 +173,7 @@ def per_grain(field: str, value: Any, n: int) -> FloatArray:
 
 
 def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
-    """Return a read-only array of numbers greater than 0, shape (n,), from n of them or from one for all."""
+    """Return a read-only array of positive numbers, shape (n,), from n numbers or from one for all grains."""
     array = _floats(field, value)
     if array.ndim == 0:
         positive(field, array[()])

@@ -295,7 +295,7 @@ def require_compatible_settings(scene: "Scene") -> None:
 
 
 def _require_friction(scene: "Scene") -> None:
-    """Raise InputError if a field has no effect without friction, or a method knows none."""
+    """Raise InputError if a field has no effect without friction, or the method does not support friction."""
     walls = ("angular_velocity_out", "angular_velocity_in")
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
         raise InputError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")

@@ -173,7 +173,7 @@ class Scene(SceneFields, Shown):
 
     @property
     def has_friction(self) -> bool:
-        """Whether contacts have friction, so that grains rotate."""
+        """True if contacts have friction, so that grains rotate."""
         return self.friction > 0.0 or self.friction_at_walls > 0.0
 
     @property
@@ -183,17 +183,17 @@ class Scene(SceneFields, Shown):
 
     @property
     def has_two_circles(self) -> bool:
-        """Whether the circles are two walls for the device, and not the two sides of one: with friction."""
+        """True if the circles are two bodies on the device, as with friction, instead of one."""
         return self.has_friction and self.radius_in > 0.0
 
     @property
     def kernel_kind(self) -> tuple[str, bool]:
-        """Method, and whether there is friction: scenes of one kind share kernels."""
+        """Method, and whether there is friction. Scenes of one kind share kernels."""
         return self.method, self.has_friction
 
     @property
     def has_equal_shares(self) -> bool:
-        """Whether grains take equal parts of every correction, and W = 3 in eq. 22."""
+        """True if grains take equal shares of every correction, and W = 3 in eq. 22."""
         if not self.has_friction:
             return self.has_equal_masses
         return self.has_equal_masses and bool((self.contact_mass == self.rim_mass).all())
@@ -202,7 +202,7 @@ class Scene(SceneFields, Shown):
     def rim_mass(self) -> FloatArray:
         """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22).
 
-        It is the mass of a disc, and in the leapfrog spin_drag dt / r^2 more.
+        It is the mass of a disc, plus spin_drag dt / r^2 in the leapfrog scheme.
         """
         return self.mass if self.scheme == "text" else self.mass + self.spin_drag * self.dt / self.radius**2
 

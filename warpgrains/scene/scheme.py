@@ -29,7 +29,7 @@ def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool) -> FloatA
 
 
 def free_spin(scene: Scene, spin: FloatArray, staggered: bool) -> FloatArray:
-    """Return the spins after their drag, without contacts [rad/s], shape (n,) (eq. 21)."""
+    """Return the angular velocities after drag, before contacts act, [rad/s], shape (n,) (eq. 21)."""
     dt, drag = scene.dt, scene.spin_drag
     inertia = 0.5 * scene.mass * scene.radius * scene.radius
     if scene.scheme == "text":

@@ -36,10 +36,10 @@ class Corrections:
         Grain and wall (0 outer, 1 inner, 2, 3, ... the discs of `Scene.walls`) of the wall contacts that
         carry a correction, in lexicographic order, shape (k, 2).
     wall_correction : ndarray
-        Their corrections, > 0 [m/s], shape (k,).
+        Corrections of the wall contacts, > 0 [m/s], shape (k,).
     pair_friction, wall_friction : ndarray or None
-        Their tangential corrections dv_t [m/s], shapes (m,) and (k,), along the normal turned by a quarter to
-        the left; None without friction.
+        Tangential corrections dv_t of pairs and wall contacts [m/s], shapes (m,) and (k,), along the normal
+        rotated by 90 degrees to the left; None without friction.
 
     Examples
     --------
@@ -100,12 +100,11 @@ class State:
     lists : VerletList or None
         The Verlet list. Without it, a run in color order continues with another order of contacts.
     staggered : bool
-        Whether velocities are half a step behind positions: those of the middle of the last step, as after
-        any step of the leapfrog scheme, which goes on from them by a whole kick, and from others by half of
-        one. The text's scheme takes them as they are.
+        Whether velocities are half a step behind positions, as after any step of the leapfrog scheme. That
+        scheme continues with a full kick if they are, else with half a kick. The text's scheme makes no
+        difference.
     spin, angle : ndarray or None
-        Angular velocities [rad/s], and angles by which grains have turned since the start [rad], shape (n,);
-        None without friction.
+        Angular velocities [rad/s] and rotations since the start [rad], shape (n,); None without friction.
 
     Examples
     --------

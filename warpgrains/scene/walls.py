@@ -1,9 +1,9 @@
 """Walls of a scene on the host: an annulus about the origin, and fixed discs inside it.
 
-Walls are numbered: 0 is the outer circle, 1 the inner one, whether there is one or not, and 2, 3, ... are
-those of `Scene.walls`. The device has the annulus as one body with two sides, and then the others
-(kernels/walls.py); with friction, the inner circle is a body too, a disc at the origin
-(`Scene.has_two_circles`). Where a contact names two bodies, a wall is the negative number -1 - wall.
+Wall 0 is the outer circle, wall 1 the inner one (the number is reserved even if there is none), and walls
+2, 3, ... are those of `Scene.walls`. On the device both circles are one body with two sides, followed by the
+discs (kernels/walls.py). With friction the inner circle is a separate body, a disc at the origin
+(`Scene.has_two_circles`). Where a contact names two bodies, wall w is the negative number -1 - w.
 """
 
 from typing import Any, NamedTuple, Self
@@ -141,12 +141,15 @@ def outward(position: FloatArray) -> FloatArray:
 
 
 def body_of(wall: IntArray, two_circles: bool) -> IntArray:
-    """Return which of the device's walls each of these walls is, or is a side of."""
+    """Return the device's number of each wall. Without friction both circles are body 0."""
     return wall if two_circles else np.maximum(wall - 1, 0)
 
 
 def wall_of(body: IntArray, correction: FloatArray, two_circles: bool) -> IntArray:
-    """Return the walls that carry the corrections [m/s] of the device's walls."""
+    """Return the walls that carry the corrections [m/s] of the device's walls.
+
+    If the circles are one body, the sign tells them apart.
+    """
     if two_circles:
         return body.astype(np.int32)
     return np.where(body > 0, body + 1, np.where(correction < 0.0, INNER, OUTER)).astype(np.int32)

@@ -193,7 +193,7 @@ class Stepper(Shown):
 
     @property
     def angle(self) -> FloatArray:
-        """Angles by which grains have turned since the start [rad], shape (n,); 0 without friction."""
+        """Rotations of the grains since the start [rad], shape (n,); 0 without friction."""
         return self._rotation("angle")
 
     def _rotation(self, name: str) -> FloatArray:

@@ -47,12 +47,12 @@ FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, REFUSED)
 
 
 class Engine:
-    """Scenes of one kind, their queue, and the launches that work it off.
+    """Scenes of one kind in memory, their queue, and the launches that process it.
 
     Parameters
     ----------
     scenes : sequence of Scene
-        All of one `Scene.kernel_kind`.
+        Scenes of the same `Scene.kernel_kind`.
     device : wp.Device
     team : int
         Threads that share a scene on a CPU.
@@ -306,6 +306,6 @@ class Engine:
 
 
 def _module_name(method: str, has_friction: bool, way: str) -> str:
-    """Return the name of the module that holds the kernels of a kind, launched in one way."""
+    """Return the name of the module that holds the kernels of a kind for one way of launching."""
     parts = ["warpgrains.kernels", method.replace("-", "_"), "friction" * has_friction, way]
     return "_".join(filter(None, parts))

@@ -1,4 +1,4 @@
-"""The records of scenes of one kind, and the memory that they point to."""
+"""The records of scenes of one kind, and the memory blocks of their arrays."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class SceneRecords:
     Parameters
     ----------
     scenes : sequence of Scene
-        All of one kind (`Scene.kernel_kind`).
+        Scenes of the same `Scene.kernel_kind`.
     team : int
         Threads that share a scene.
     device : wp.Device
@@ -139,7 +139,7 @@ class SceneRecords:
 
     @staticmethod
     def _write_surfaces(surface: FloatArray, scene: Scene) -> None:
-        """Write friction of the walls, and the speed of each along its tangent (kernels/friction.py)."""
+        """Write the friction of the walls and the speed of each along its tangent (kernels/friction.py)."""
         surface[:] = scene.friction_at_walls, 0.0
         surface[0, 1] = scene.radius_out * scene.angular_velocity_out
         if scene.has_two_circles:
@@ -195,7 +195,7 @@ class SceneRecords:
         return np.stack([self.array(int(k), name) for k in which]) if whole is None else whole[which]
 
     def parameter(self, name: str, which: IndexArray) -> FloatArray:
-        """Return a number of some scenes, such as "radius_in", shape (m,)."""
+        """Return a field of some scenes, such as "radius_in", shape (m,)."""
         return np.array([getattr(self._scenes[k], name) for k in which])
 
     def wall_corrections(self, which: IndexArray) -> FloatArray:

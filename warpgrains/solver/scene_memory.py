@@ -147,7 +147,7 @@ class SceneMemory:
         self.record["verlet"]["numbers"]["base_skin"] = tuning.first_skin(self._scene)
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
-        """List pairs in lexicographic order and grains at the walls, with what they carry."""
+        """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
         n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 2, 1])
         carrying, body = (self._bodies(*of) for of in ((corrections.pair, corrections.wall), (pair, wall)))
         one_wall = not self._scene.has_two_circles
@@ -178,7 +178,7 @@ class SceneMemory:
         self.record["contacts"]["count"] = len(pair), 0, len(wall), int(len(wall) > 0)
 
     def _bodies(self, pair: IntArray, wall: IntArray) -> IntArray:
-        """Return contacts as the device has them, shape (m, 2): walls are bodies from n on."""
+        """Return contacts as pairs of bodies of the device, shape (m, 2). Walls are bodies >= n."""
         body = self._scene.n + body_of(wall[:, 1], self._scene.has_two_circles)
         return np.concatenate([pair, np.stack([wall[:, 0], body], axis=1)])
 

@@ -37,9 +37,9 @@ class Sizes:
     walls : ndarray
         Number of wall bodies (kernels/walls.py).
     weighted : ndarray
-        1 where grains take unequal parts of corrections (`Scene.has_equal_shares`), 0 elsewhere.
+        0 if grains take equal shares of corrections (`Scene.has_equal_shares`), else 1.
     accelerated, friction : int
-        1 where the sweeps are accelerated, or there is friction, 0 elsewhere.
+        1 if sweeps are accelerated, or if there is friction, else 0.
     team : int
         CPU threads that share a scene.
     partials : int
@@ -60,7 +60,7 @@ class Sizes:
 
     @classmethod
     def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> Sizes:
-        """Return the sizes that scenes of one kind have at first."""
+        """Return the initial sizes of scenes of one kind."""
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([not scene.has_equal_shares for scene in scenes], np.int64)

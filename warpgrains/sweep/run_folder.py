@@ -93,7 +93,8 @@ class RunFolder:
         """Return whether a scene file is complete and belongs to another run.
 
         The first line names the run and its values, and the other lines contain them too. In the file of
-        another run both differ; if only one of them does, the file is damaged.
+        another run both differ; if only the first line or only the rest differs, the file
+        is damaged.
         """
         (head, _, body), (own_head, _, own_body) = found.partition("\n"), self._text.partition("\n")
         if head == own_head or body == own_body or not head.startswith("# run "):
@@ -169,7 +170,7 @@ class RunFolder:
         return replace(kept, options=replace(options, **places))
 
     def save_checkpoint(self, reached: Checkpoint) -> None:
-        """Save a checkpoint."""
+        """Write the run's state and options to its folder."""
         self._write_scene()
         write_checkpoint(self.checkpoint, reached)
 

@@ -91,7 +91,7 @@ class Page:
         return self
 
     def close(self) -> None:
-        """End the page."""
+        """Stop playing and close the server."""
         self._asked.put(None)
 
     def _repr_html_(self) -> str:
