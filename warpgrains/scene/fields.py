@@ -78,7 +78,7 @@ def frozen(kind: type[Kind]) -> type[Kind]:
 class SceneFields:
     """Data and settings that define a scene."""
 
-    position: Array = _key("Centres of the grains [m], shape (n, 2).")
+    position: Array = _key("Centers of the grains [m], shape (n, 2).")
     velocity: OptionalArray = _key(
         "Velocities at the start [m/s], shape (n, 2); by default all grains rest.", default=None
     )
@@ -92,8 +92,8 @@ class SceneFields:
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
     radius_out: float = _key("Radius of the outer wall [m].", "domain")
     wall: str = _key(
-        'What the outer wall is within a step: its "tangent", the text\'s, which a grain that slides along it'
-        ' leaves by (v dt)^2 / (2 radius_out), or "round": it ends on the circle.',
+        'Model of the outer wall within a step: its "tangent", the text\'s, on which a sliding grain ends'
+        ' (v dt)^2 / (2 radius_out) outside the circle, or "round", the circle itself.',
         "domain",
         default="tangent",
     )
@@ -104,10 +104,13 @@ class SceneFields:
         default=0.0,
     )
     angular_velocity_in: float = _key(
-        "The same of the inner wall [rad/s].", "domain", checks.number, default=0.0
+        "Angular velocity of the inner wall [rad/s]. Only with friction.",
+        "domain",
+        checks.number,
+        default=0.0,
     )
     walls: Walls = _key(
-        'What stands inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
+        'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
         " `Disc(center, radius)`: fixed discs that grains touch from outside.",
         check=lambda field, value: checked_walls(field, value),
         default=(),
@@ -117,7 +120,7 @@ class SceneFields:
     )
     drag: float = _key("Linear drag coefficient [kg/s].", "physics", checks.not_negative, default=0.0)
     spin_drag: float = _key(
-        "Linear drag on the rotation of a grain, a moment by angular velocity [kg m2/s]. Only with friction.",
+        "Linear drag on the rotation of a grain, torque per angular velocity [kg m2/s]. Only with friction.",
         "physics",
         checks.not_negative,
         default=0.0,
@@ -129,7 +132,7 @@ class SceneFields:
         default=0.0,
     )
     wall_friction: float | None = _key(
-        "The same between grains and walls; by default that between grains.",
+        "Coefficient of friction between grains and walls; by default that between grains.",
         "contact",
         lambda field, value: None if value is None else checks.not_negative(field, value),
         default=None,
@@ -137,8 +140,8 @@ class SceneFields:
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)
     duration: float = _key("Simulated time of a whole run [s].", "time", checks.positive, default=1.0)
     scheme: str = _key(
-        'How velocities go on in time: "text", of first order in dt, or "leapfrog", of second order, whose'
-        " velocities are those of the middle of a step (see `State`).",
+        'Time scheme: "text", of first order in dt, or "leapfrog", of second order, whose velocities belong'
+        " to the middle of a step (see `State`).",
         "time",
         SCHEMES,
         default="text",
@@ -150,7 +153,7 @@ class SceneFields:
         default=1e-6,
     )
     max_iterations: int = _key(
-        "... or after so many iterations.", "solver", checks.whole_number, default=10_000
+        "... or after this number of iterations.", "solver", checks.whole_number, default=10_000
     )
     order: str = _key(
         'Order in which an iteration visits the contacts: "sequential" or "color".',
@@ -159,14 +162,14 @@ class SceneFields:
         default="sequential",
     )
     method: str = _key(
-        'How the contact iteration proceeds: "gauss-seidel", the text\'s; "accelerated", with momentum; or'
-        ' "exact", the same, and where that is slow an interior point method, with the extra ``[exact]``.',
+        'Method of the contact iteration: "gauss-seidel", the text\'s; "accelerated", with momentum; or'
+        ' "exact", which also solves slow steps by an interior point method, with the extra ``[exact]``.',
         "solver",
         METHODS,
         default="gauss-seidel",
     )
     stop: str = _key(
-        'What the tolerance is on: "zeta", the text\'s, or "residual", the error (see `StepReport`). By'
+        'Quantity that tolerance bounds: "zeta", the text\'s, or "residual", the error (see `StepReport`). By'
         ' default it is zeta for "gauss-seidel" and the residual for the others; for "exact" it is always the'
         " residual.",
         "solver",
@@ -174,13 +177,13 @@ class SceneFields:
         default="default",
     )
     on_unconverged: str = _key(
-        'What a step does that has not met its tolerance after `max_iterations`: "report" it and go on, or'
-        ' "raise" `SimulationError` and leave the state as it was before the step.',
+        'Action if a step misses its tolerance after `max_iterations`: "report" it and continue, or "raise"'
+        " `SimulationError` and keep the state before the step.",
         "solver",
         UNCONVERGED,
         default="report",
     )
-    name: str = _key("What the scene is called.", check=checks.text, default="scene")
+    name: str = _key("Name of the scene.", check=checks.text, default="scene")
     text: str = _key("The TOML text that the scene was read from, if any.", check=checks.text, default="")
 
 
