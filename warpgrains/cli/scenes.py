@@ -61,7 +61,7 @@ def _explained(name: str) -> str:
     width = max(NARROWEST, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
     lines = [text.rstrip(), "", f"{'key':<24}{'unit':<12}{'default':<22}meaning"]
     for key in keys(document.get("grains", {}).get("layout")):
-        head = f"{key.section}.{key.name:<{23 - len(key.section)}}{key.unit:<12}{key.shown_default:<22}"
+        head = f"{key.section}.{key.name:<{22 - len(key.section)}} {key.unit:<12}{key.shown_default:<22}"
         lines += textwrap.wrap(key.meaning, width, initial_indent=head, subsequent_indent=" " * 58)
     return "\n".join(lines)
 
