@@ -32,20 +32,19 @@ from . import (
 from .conditions import (
     accepted,
     attempting,
+    beginning,
+    checking_list,
     corrected,
-    fresh,
+    expired,
     iterating,
-    looking,
+    listed,
     measuring,
-    rebuilding,
     recoloring,
     rejected,
-    roomy,
-    sampling,
+    scanning,
     searching,
     starting,
-    tiled,
-    unlisted,
+    sweeping,
     unordered,
     unsolved,
 )
@@ -60,20 +59,14 @@ SEARCH = [
     Each(grain_count, cells.fill_cell, adds_up=True),
     Each(grain_count, neighbors.find_pairs, adds_up=True),
     Each(grain_count, neighbors.find_walls, adds_up=True),
-    Serial(neighbors.see_whether_roomy),
+    Serial(neighbors.check_capacity),
     If(
-        roomy,
+        listed,
         [
             Serial(neighbors.fill_rows),
             Each(grain_count, contact_list.match_rows, adds_up=True),
         ],
     ),
-]
-
-NEW_LIST = [
-    Serial(contact_list.begin_list),
-    While(searching, SEARCH),
-    Serial(contact_list.end_list),
 ]
 
 TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
@@ -85,7 +78,7 @@ def sweeping_order(dealt: bool) -> list[Stage]:
     return [
         Serial(coloring.group_pairs),
         Serial(coloring.place_pairs),
-        *(DEAL_OUT if dealt else [If(tiled, TILES)]),
+        *(DEAL_OUT if dealt else [If(coloring.is_tiled, TILES)]),
         Serial(coloring.place_walls),
         Each(grain_count, contact_list.transfer_warm_start),
         Serial(contact_list.find_row_sums),
@@ -107,16 +100,14 @@ REBUILD = [
     Shared(residual.measure_residual),
 ]
 
-MEASURE = [*REBUILD, Serial(stopping.stop_on_residual)]
-
 GAUSS_SEIDEL = [
     While(
-        iterating,
+        sweeping,
         [
             Sets(gauss_seidel.sweep),
-            Serial(gauss_seidel.decide),
-            If(sampling, [Each(grain_count, verlet.sample)]),
-            If(measuring, MEASURE),
+            Serial(gauss_seidel.end_sweep),
+            If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(grain_count, verlet.sample)]),
+            If(measuring, [*REBUILD, Serial(stopping.end_measurement)]),
         ],
     ),
 ]
@@ -124,11 +115,18 @@ GAUSS_SEIDEL = [
 
 PUT_BACK = [Each(part_count, working_set.put_back)]
 
-PAUSE = [*PUT_BACK, Each(grain_count, working_set.see_skin), Serial(working_set.pause_unless_listed)]
+CHECK_LIST = [*PUT_BACK, Each(grain_count, working_set.see_skin), Serial(stopping.end_list_check)]
 
-LOOK = [
+MEASURE = [
+    *PUT_BACK,
+    *REBUILD,
+    If(stopping.is_rebuild_due, [Each(grain_count, restart.take_rebuilt_velocity)]),
+    Serial(stopping.end_measurement),
+]
+
+SCAN = [
     Sets(working_set.select_set),
-    Serial(working_set.see_whether_done),
+    Serial(working_set.end_scan),
 ]
 
 ROLL_BACK = [
@@ -137,50 +135,36 @@ ROLL_BACK = [
 ]
 
 
-def sweeps_ahead(decide: wp.Function, measure: list[Stage]) -> list[Stage]:
-    """Sweep the working set with momentum, as far as two functions find it worth while."""
-    return [
-        Shared(accelerated.begin_momentum),
-        While(
-            iterating,
-            [
-                If(looking, PAUSE),
-                If(
-                    iterating,
-                    [
-                        If(measuring, [*PUT_BACK, *measure]),
-                        If(rebuilding, [Each(grain_count, restart.take_rebuilt_velocity)]),
-                    ],
-                ),
-                If(iterating, [If(looking, LOOK)]),
-                If(
-                    iterating,
-                    [
-                        Shared(restart.extrapolate),
-                        Sets(accelerated.sweep_ahead),
-                        Serial(decide),
-                        If(rejected, ROLL_BACK),
-                    ],
-                ),
-            ],
-        ),
-    ]
-
-
-ACCELERATED = sweeps_ahead(restart.decide_ahead, MEASURE)
+ACCELERATED = [
+    Shared(accelerated.begin_momentum),
+    While(
+        iterating,
+        [
+            If(checking_list, CHECK_LIST),
+            If(measuring, MEASURE),
+            If(scanning, SCAN),
+            If(
+                sweeping,
+                [
+                    Shared(restart.extrapolate),
+                    Sets(accelerated.sweep_ahead),
+                    Serial(restart.end_sweep_ahead),
+                    If(rejected, ROLL_BACK),
+                ],
+            ),
+        ],
+    ),
+]
 
 CORRECTED = [
     *REBUILD,
     Each(grain_count, exact.take_corrected_velocity),
     Serial(verlet.clear_check),
     Each(grain_count, verlet.begin_peak),
-    Serial(exact.go_on),
+    Serial(stopping.end_correction),
 ]
 
-EXACT = [
-    If(corrected, CORRECTED),
-    *sweeps_ahead(exact.decide_exactly, [*MEASURE, Serial(exact.stop_when_slow)]),
-]
+EXACT = [If(corrected, CORRECTED), *ACCELERATED]
 
 METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED, "exact": EXACT}
 
@@ -219,22 +203,22 @@ def step(method: str, dealt: bool = False) -> list[Stage]:
     """Return the stages of one step by a method; `dealt` where threads are dealt tiles."""
     return [
         Serial(stopping.begin),
-        If(starting, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),
+        If(beginning, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),
         While(
             unsolved,
             [
-                If(unlisted, NEW_LIST),
+                While(searching, SEARCH),
                 If(unordered, sweeping_order(dealt)),
-                Serial(stopping.see_whether_listed),
+                Serial(stopping.start_attempt),
                 If(
                     attempting,
                     [
-                        If(fresh, WARM_START),
+                        If(starting, WARM_START),
                         *METHODS[method],
                         Each(grain_count, verlet.verify),
                         Serial(stopping.judge),
                         If(accepted, FINISH),
-                        If(unlisted, EXPIRE),
+                        If(expired, EXPIRE),
                     ],
                 ),
             ],
