@@ -9,7 +9,7 @@ from functools import cache
 import warp as wp
 
 from .pace import barrier, count_rest, is_to_grow, join, leave
-from .record import SOLVED, Scene, SceneRecord
+from .record import SOLVED, Phase, Scene, SceneRecord
 from .stages import OPTIONS
 from .threads import Team, TeamRecord, is_member
 from .waiting import seconds
@@ -78,7 +78,7 @@ def take(queue: Queue) -> int:
 @wp.func
 def count_step(s: Scene, queue: Queue, k: int):
     """Count a step, if it was solved."""
-    if s.control.accepted != 0:
+    if s.control.phase == Phase.ACCEPTED:
         queue.left[k] = queue.left[k] - 1
     queue.outcome[k] = s.step.outcome
 

@@ -204,7 +204,12 @@ def place_pairs(s: Scene):
         sets = 1
     s.contacts.count.pairs = pairs
     s.contacts.count.sets = sets
-    s.control.tiled = 1 if s.merge != 0 and pairs > tile_length(s) else 0
+
+
+@wp.func
+def is_tiled(s: Scene) -> bool:
+    """Return whether the list is long enough to be swept tile after tile."""
+    return s.merge != 0 and pair_count(s) > tile_length(s)
 
 
 @wp.func

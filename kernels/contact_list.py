@@ -4,7 +4,7 @@ import warp as wp
 
 from . import law
 from .access import at, put, raise_to, set_bodies
-from .record import WITHOUT_ROOM, Scene, amid_sweeps, grain_count, is_accelerated
+from .record import Phase, Scene, amid_sweeps, grain_count, is_accelerated
 from .types import NeighborList
 from .verlet import stayed_silent
 from .walls import wall_body_count
@@ -55,7 +55,7 @@ def expire(s: Scene):
     put(s.workspace.old.start, n, at(s.neighbors.start, n))
     s.step.rebuilds = s.step.rebuilds + 1
     s.control.resuming = 1 if s.step.iterations > 0 else 0
-    s.control.unlisted = 1
+    s.control.phase = Phase.SEARCH
     s.verlet.flags.missed = 0
 
 
@@ -66,12 +66,6 @@ def color_anew(s: Scene):
     put(s.workspace.old.start, n, at(s.neighbors.start, n))
     s.control.recoloring = 0
     s.control.unordered = 1
-
-
-@wp.func
-def begin_list(s: Scene):
-    """Search, at least once."""
-    s.control.searching = 1
 
 
 @wp.func
@@ -97,7 +91,7 @@ def keep_pair(s: Scene, i: int, j: int, k_old: int):
         half = f64(0.5) * wp.length(at(s.grains.position, j) - at(s.grains.position, i))
         raise_to(s.verlet.skin, i, half)
         raise_to(s.verlet.skin, j, half)
-        s.control.searching = 1
+        s.control.phase = Phase.SEARCH
 
 
 @wp.func
@@ -120,16 +114,6 @@ def match_rows(s: Scene, i: int):
     while k_old < end_old:
         keep_pair(s, i, at(old.neighbor, k_old), k_old)
         k_old += 1
-
-
-@wp.func
-def end_list(s: Scene):
-    """Go on with the pairs found, or leave the step until there is room for them."""
-    s.control.unlisted = 1 - s.control.roomy
-    s.control.unordered = s.control.roomy
-    if s.control.roomy == 0:
-        s.step.outcome = WITHOUT_ROOM
-        s.control.unsolved = 0
 
 
 @wp.func

@@ -9,7 +9,7 @@ import warp as wp
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, ends
 from .contact_list import was_active
-from .record import Scene, grain_count
+from .record import WITHOUT_ROOM, Phase, Scene, grain_count
 from .types import CellGrid
 from .walls import is_near_wall, wall_body_count
 
@@ -136,10 +136,15 @@ def find_walls(s: Scene, i: int):
 
 
 @wp.func
-def see_whether_roomy(s: Scene):
-    """Whether the contacts found have room."""
-    s.control.searching = 0
-    s.control.roomy = 1 if at(s.neighbors.total, 0) <= s.neighbors.found.shape[0] else 0
+def check_capacity(s: Scene):
+    """List the contacts found, or leave the step until the host has reserved memory for them."""
+    if at(s.neighbors.total, 0) <= s.neighbors.found.shape[0]:
+        s.control.phase = Phase.LISTED
+        s.control.unordered = 1
+    else:
+        s.control.phase = Phase.FULL
+        s.control.unordered = 0
+        s.step.outcome = WITHOUT_ROOM
 
 
 @wp.func

@@ -3,6 +3,8 @@
 The numbers change while a kernel runs, as the contents of the arrays do; lengths and parameters do not.
 """
 
+from enum import IntEnum
+
 import warp as wp
 
 from .types import (
@@ -30,6 +32,26 @@ SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED, BEYO
 one, which is worth a search for a proof that none solves it. A SLOW one waits for the host (exact.py)."""
 
 
+class Phase(IntEnum):
+    """What a step does next. Serial stages choose it, most of them in stopping.py; conditions.py reads it."""
+
+    ENDED = 0  # nothing: no step has begun, the last one was refused, or the host solves it
+    ACCEPTED = 1  # nothing: the step is taken
+    FULL = 2  # nothing: the host reserves memory for the list
+    BEGIN = 3  # free velocities
+    SEARCH = 4  # find the candidate contacts
+    LISTED = 5  # sort them: their list fits in memory
+    START = 6  # freeze contacts, and apply their corrections
+    CORRECTED = 7  # take the velocities that the host's corrections make
+    SWEEP = 8
+    CHECK_LIST = 9  # check the list before all contacts are scanned (working_set.py)
+    MEASURE = 10  # measure the residual, which may stop the sweeps
+    RECORD = 11  # measure it for the history alone
+    SCAN = 12  # scan all contacts for the working set
+    VERIFY = 13  # verify the list and judge the step: the sweeps have stopped
+    EXPIRE = 14  # set aside the list, in which a contact may be missing
+
+
 @wp.struct
 class StepState:
     """What the step has done so far, and what is reported of it."""
@@ -42,38 +64,25 @@ class StepState:
     rebuilds: wp.int32  # lists built
     redos: wp.int32  # attempts that a missing contact made void
     factorizations: wp.int32  # by the host
+    measured: wp.int32  # last iteration after which the residual was measured
+    patience: wp.int32  # `StoppingCriterion.patience`; 0 once the host has found no better corrections
     converged: wp.int32  # whether it has met the tolerance
     outcome: wp.int32
 
 
 @wp.struct
 class Control:
-    """What is to be done next (conditions.py): a GPU's graph reads it as well."""
+    """The phase of the step, and what must be known beside it."""
 
-    starting: wp.int32
-    unsolved: wp.int32
-    unlisted: wp.int32
-    searching: wp.int32
-    roomy: wp.int32
-    unordered: wp.int32
-    tiled: wp.int32
-    attempting: wp.int32
-    fresh: wp.int32
-    corrected: wp.int32  # whether the host has tried to solve the step
-    declined: wp.int32  # whether it could not, so that sweeps alone go on to the step's end
-    resuming: wp.int32  # whether the attempt goes on where the last list expired
-    unfinished: wp.int32  # whether iterations are left to do
-    recoloring: wp.int32
-    iterating: wp.int32
-    looking: wp.int32
-    sampling: wp.int32
-    rejected: wp.int32
-    measuring: wp.int32
-    rebuilding: wp.int32
-    accepted: wp.int32
-    sweeping: wp.int32
+    phase: wp.int32
     halted: wp.int32  # whether the host wants the step given up
-    set: wp.int32  # that is swept now, where every set is a launch of its own
+    unordered: wp.int32  # whether the list is not in sweeping order
+    recoloring: wp.int32  # whether pairs have kept colors that do not follow from the list alone
+    resuming: wp.int32  # whether the attempt continues from its velocities, and does not start again
+    stopped: wp.int32  # whether no iterations are left to do
+    rejected: wp.int32  # whether the last sweep was rolled back
+    holds: wp.int32  # on a GPU: whether the condition tested last holds (gpu.py)
+    sets_left: wp.int32  # on a GPU: sets still to be swept
 
 
 @wp.struct

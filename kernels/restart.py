@@ -19,20 +19,17 @@ from .accelerated import mass_in_phi
 from .access import at, put
 from .contacts import CHUNK, chunks_in, part_count
 from .record import Scene, grain_count
-from .stopping import decide_to_stop, gathered
+from .stopping import count_iteration, gathered, phase_after_sweep
 from .threads import Team, thread_range
 
 f64 = wp.float64
 ROUNDING = wp.constant(f64(2.0e-15))
 RELAXATION_BACKOFF = wp.constant(f64(0.8))  # what a rejected sweep leaves of the over-relaxation
 MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # what a stop leaves of t
-REBUILD_EVERY = wp.constant(100)  # iterations between two times that velocities are rebuilt
 NEAR_END = wp.constant(f64(6.0))  # times the tolerance: below that zeta, t is held back to the largest of
 T_ANYWAY = wp.constant(f64(24.0))
 T_PER_FALL = wp.constant(f64(1.5))  # times sqrt(zeta of the first sweep / tolerance)
 T_PER_SWEEP = wp.constant(f64(0.2))  # times the sweeps so far
-LOOK_EVERY = wp.constant(10)  # sweeps between two looks, and
-FIRST_LOOKS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
 
 @wp.func
@@ -52,6 +49,13 @@ def take_t_on(s: Scene, zeta: f64):
 
 
 @wp.func
+def back_off(s: Scene):
+    """Stop momentum for one sweep, and halve t."""
+    s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.state.t)
+    s.momentum.state.beta = f64(0.0)
+
+
+@wp.func
 def accept_or_reject(s: Scene, zeta: f64):
     """Reject a sweep after which phi has risen; choose how far to go on after the others."""
     part = wp.vec2d(f64(0.0), f64(0.0))
@@ -68,34 +72,19 @@ def accept_or_reject(s: Scene, zeta: f64):
     if rejected:
         s.momentum.state.relaxation = RELAXATION_BACKOFF * s.momentum.state.relaxation
     if rejected or part[1] > f64(0.0):
-        s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.state.t)
-        s.momentum.state.beta = f64(0.0)
+        back_off(s)
     else:
         take_t_on(s, zeta)
     s.control.rejected = 1 if rejected else 0
 
 
 @wp.func
-def is_look_due(iterations: int) -> bool:
-    """Whether all contacts are looked at after so many sweeps: impacts spread fast at first."""
-    early = iterations <= FIRST_LOOKS and (iterations & (iterations - 1)) == 0
-    return early or iterations % LOOK_EVERY == 0
-
-
-@wp.func
-def decide_ahead(s: Scene):
-    """What follows on an accelerated sweep; whether it was the last is settled when all is looked at."""
+def end_sweep_ahead(s: Scene):
+    """Count a sweep, accept or reject it, and choose what follows."""
     zeta = gathered(s.partial.zeta)
     accept_or_reject(s, zeta)
-    decide_to_stop(s, zeta)
-    iterations = s.step.iterations
-    if s.control.rejected == 0 and iterations % REBUILD_EVERY == 0:
-        s.control.measuring = 1
-        s.control.rebuilding = 1
-    looking = s.control.measuring == 1 or s.control.unfinished == 0 or is_look_due(iterations)
-    s.control.looking = 1 if looking else 0
-    s.control.unfinished = 1
-    s.control.iterating = 1
+    count_iteration(s, zeta)
+    s.control.phase = phase_after_sweep(s)
 
 
 @wp.func

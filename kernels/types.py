@@ -193,6 +193,8 @@ class WorkingSet:
     index: Ints  # among all contacts
     dv: Floats  # [m/s]
     last_dv: Floats  # before the last sweep [m/s]
+    dvt: Floats  # tangential ones [m/s]; empty without friction
+    last_dvt: Floats
     weights: wp.array(dtype=wp.vec3d)  # shares of i and j, and mu_c; empty where all masses are equal
     limits: Vectors  # as in Contacts
     range: wp.array(dtype=wp.vec2i)  # first contact, and end, of every part

@@ -204,15 +204,24 @@ def outcome_of_check(s: Scene) -> int:
 
 @wp.func
 def add_unmonitored(s: Scene):
-    """Add the most that a sweep may have changed a velocity by unseen; sample all when it has added up."""
+    """Add the most by which a sweep may have changed a velocity that it has not monitored."""
     numbers = s.verlet.numbers
     most = least_monitored(s)
     change = numbers.unmonitored_change + wp.min(numbers.max_row_sum * s.step.zeta, most)
     s.verlet.numbers.unmonitored_change = change
-    s.control.sampling = 1 if change > most else 0
-    if s.control.sampling != 0:
-        s.verlet.numbers.sampled_change = change
-        s.verlet.numbers.unmonitored_change = f64(0.0)
+
+
+@wp.func
+def is_sampling_due(s: Scene) -> bool:
+    """Return whether the changes that were not monitored have added up to one that is."""
+    return s.verlet.numbers.unmonitored_change > least_monitored(s)
+
+
+@wp.func
+def begin_sampling(s: Scene):
+    """Sum up anew; the sum so far is for `sample`."""
+    s.verlet.numbers.sampled_change = s.verlet.numbers.unmonitored_change
+    s.verlet.numbers.unmonitored_change = f64(0.0)
 
 
 @wp.func

@@ -15,7 +15,7 @@ from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, 
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, pair_count
-from .stopping import gathered, is_going_on
+from .stopping import gathered, stop_or_sweep
 from .threads import Team, keep_largest, thread_range
 from .verlet import keep_peak
 
@@ -54,14 +54,6 @@ def put_back(s: Scene, part: int):
         put(s.contacts.dv, k, at(working.dv, c))
         put(s.momentum.last_dv, k, at(working.last_dv, c))
         c += 1
-
-
-@wp.func
-def pause_unless_listed(s: Scene):
-    """Leave the iteration for a new list where one may be missing: the look is taken with that one."""
-    if s.verlet.flags.list_expired != 0:
-        s.control.iterating = 0
-        s.control.unfinished = 1
 
 
 @wp.func
@@ -169,8 +161,8 @@ def select_set(team: Team, s: Scene, k: int):
 
 
 @wp.func
-def see_whether_done(s: Scene):
-    """Sweep on, unless that was the last sweep or, by zeta, all contacts are at rest.
+def end_scan(s: Scene):
+    """Choose what follows on a scan.
 
     By zeta, what others are violated by is a change that is still to come, also of a step that ends with it.
     """
@@ -180,6 +172,4 @@ def see_whether_done(s: Scene):
         s.step.zeta = wp.max(s.step.zeta, violation)
         if iterations <= s.history.zeta.shape[0]:
             put(s.history.zeta, iterations - 1, s.step.zeta)
-    going_on = iterations == 0 or is_going_on(s, s.step.zeta)
-    s.control.unfinished = 1 if going_on else 0
-    s.control.iterating = s.control.unfinished
+    stop_or_sweep(s)

@@ -280,10 +280,8 @@ def require_agreement(scene: "Scene") -> None:
     """Raise SceneError unless the settings suit each other, and the grains."""
     _require_short_step(scene)
     _require_friction(scene)
-    if scene.method != "gauss-seidel" and scene.has_friction:
-        raise SceneError(
-            f"method is {scene.method!r}: it solves steps without friction only; use 'gauss-seidel'"
-        )
+    if scene.method == "exact" and scene.has_friction:
+        raise SceneError("method is 'exact': it solves steps without friction only; use 'accelerated'")
     if scene.method == "exact" and scene.stop == "zeta":
         raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
 

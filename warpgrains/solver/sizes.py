@@ -128,6 +128,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "working": {
             **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),
+            **dict.fromkeys(("dvt", "last_dvt"), ahead * friction * contacts),
             "weights": ahead * contacts * size.weighted,
             "limits": ahead * n * size.walls,
             "range": ahead * parts,
