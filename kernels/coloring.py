@@ -62,7 +62,7 @@ def renumber_extra_colors(s: Scene) -> int:
     belongs to a list with at least as many other pairs: those of lower colors that keep it from these. A
     color that is kept was given in an earlier list, and renumbering only lowers it.
     """
-    listed, color, rank = listed_count(s), s.workspace.color, s.workspace.group
+    listed, color, rank = listed_count(s), s.workspace.color, s.workspace.color_rank
     old_listed = at(s.workspace.old.start, grain_count(s))
     k = int(0)
     while k < old_listed:
@@ -263,12 +263,12 @@ def tile_pairs(s: Scene):
     """
     pairs, length = pair_count(s), tile_length(s)
     tiles = (listed_count(s) + length - 1) // length
-    sequence, next_tile, start = s.workspace.sequence, s.workspace.next_level, s.workspace.group
-    sweep_index = s.workspace.sweep_index
+    sequence, next_tile, tile = s.workspace.sequence, s.workspace.next_tile, s.workspace.tile
+    tile_end = s.workspace.tile_end
     for i in range(grain_count(s)):
         put(next_tile, i, 0)
     for w in range(tiles + 1):
-        put(start, w, 0)
+        put(tile_end, w, 0)
     c = int(0)
     while c < pairs:
         pair = at(sequence, c)
@@ -276,16 +276,15 @@ def tile_pairs(s: Scene):
         w = wp.max(pair[2] // length, earlier)
         put(next_tile, pair[0], w)
         put(next_tile, pair[1], w)
-        put(sweep_index, pair[2], w)
-        put(start, w + 1, at(start, w + 1) + 1)
+        put(tile, c, w)
+        put(tile_end, w + 1, at(tile_end, w + 1) + 1)
         c += 1
     for w in range(tiles):
-        put(start, w + 1, at(start, w + 1) + at(start, w))
+        put(tile_end, w + 1, at(tile_end, w + 1) + at(tile_end, w))
     c = int(0)
     while c < pairs:
-        k = at(sequence, c)[2]
-        w = at(sweep_index, k)
-        place = at(start, w)
-        put(sweep_index, k, place)
-        put(start, w, place + 1)
+        w = at(tile, c)
+        place = at(tile_end, w)
+        put(s.workspace.sweep_index, at(sequence, c)[2], place)
+        put(tile_end, w, place + 1)
         c += 1

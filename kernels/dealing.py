@@ -27,9 +27,9 @@ STRETCHES = wp.constant(4)  # of a tile, one of which is waited for at a time
 def piece_end(s: Scene, begin: int, length: int) -> int:
     """Where the stretch of the common order ends that a thread is dealt at once."""
     tile = int(0)
-    while at(s.workspace.group, tile) <= begin:
+    while at(s.workspace.tile_end, tile) <= begin:
         tile += 1
-    end = at(s.workspace.group, tile)
+    end = at(s.workspace.tile_end, tile)
     if end - begin > LONGEST * length:
         end = begin + length
     return end

@@ -57,7 +57,7 @@ class ContactCount:
     """Numbers of candidate contacts, and of the independent sets in which they are swept."""
 
     pairs: wp.int32
-    sets: wp.int32  # of pairs; or segments, where threads are dealt tiles (dealing.py)
+    sets: wp.int32  # of pairs, in the sense of `Contacts.set_start`
     walls: wp.int32  # contacts with walls, after the pairs
     wall_sets: wp.int32  # of them, after those of the pairs
 
@@ -71,7 +71,9 @@ class Contacts:
     dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
     weights: Vectors  # mass shares of i and j; empty where all masses are equal
     limits: Vectors  # of contacts with walls: gap / dt on the other side, and A_i / dt of eq. 18 [m/s]
-    set_start: Ints  # first contact of every independent set, or segment, and the end of the last
+    set_start: (
+        Ints  # first contact of every set that `stages.Sets` passes to a stage; and the end of the last
+    )
     count: ContactCount
 
 
@@ -206,10 +208,14 @@ class Workspace:
     old_dv: wp.array(dtype=wp.vec3d)  # of its contacts: now, at the step's start, a sweep back [m/s]
     old_place: Ints  # of every contact in the list before, or -1
     sweep_index: Ints  # of every contact: its index in sweeping order
-    group: Ints  # set, or tile, of every pair; -1 of contacts with walls
+    group: Ints  # independent set of every pair; -1 of contacts with walls
     color: Ints  # of every pair, where pairs are swept by colors
     old_color: Ints  # of the list before
+    color_rank: Ints  # new number of every color above 64 (coloring.py)
     sequence: wp.array(dtype=wp.vec3i)  # pairs in sweeping order: (i, j, place in the neighbor list)
+    tile: Ints  # of every pair, in the order without tiles
+    tile_end: Ints  # of every tile: the end of its pairs in sweeping order
     row_sum: Floats  # of every grain: its shares of its contacts
     next_level: Ints  # by grain
+    next_tile: Ints  # by grain
     used_colors: wp.array(dtype=wp.uint64)  # by grain

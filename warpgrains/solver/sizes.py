@@ -131,9 +131,11 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "neighbors": rows | search,
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
-            **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "sweep_index"), contacts),
-            "sequence": contacts,
-            "group": contacts + 1,
+            **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "color_rank"), contacts),
+            **dict.fromkeys(("sweep_index", "group", "sequence"), contacts),
+            "tile": (1 - ahead) * contacts,
+            "tile_end": (1 - ahead) * (contacts + 1),
+            "next_tile": (1 - ahead) * n,
             **dict.fromkeys(("row_sum", "next_level", "used_colors"), n),
         },
         "dealt": {
