@@ -114,7 +114,7 @@ class CellGrid:
 
 @wp.struct
 class VerletNumbers:
-    """What a list is good for; a state keeps them."""
+    """The numbers by which a list is valid; a state keeps them."""
 
     frame_velocity: wp.vec2d  # u [m/s]
     frame_shift: wp.vec2d  # path of the frame since the list was built [m]
@@ -130,7 +130,7 @@ class VerletNumbers:
 
 @wp.struct
 class VerletFlags:
-    """What the check of the list asks for, and what it has found."""
+    """The findings of the list's check."""
 
     list_expired: wp.int32  # whether a contact may be missing
     missed: wp.int32  # whether one that was missing may have acted
@@ -139,7 +139,7 @@ class VerletFlags:
 
 @wp.struct
 class Verlet:
-    """What proves that no contact is missing from the list (verlet.py)."""
+    """The numbers that prove that no contact is missing from the list (verlet.py)."""
 
     peak_deviation: Floats  # per grain, largest p_i^2 of the step so far [m2/s2]
     peak_limit: Floats  # the p_i that its skin allows [m/s]
@@ -153,7 +153,7 @@ class Verlet:
 
 @wp.struct
 class MomentumState:
-    """How far the accelerated method goes on (accelerated.py)."""
+    """The momentum of the accelerated method (accelerated.py)."""
 
     t: f64
     beta: f64
@@ -164,7 +164,7 @@ class MomentumState:
 
 @wp.struct
 class Momentum:
-    """State one sweep back, and sums by part (contacts.py). Empty in scenes that do not accelerate."""
+    """State before the last sweep, and sums by part (contacts.py). Empty in scenes that do not accelerate."""
 
     last_dv: Floats  # corrections before the last sweep [m/s]
     last_velocity: Vectors  # velocities that go with them [m/s]
@@ -189,7 +189,7 @@ class WorkingSet:
 
 @wp.struct
 class Dealt:
-    """Whose pairs are whose, where the threads of a team are dealt tiles (dealing.py)."""
+    """The pairs of each thread, and their dependencies, if threads are assigned tiles (dealing.py)."""
 
     first: Ints  # of every thread: its first place; and the end of the last
     cursor: Ints  # its next place, while pairs are dealt
@@ -202,7 +202,7 @@ class Dealt:
 
 @wp.struct
 class Workspace:
-    """What building a list takes beside the list itself."""
+    """Temporary arrays for building a list."""
 
     old: NeighborList  # the list before
     old_dv: wp.array(dtype=wp.vec3d)  # of its contacts: now, at the step's start, a sweep back [m/s]
