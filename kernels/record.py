@@ -33,7 +33,7 @@ step, for which the host searches a proof that no velocities solve it. A SLOW on
 
 
 class Phase(IntEnum):
-    """The next part of a step. Serial stages choose it, mostly those of stopping.py; conditions.py reads it."""
+    """The next part of a step. Serial stages choose it, mostly in stopping.py; conditions.py reads it."""
 
     ENDED = 0  # nothing: no step has begun, the last one was refused, or the host solves it
     ACCEPTED = 1  # nothing: the step is taken
