@@ -4,7 +4,8 @@ With friction a step is no minimization, so that no objective can judge a sweep 
 rejected. Without that safeguard, momentum with beta near 1 diverges, and over-relaxation does at any beta. So
 sweeps do not go too far here, beta is capped, and momentum stops where the change of a sweep, squared and
 summed in the mass metric, has grown: of 80 states of 300 and 1,000 grains with mu from 0.1 to 1, none was
-left with more than 1.5 times the residual of 200 plain sweeps, and half with less than 1 / 2.3 of it. It still stops where it points uphill, in the mass metric of both corrections.
+left with more than 1.5 times the residual of 200 plain sweeps, and half with less than 1 / 2.3 of it. It
+still stops where it points uphill, in the mass metric of both corrections.
 """
 
 import warp as wp

@@ -1,14 +1,14 @@
-"""Steps that sweeps do not converge: when the host is asked to solve one, and how its answer is taken up.
+"""Steps on which sweeps converge too slowly, and which the host solves.
 
-Accelerated sweeps come first. Where their residual falls too slowly for what a few factorizations cost, or is
-too large after the last of them, the step is left as SLOW, and the host makes its corrections anew
-(warpgrains/solver/exact.py). Velocities are then rebuilt from these, and sweeps go on as long as they are of
-use, mostly not at all. Where the host declines, because it has found no better corrections, the sweeps go on
-as if it had not been asked, and it is not asked again in this step.
+Accelerated sweeps come first. If their residual falls so slowly that a few factorizations cost less, or is
+too large after the last sweep, the step ends as SLOW (stopping.py), and the host computes the corrections
+(warpgrains/solver/exact.py). Velocities are then rebuilt from these, and sweeps continue until they meet the
+tolerance, mostly none. If the host finds no better corrections, the sweeps continue from where they were, and
+the host is not asked again in this step.
 
-On which way corrections were found is no matter: a contact that is not listed and that the final velocities
-do not violate is satisfied without a correction (MODEL.md, eq. 10). So the check of the list (verlet.py)
-starts anew with these velocities.
+The way in which corrections were found does not matter: a contact that is not listed and that the final
+velocities do not violate is satisfied without a correction (MODEL.md, eq. 10). So the check of the list
+(verlet.py) starts again from these velocities.
 """
 
 import warp as wp

@@ -1,4 +1,4 @@
-"""Stages launched on a GPU: each is a launch of its own, loops and conditions are nodes of the graph.
+"""Stages launched on a GPU: each is a separate launch, and loops and conditions are nodes of the graph.
 
 The stages are those of the CPU's kernel, wrapped the same way; the end of a launch is the barrier.
 """
@@ -62,7 +62,7 @@ def _one_set(stage: wp.Function) -> wp.Function:
 
 
 def leaves(stages: Sequence[Stage]) -> list[Serial | Each | Shared | Sets]:
-    """Return all that is launched, as a GPU does it: elements that add up may do so side by side there."""
+    """Return all stages to launch. Stages that add up run in parallel, because a GPU has atomics."""
     found: list[Serial | Each | Shared | Sets] = []
     for stage in stages:
         match stage:

@@ -1,4 +1,4 @@
-"""A scene as the kernels see it: one record of its arrays, of the numbers of a step, and of parameters.
+"""A scene as a record: its arrays, the numbers of a step, and parameters.
 
 The numbers change while a kernel runs, as the contents of the arrays do; lengths and parameters do not.
 """
@@ -28,12 +28,12 @@ f64 = wp.float64
 SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED, BEYOND_WALL, SLOW = (
     wp.constant(k) for k in range(9)
 )
-"""Outcomes of a step. A SOLVED one is taken, converged or, where the scene allows it, not; so is an UNPROVED
-one, which is worth a search for a proof that none solves it. A SLOW one waits for the host (exact.py)."""
+"""Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. So is an UNPROVED
+step, for which the host searches a proof that no velocities solve it. A SLOW one waits for the host."""
 
 
 class Phase(IntEnum):
-    """What a step does next. Serial stages choose it, most of them in stopping.py; conditions.py reads it."""
+    """The next part of a step. Serial stages choose it, mostly in stopping.py; conditions.py reads it."""
 
     ENDED = 0  # nothing: no step has begun, the last one was refused, or the host solves it
     ACCEPTED = 1  # nothing: the step is taken
@@ -54,7 +54,7 @@ class Phase(IntEnum):
 
 @wp.struct
 class StepState:
-    """What the step has done so far, and what is reported of it."""
+    """The progress of a step, and its results."""
 
     iterations: wp.int32
     zeta: f64  # of the last iteration [m/s]
@@ -72,7 +72,7 @@ class StepState:
 
 @wp.struct
 class Control:
-    """The phase of the step, and what must be known beside it."""
+    """The phase of the step, and flags that it does not imply."""
 
     phase: wp.int32
     halted: wp.int32  # whether the host wants the step given up
@@ -87,7 +87,7 @@ class Control:
 
 @wp.struct
 class Partial:
-    """What every thread has found; the maximum or sum over all threads counts."""
+    """Partial maxima and sums, by thread."""
 
     zeta: Floats
     residual: Floats
@@ -98,7 +98,7 @@ class Partial:
 
 @wp.struct
 class History:
-    """What the iterations of the last step have come to; of length 0 where nobody asks."""
+    """Zeta and residual of every iteration of the last step; of length 0 unless they are asked for."""
 
     zeta: Floats  # of every iteration [m/s]
     residual: Floats  # after it [m/s]
@@ -106,7 +106,7 @@ class History:
 
 @wp.struct
 class StoppingCriterion:
-    """When to stop iterating."""
+    """The parameters by which iterations stop (stopping.py)."""
 
     on_residual: wp.int32  # whether the tolerance is on the residual, or on zeta
     tolerance: f64  # [m/s]
@@ -117,7 +117,7 @@ class StoppingCriterion:
 
 @wp.struct
 class TimeScheme:
-    """Of which moments velocities are."""
+    """The times to which velocities belong."""
 
     leapfrog: wp.int32  # whether velocities belong to the middle of a step
     staggered: wp.int32  # whether they are half a step behind the positions now
@@ -140,7 +140,7 @@ class Tuning:
 
 @wp.struct
 class RunStatistics:
-    """What is added up of the steps of a run; `warpgrains.solver.statistics` has a field of each name."""
+    """Sums and maxima over the steps of a run, by the names of `warpgrains.solver.statistics`."""
 
     steps: wp.int32
     unconverged: wp.int32
@@ -197,34 +197,34 @@ class SceneRecord:
 
 
 Scene = wp.ref[SceneRecord]
-"""A stage is handed the record itself: what it writes, the next one reads."""
+"""The record by reference: what a stage writes, the next one reads."""
 
 
 @wp.func
 def grain_count(s: Scene) -> int:
-    """How many grains there are."""
+    """Return the number of grains."""
     return s.grains.position.shape[0]
 
 
 @wp.func
 def pair_count(s: Scene) -> int:
-    """How many pairs are listed."""
+    """Return the number of listed pairs."""
     return s.contacts.count.pairs
 
 
 @wp.func
 def is_accelerated(s: Scene) -> bool:
-    """Whether the method looks one sweep back."""
+    """Return whether the method has momentum, and so keeps the state of one sweep before."""
     return s.momentum.last_dv.shape[0] > 0
 
 
 @wp.func
 def dealt_threads(s: Scene) -> int:
-    """How many threads are dealt tiles; 0 where a thread is alone, or all share every set out."""
+    """Return the number of threads that are assigned tiles; 0 if there is one thread, or all share sets."""
     return s.dealt.cursor.shape[0]
 
 
 @wp.func
 def amid_sweeps(s: Scene) -> bool:
-    """Whether a list was made after sweeps in which a contact that it has newly may have been missing."""
+    """Return whether the list was made during sweeps, in which its new contacts may have been missing."""
     return s.control.resuming != 0 and not is_accelerated(s)

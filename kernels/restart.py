@@ -1,4 +1,4 @@
-"""What comes between two accelerated sweeps (accelerated.py): restart, monotone safeguard, extrapolation.
+"""Restart, monotone safeguard and extrapolation between two accelerated sweeps (accelerated.py).
 
 Momentum stops when it points up the gradient (O'Donoghue and Candes 2015), but t is only halved: the speed is
 gone, the friction stays low, and the next run is soon as fast (Liang, Luo and Schoenlieb 2022). A sweep that
@@ -57,7 +57,7 @@ def back_off(s: Scene):
 
 @wp.func
 def accept_or_reject(s: Scene, zeta: f64):
-    """Reject a sweep after which phi has risen; choose how far to go on after the others."""
+    """Reject a sweep after which phi has risen; otherwise choose t and beta of the next one."""
     part = wp.vec2d(f64(0.0), f64(0.0))
     for k in range(part_count(s)):
         part = part + at(s.momentum.contact_part, k)
@@ -89,7 +89,7 @@ def end_sweep_ahead(s: Scene):
 
 @wp.func
 def roll_back(s: Scene, part: int):
-    """Take back the rejected corrections of a part of the working set."""
+    """Restore the corrections that a part of the working set had before a rejected sweep."""
     bounds = at(s.working.range, part)
     c = int(bounds[0])
     while c < bounds[1]:
@@ -99,13 +99,13 @@ def roll_back(s: Scene, part: int):
 
 @wp.func
 def roll_back_velocity(s: Scene, i: int):
-    """Give a grain the velocity that it had before a rejected sweep."""
+    """Restore the velocity that a grain had before a rejected sweep."""
     put(s.grains.next_velocity, i, at(s.momentum.last_velocity, i))
 
 
 @wp.func
 def take_rebuilt_velocity(s: Scene, i: int):
-    """Give a grain the velocity that its corrections make, and move the last one by as much."""
+    """Set a grain's velocity to the rebuilt one, and shift the last one by the difference."""
     rebuilt = at(s.grains.rebuilt_velocity, i)
     last = at(s.momentum.last_velocity, i)
     put(s.momentum.last_velocity, i, last + (rebuilt - at(s.grains.next_velocity, i)))
@@ -114,7 +114,7 @@ def take_rebuilt_velocity(s: Scene, i: int):
 
 @wp.func
 def extrapolate(team: Team, s: Scene):
-    """Take the velocities on to y."""
+    """Extrapolate the velocities to y, and sum up the kinetic part of phi."""
     n = grain_count(s)
     grains, contacts = s.grains, s.contacts
     last_velocity = s.momentum.last_velocity

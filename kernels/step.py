@@ -1,9 +1,9 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
-Whatever runs it asks the host for nothing but room for a list that has grown, and the corrections of a step
-that its sweeps do not converge, and tells it the outcome. That an attempt goes on with another list
-(`resuming`), and does not start again, is what stages of both see by themselves.
-A scene without a list begins as one whose list has expired: no skin suffices, so nothing is iterated.
+A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
+slowly and the host solves the step (SLOW). Conditions read the phase of the step (conditions.py); stopping.py
+chooses it. Stages that differ when an attempt resumes with another list test `resuming` themselves.
+A scene without a list begins like one whose list has expired: no skin suffices, so nothing is iterated.
 """
 
 from functools import cache
@@ -81,7 +81,7 @@ def only(wanted: bool, stages: list[Stage]) -> list[Stage]:
 
 
 def sweeping_order(dealt: bool, has_friction: bool) -> list[Stage]:
-    """Put the list in the order in which it is swept, and its corrections with it."""
+    """Return the stages that sort the list and its corrections into sweeping order."""
     return [
         Serial(coloring.group_pairs),
         Serial(coloring.place_pairs),
@@ -258,7 +258,7 @@ def expire(has_friction: bool) -> list[Stage]:
 
 
 def step(kind: Kind, dealt: bool = False) -> list[Stage]:
-    """Return the stages of one step of a kind; `dealt` where threads are dealt tiles."""
+    """Return the stages of one step of a kind; `dealt` if threads have tiles."""
     has_friction = kind[1]
     free = [
         Each(grain_count, integrate.free_velocity),

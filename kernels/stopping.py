@@ -36,7 +36,7 @@ FIRST_SCANS = wp.constant(8)  # sweeps within which powers of two are followed b
 
 @wp.func
 def gathered(partial: Floats) -> f64:
-    """The largest part of any thread; all are cleared."""
+    """Return the maximum of the partial maxima, and clear these."""
     largest = f64(0.0)
     for k in range(partial.shape[0]):
         largest = wp.max(largest, at(partial, k))
@@ -163,7 +163,7 @@ def count_iteration(s: Scene, zeta: f64):
 
 @wp.func
 def end_list_check(s: Scene):
-    """Go on if the list holds. If not, pause for another one, with which the scan is taken."""
+    """Pause if the list does not hold: all contacts are scanned with the next one. Otherwise continue."""
     if s.verlet.flags.list_expired != 0:
         s.control.phase = Phase.VERIFY
     elif is_measurement_due(s):
@@ -211,7 +211,7 @@ def end_correction(s: Scene):
 
 @wp.func
 def begin(s: Scene):
-    """Begin a step, or go on with one that waited for the host."""
+    """Begin a step, or continue one that waited for the host."""
     if s.control.phase == Phase.FULL:
         s.control.phase = Phase.SEARCH
     elif s.control.phase != Phase.CORRECTED:
@@ -222,9 +222,9 @@ def begin(s: Scene):
 
 @wp.func
 def start_attempt(s: Scene):
-    """Solve the step if there is a list to do so with; it is in order now.
+    """Start an attempt to solve the step, with a list that is sorted now, unless the list does not fit.
 
-    An attempt whose list expired goes on unless a contact that it did not have may have acted.
+    An attempt whose list expired resumes, unless a contact that was missing may have acted.
     """
     is_new = s.control.unordered != 0
     s.control.unordered = 0
@@ -272,7 +272,7 @@ def grain_beyond_wall(s: Scene) -> int:
 
 @wp.func
 def judge(s: Scene):
-    """Take the step, try again with a new list, or give it up."""
+    """Accept the step, repeat it with a new list, or refuse it."""
     check_all(s, s.tuning.rounding)
     converged = s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
     if s.stopping.on_residual != 0:
