@@ -289,10 +289,8 @@ def require_compatible_settings(scene: "Scene") -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
     _require_friction(scene)
-    if scene.method != "gauss-seidel" and scene.has_friction:
-        raise InputError(
-            f"method is {scene.method!r}: it solves steps without friction only; use 'gauss-seidel'"
-        )
+    if scene.method == "exact" and scene.has_friction:
+        raise InputError("method is 'exact': it solves steps without friction only; use 'accelerated'")
     if scene.method == "exact" and scene.stop == "zeta":
         raise InputError("stop is 'zeta': method 'exact' stops on the residual")
 

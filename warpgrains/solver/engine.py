@@ -24,6 +24,7 @@ from warpgrains.kernels.record import (
     SOLVED,
     UNPROVED,
     WITHOUT_ROOM,
+    Phase,
 )
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
@@ -198,7 +199,7 @@ class Engine:
                     graph = self._graph(k)
                 wp.capture_launch(graph)
                 self._records.pull(k)
-                self.left[k] -= self._memory[k].record["control"]["accepted"]
+                self.left[k] -= self._memory[k].record["control"]["phase"] == Phase.ACCEPTED
                 self.outcome[k] = self._memory[k].record["step"]["outcome"]
 
     def _graph(self, k: int) -> wp.Graph:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.kernels.record import Phase
 from warpgrains.scene.walls import INNER, body_of
 from warpgrains.solver import active_set, interior_point
 from warpgrains.solver.constraints import StepConstraints
@@ -78,7 +79,8 @@ class ExactSolver:
             contacts.write(q)
         else:
             record["to_search"] = 0  # a proof that no velocities solve the step
-        record["control"]["corrected"], record["control"]["declined"] = 1, not is_better
+            record["step"]["patience"] = 0
+        record["control"]["phase"], record["control"]["resuming"] = Phase.CORRECTED, not is_better
 
 
 class FrozenContacts:

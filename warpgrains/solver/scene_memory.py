@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import IntArray
+from warpgrains.kernels.record import Phase, StepState
 from warpgrains.kernels.record import RunStatistics as Sums
-from warpgrains.kernels.record import StepState
 from warpgrains.scene.state import Corrections, State, VerletList
 from warpgrains.scene.walls import INNER, body_of, wall_of
 from warpgrains.solver import tuning
@@ -184,13 +184,14 @@ class SceneMemory:
 
     def give_up_step(self) -> None:
         """Undo an unfinished step; if it was about to rebuild the list, the next step does so."""
-        self.record["control"]["corrected"] = 0
         for name in ("dv", "dvt"):
             start = self.array(f"contacts.{name}_start")[: self.contacts]
             self.array(f"contacts.{name}")[: self.contacts] = start
-        if self.record["control"]["unlisted"] or self.record["control"]["recoloring"]:
+        control = self.record["control"]
+        if control["phase"] == Phase.FULL or control["recoloring"]:
             self.record["control"] = 0
             self.array("verlet.skin")[:] = tuning.NO_SKIN
+        control["phase"] = Phase.ENDED
 
     def report(self, infeasible: tuple[int, ...]) -> StepReport:
         """Return the report of the last step; `infeasible` are the grains that are proved not to fit."""

@@ -133,6 +133,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "working": {
             **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),
+            **dict.fromkeys(("dvt", "last_dvt"), ahead * friction * contacts),
             "weights": ahead * contacts * size.weighted,
             "limits": ahead * n * size.walls,
             "range": ahead * parts,
@@ -145,10 +146,12 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "neighbors": rows | search,
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
-            **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "sweep_index"), contacts),
+            **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "color_rank"), contacts),
+            **dict.fromkeys(("sweep_index", "group", "sequence"), contacts),
             "old_dvt": friction * contacts,
-            "sequence": contacts,
-            "group": contacts + 1,
+            "tile": (1 - ahead) * contacts,
+            "tile_end": (1 - ahead) * (contacts + 1),
+            "next_tile": (1 - ahead) * n,
             **dict.fromkeys(("row_sum", "next_level", "used_colors"), n),
         },
         "dealt": {
