@@ -138,6 +138,10 @@ class Recording(Shown):
             force=force,
             wall=wall,
             wall_force=wall_force,
+            tangential_force=np.zeros_like(force),
+            wall_tangential_force=np.zeros_like(wall_force),
+            spin=np.zeros(len(position)),
+            angle=np.zeros(len(position)),
         )
 
     def to_xarray(self) -> xarray.Dataset:
