@@ -38,8 +38,11 @@ def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray]) -> Quantity:
     return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs)
 
 
-def _stress(a: int, b: int) -> Quantity:
-    return Quantity("N/m", contacts.mean_stress, lambda found: float(found[a, b]))
+def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
+    """Return a component of the symmetric part of the stress, or of the antisymmetric part with sign -1."""
+    return Quantity(
+        "N/m", contacts.mean_stress, lambda found: float(0.5 * (found[a, b] + sign * found[b, a]))
+    )
 
 
 def _powers(now: Snapshot) -> EnergyBalance:
@@ -62,6 +65,7 @@ QUANTITIES = {
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
     "stress_yy": _stress(1, 1),
+    "stress_antisymmetric": _stress(0, 1, -1.0),
     "mean_force": Quantity("N", contacts.force_statistics, attrgetter("mean")),
     "largest_force": Quantity("N", contacts.force_statistics, attrgetter("largest")),
     "force_deviation": Quantity("N", contacts.force_statistics, attrgetter("deviation")),

@@ -199,6 +199,12 @@ class Scene(SceneFields, Shown):
         return self.has_equal_masses and bool((self.contact_mass == self.rim_mass).all())
 
     @property
+    def inertia(self) -> FloatArray:
+        """Moment of inertia of each grain, a disc, m r^2 / 2 [kg m2], shape (n,)."""
+        inertia: FloatArray = 0.5 * self.mass * self.radius * self.radius
+        return inertia
+
+    @property
     def rim_mass(self) -> FloatArray:
         """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22).
 
@@ -224,6 +230,12 @@ class Scene(SceneFields, Shown):
     def area(self) -> float:
         """Area between the walls [m2]."""
         return self.annulus.area - sum(disc.area for disc in self.walls)
+
+    @property
+    def wall_speeds(self) -> FloatArray:
+        """Speed of the surface of every wall along its tangent [m/s], by its number (MODEL.md, eq. 23)."""
+        outer, inner = self.radius_out * self.angular_velocity_out, -self.radius_in * self.angular_velocity_in
+        return np.array([outer, inner] + [0.0] * len(self.walls))
 
     @property
     def wall_numbers(self) -> list[int]:

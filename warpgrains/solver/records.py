@@ -140,10 +140,8 @@ class SceneRecords:
     @staticmethod
     def _write_surfaces(surface: FloatArray, scene: Scene) -> None:
         """Write the friction of the walls and the speed of each along its tangent (kernels/friction.py)."""
-        surface[:] = scene.friction_at_walls, 0.0
-        surface[0, 1] = scene.radius_out * scene.angular_velocity_out
-        if scene.has_two_circles:
-            surface[1, 1] = -scene.radius_in * scene.angular_velocity_in
+        surface[:, 0] = scene.friction_at_walls
+        surface[:, 1] = scene.wall_speeds[scene.wall_numbers]
 
     def begin(self) -> bool:
         """Write all initial states at once; return False if the layouts of the scenes differ."""
