@@ -5,7 +5,6 @@ python -m warpgrains.scenes.gallery -o gallery [NAME ...]
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -14,10 +13,9 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.scenes import bowl, drum
+from warpgrains.scenes import bowl, drum, friction
+from warpgrains.scenes.exhibits import Numbers, draw_exhibits
 from warpgrains.solver.statistics import RunStatistics
-
-Numbers = dict[str, float]
 
 COUNT = 1000
 """Scenes of the batch."""
@@ -201,6 +199,9 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "bullet": bullet,
     "bidisperse": bidisperse,
     "drum": drums,
+    "heap": friction.draw_heap,
+    "rotating_drum": lambda path: shipped("rotating_drum", 0.5, 1.0, 2.0, 4.0, path=path),
+    "couette": lambda path: shipped("couette", 0.5, 2.0, 4.0, path=path),
     "jam": jam,
     "batch": batch,
 }
@@ -208,19 +209,7 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
     """Draw what is asked for, by default all, and print the numbers."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", metavar="DIR", default="gallery")
-    parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(EXHIBITS)}")
-    chosen = parser.parse_args(arguments)
-    folder = Path(chosen.output)
-    folder.mkdir(parents=True, exist_ok=True)
-    found = {}
-    for name in chosen.names or EXHIBITS:
-        found[name] = EXHIBITS[name](folder / f"{name}.png")
-        print(name)
-        for what, value in found[name].items():
-            print(f"  {what:<40} {value:.6g}")
-    return found
+    return draw_exhibits(EXHIBITS, __doc__, "gallery", arguments)
 
 
 if __name__ == "__main__":
