@@ -34,7 +34,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+        raise SceneError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
     require_writable_folder(folder)
 
 
@@ -118,12 +118,12 @@ def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> No
     Raises
     ------
     OSError
-        It cannot be written, or is not read back as it was written.
+        It cannot be written, or reads back different from what was written.
     """
     with draft_of(path, writer) as draft:
         draft.write_bytes(content)
         if draft.read_bytes() != content:
-            raise OSError(f"'{path}' is not read back as it was written")
+            raise OSError(f"'{path}' reads back different from what was written: check the disk")
 
 
 def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -212,7 +212,7 @@ def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]
 @contextmanager
 def _opened(path: Path) -> Iterator[Iterable[str]]:
     if not path.is_file():
-        raise SceneError(f"'{path}' cannot be read: it is no file")
+        raise SceneError(f"'{path}' cannot be read: it is not a regular file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
             yield lines

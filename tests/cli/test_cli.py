@@ -232,7 +232,7 @@ def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, stop_at):
     stop_at(7)
     assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
     frames = tmp_path / "out.usdc.frames"
-    advice = f"warpgrains: error: interrupted; for the frames so far: warpgrains recover {frames}"
+    advice = f"warpgrains: error: interrupted; to recover the frames so far: warpgrains recover {frames}"
     require_last_line(*capfd.readouterr(), advice)
     assert set(tmp_path.iterdir()) == {scene, frames}
 

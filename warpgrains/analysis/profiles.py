@@ -187,7 +187,7 @@ def _of_centres(region: Region, moment: Snapshot) -> Region:
     left = region._replace(ring=Annulus(near, far))
     if near >= far or left.area <= 0.0:
         raise SceneError(
-            f"there is no space for centres of grains of radius {smallest:g} m in the region:"
+            f"the region has no point for the center of a grain of radius {smallest:g} m:"
             " give a larger one, such as region={}"
         )
     return left

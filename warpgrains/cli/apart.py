@@ -50,7 +50,7 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
                 command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=remarks, timeout=seconds
             )
         except subprocess.TimeoutExpired:
-            raise SceneError(f"recording '{path}' is not read within {seconds:.0f} s") from None
+            raise SceneError(f"recording '{path}' could not be read within {seconds:.0f} s") from None
         if done.returncode == _BAD_INPUT:
             raise SceneError(json.loads(done.stdout))
         if done.returncode == _NOT_WRITTEN:

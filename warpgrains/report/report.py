@@ -85,11 +85,14 @@ def _prepare(scenes: Sequence[Scene], folder: Path) -> None:
     names = [scene.name for scene in scenes]
     for name in names:
         if names.count(name) > 1:
-            raise SceneError(f"two scenes are called '{name}': a report tells scenes apart by their names")
+            raise SceneError(
+                f"two scenes have the name '{name}': rename one, because a"
+                " report identifies scenes by their names"
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+        raise SceneError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
     require_writable_folder(folder)
 
 

@@ -63,7 +63,7 @@ def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHO
         raise SceneError(f"{field} is {shown(value)}: it must be a whole number")
     converted = int(value)
     if not least <= converted <= most:
-        found = str(converted) if abs(converted) < 10**30 else "an immense number"
+        found = str(converted) if abs(converted) < 10**30 else "a number of more than 30 digits"
         raise SceneError(f"{field} is {found}: it must be between {least} and {most}")
     return converted
 
@@ -76,7 +76,7 @@ def thread_count(field: str, value: Any) -> int:
 def text(field: str, value: Any) -> str:
     """Return a text."""
     if not isinstance(value, str):
-        raise SceneError(f"{field} is {shown(value)}: it must be a text")
+        raise SceneError(f"{field} is {shown(value)}: it must be a string")
     return value
 
 
@@ -113,8 +113,8 @@ def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
     known = list(known)
     found = [name for name in known if name in given]
     if len(found) != 1:
-        has = " and ".join(found) or "none of them"
-        raise SceneError(f"{what} has {has}: it needs one of {', '.join(known)}")
+        has = " and ".join(found) or "none"
+        raise SceneError(f"{what} needs exactly one of {', '.join(known)}: it has {has}")
     return found[0]
 
 
@@ -187,7 +187,7 @@ def _floats(field: str, value: Any) -> FloatArray:
     try:
         array = np.asarray(value)
     except ValueError:
-        raise SceneError(f"{field} is ragged: every grain must have as many numbers") from None
+        raise SceneError(f"{field} is ragged: every grain must have the same number of values") from None
     if array.dtype.kind not in "iuf" and array.size > 0:
         raise SceneError(f"{field} holds {array.dtype.name} values: it must hold real numbers")
     return np.array(array, dtype=np.float64, order="C")

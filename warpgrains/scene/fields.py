@@ -72,7 +72,7 @@ def frozen(kind: type[Kind]) -> type[Kind]:
 class SceneFields:
     """What a `Scene` holds."""
 
-    position: Array = _key("Centres of the grains [m], shape (n, 2).")
+    position: Array = _key("Centers of the grains [m], shape (n, 2).")
     velocity: OptionalArray = _key(
         "Velocities at the start [m/s], shape (n, 2); by default all grains rest.", default=None
     )
@@ -81,13 +81,13 @@ class SceneFields:
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
     radius_out: float = _key("Radius of the outer wall [m].", "domain")
     wall: str = _key(
-        'What the outer wall is within a step: its "tangent", the text\'s, which a grain that slides along it'
-        ' leaves by (v dt)^2 / (2 radius_out), or "round": it ends on the circle.',
+        'Outer wall in a step: "tangent", the tangent at the grain, as in the course text, on which a grain'
+        ' leaves the circle by (v dt)^2 / (2 radius_out); or "round", the circle itself.',
         "domain",
         default="tangent",
     )
     walls: Walls = _key(
-        'What stands inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
+        'Obstacles inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
         " `Disc(center, radius)`: fixed discs that grains touch from outside.",
         check=lambda field, value: checked_walls(field, value),
         default=(),
@@ -99,20 +99,20 @@ class SceneFields:
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)
     duration: float = _key("Simulated time of a whole run [s].", "time", checks.positive, default=1.0)
     scheme: str = _key(
-        'How velocities go on in time: "text", of first order in dt, or "leapfrog", of second order, whose'
+        'Time integration: "text", of first order in dt, or "leapfrog", of second order, whose'
         " velocities are those of the middle of a step (see `State`).",
         "time",
         SCHEMES,
         default="text",
     )
     tolerance: float = _key(
-        "The contact iteration stops when no correction changes by more than this [m/s] ...",
+        "Bound at which the contact iteration stops [m/s], see `stop`.",
         "solver",
         checks.not_negative,
         default=1e-6,
     )
     max_iterations: int = _key(
-        "... or after so many iterations.", "solver", checks.whole_number, default=10_000
+        "Largest number of iterations in a step.", "solver", checks.whole_number, default=10_000
     )
     order: str = _key(
         'Order in which an iteration visits the contacts: "sequential" or "color".',
@@ -121,28 +121,27 @@ class SceneFields:
         default="sequential",
     )
     method: str = _key(
-        'How the contact iteration proceeds: "gauss-seidel", the text\'s; "accelerated", with momentum; or'
-        ' "exact", the same, and where that is slow an interior point method, with the extra ``[exact]``.',
+        'Method of the contact iteration: "gauss-seidel", as in the course text; "accelerated", the same with'
+        ' momentum; or "exact", which solves steps directly where sweeps are slow (extra ``[exact]``).',
         "solver",
         METHODS,
         default="gauss-seidel",
     )
     stop: str = _key(
-        'What the tolerance is on: "zeta", the text\'s, or "residual", the error (see `StepReport`). By'
-        ' default it is zeta for "gauss-seidel" and the residual for the others; for "exact" it is always the'
-        " residual.",
+        'Quantity that the tolerance bounds: "zeta", the last change of a correction, or "residual", an error'
+        ' bound. The default is zeta for "gauss-seidel" and the residual for the others.',
         "solver",
         STOPS,
         default="default",
     )
     on_unconverged: str = _key(
-        'What a step does that has not met its tolerance after `max_iterations`: "report" it and go on, or'
+        'Reaction to a step above its tolerance after `max_iterations`: "report" it and continue, or'
         ' "raise" `SimulationError` and leave the state as it was before the step.',
         "solver",
         UNCONVERGED,
         default="report",
     )
-    name: str = _key("What the scene is called.", check=checks.text, default="scene")
+    name: str = _key("Name of the scene.", check=checks.text, default="scene")
     text: str = _key("The TOML text that the scene was read from, if any.", check=checks.text, default="")
 
 
@@ -210,7 +209,9 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
     velocity = checks.vectors("velocity", velocity)
     n = len(position)
     if len(velocity) != n:
-        raise SceneError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
+        raise SceneError(
+            f"velocity has shape {velocity.shape}: it must be that of position, {position.shape}"
+        )
     return {
         "position": position,
         "velocity": velocity,
@@ -238,7 +239,8 @@ def _require_size(scene: "Scene") -> None:
     if scene.radius_out / MOST_RADII >= smallest:
         raise SceneError(
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
-            f" grain {int(np.argmin(scene.radius))}, {smallest} m, for positions to have digits for a gap"
+            f" grain {int(np.argmin(scene.radius))}, {smallest} m, because"
+            " float64 positions could not resolve gaps"
         )
     scene.annulus.require_size()
 
@@ -258,11 +260,11 @@ def _require_short_step(scene: "Scene") -> None:
     lightest = int(np.argmin(scene.mass))
     if scene.scheme == "text":
         raise SceneError(
-            f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would turn round grain {lightest}"
+            f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
             f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
         )
     if not isfinite(lost):
         raise SceneError(
-            f"drag is {scene.drag} kg/s: times dt, {scene.dt} s, it is no number in masses of"
-            f" grain {lightest}, {mass} kg"
+            f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {scene.dt} s and"
+            f" grain {lightest} of mass {mass} kg"
         )

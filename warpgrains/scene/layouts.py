@@ -25,7 +25,7 @@ MOST_ADDED = 0.54  # share of a region that random sequential addition fills: it
 COMMON = {
     "count": "Number of grains.",
     "radius": "Radius of every grain [m].",
-    "spacing": "Distance of neighbours, centre to centre, in radii.",
+    "spacing": "Distance of neighbors, center to center, in radii.",
 }
 """Keys that several layouts have."""
 
@@ -78,9 +78,7 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     reach = walls.radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
     if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
-        raise SceneError(
-            f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} places"
-        )
+        raise SceneError(f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} sites")
     row = np.arange(floor(2 * reach / rise) + 1)[:, np.newaxis]
     half = floor(reach / pitch) + 1
     column = np.arange(-half, half + 1)
@@ -154,7 +152,10 @@ def _random_radii(
     given = radii_given(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
-            raise SceneError(f"grains.radius is a list of {len(given)}: that is how many grains there are")
+            raise SceneError(
+                f"grains.radius is a list of {len(given)}: its length is the number of"
+                " grains, so omit grains.count and grains.packing_fraction"
+            )
         return given
     if (count is None) == (fraction is None):
         raise SceneError("layout 'random' needs one of grains.count and grains.packing_fraction")
@@ -222,6 +223,6 @@ def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> An
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch
         if abs(y) > reach:
-            raise SceneError(f"grains.count is {count}: the rows have room for {count - missing} grains only")
+            raise SceneError(f"grains.count is {count}: only {count - missing} grains fit in the rows")
         widths.append(1 + floor(min(MOST_GRAINS, 2.0 * sqrt(reach * reach - y * y) / pitch)))
     return np.array(widths)

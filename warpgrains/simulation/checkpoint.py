@@ -79,7 +79,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     Raises
     ------
     OSError
-        It cannot be written, or is not read back as it was written.
+        It cannot be written, or reads back different from what was written.
     """
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **_entries(checkpoint, path))
@@ -100,7 +100,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
     try:
         header, arrays = _read(path)
     except _DAMAGE:
-        raise SceneError(f"'{path}' is no checkpoint of warpgrains, or it is damaged") from None
+        raise SceneError(f"'{path}' is not a checkpoint of warpgrains, or it is damaged") from None
     if header["version"] != VERSION:
         raise SceneError(
             f"checkpoint '{path}' has version {header['version']}, of warpgrains {header.get('warpgrains')};"
@@ -109,7 +109,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
     try:
         return _checkpoint(header, arrays, path)
     except _DAMAGE as error:
-        raise SceneError(f"checkpoint '{path}' holds no state of a scene: {error}") from None
+        raise SceneError(f"checkpoint '{path}' holds an invalid state: {error}") from None
 
 
 def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:

@@ -25,7 +25,7 @@ class StepConstraints:
     ----------
     scene : Scene
     position : ndarray
-        Centres of the grains [m], shape (n, 2).
+        Centers of the grains [m], shape (n, 2).
     wall : ndarray
         Grain and wall of every contact with a wall, shape (m - k, 2).
     first, second : ndarray

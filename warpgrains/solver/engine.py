@@ -269,7 +269,9 @@ class Engine:
         for k in range(len(self.scenes)):
             violation = self._records.violation(k)
             if violation is not None:
-                raise SimulationError(f"step {self._done(k) + 1}: {violation}: please report this scene")
+                raise SimulationError(
+                    f"step {self._done(k) + 1}: {violation}: please report this defect with the scene"
+                )
 
     def _solve_open_steps(self) -> None:
         """Solve to their ends the steps amid which lists are to grow."""

@@ -31,7 +31,7 @@ HANDLING = 0.05  # ... and for every thread that there is: a scheduler takes som
 AHEAD = 2  # bundles given out a thread
 FEWEST_THREADS = 16  # for which there are bundles, as workers come one by one
 CONNECT_WITHIN = 30.0  # s
-UNSEEN = "its result is not seen here: all machines must see DIR"
+UNSEEN = "its result cannot be read here: all machines must share DIR"
 
 _one_at_a_time = Lock()
 

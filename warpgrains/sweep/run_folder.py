@@ -31,7 +31,7 @@ from warpgrains.sweep.sweep import Run
 
 RESULT = "result.csv"
 GRAINS = "grains"
-AGAIN = "delete the run's folder to do it again"
+AGAIN = "delete the folder of the run to repeat it"
 
 
 class RunFolder:
@@ -65,13 +65,11 @@ class RunFolder:
         try:
             found = read_regular(self.scene_file).decode()
         except UnicodeDecodeError:
-            raise SceneError(f"'{self.scene_file}' is no text: {AGAIN}") from None
+            raise SceneError(f"'{self.scene_file}' is not text: {AGAIN}") from None
         except SceneError as error:
             raise SceneError(f"{error}: {AGAIN}") from None
         if self._is_of_another(found):
-            raise OutputError(
-                f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
-            )
+            raise OutputError(f"'{self.scene_file}' is the scene of another sweep: choose another -o")
         if found != self._text:
             raise SceneError(f"'{self.scene_file}' is damaged: {AGAIN}")
         if self.result.exists() and self._measures_otherwise():

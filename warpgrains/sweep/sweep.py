@@ -168,7 +168,7 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
     lengths = {key: len(values) for key, values in lists.items()}
     if len(set(lengths.values())) > 1:
         counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
-        raise SceneError(f"combine is 'zip': the axes must have as many values each, not {counts}")
+        raise SceneError(f"combine is 'zip': all axes must have the same number of values, not {counts}")
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
 
 
@@ -201,10 +201,10 @@ def _base_paths(document: Table, folder: Path) -> list[Path]:
 
 def _grain_file(folder: Path, name: Any) -> Path:
     if not isinstance(name, str) or "\0" in name or not (folder / name).is_file():
-        raise SceneError(f"grains.file is {name!r}: there is no such file in {str(folder)!r}")
+        raise SceneError(f"grains.file is {name!r}: it does not exist in {str(folder)!r}")
     if not (folder / name).resolve().is_relative_to(folder.resolve()):
         raise SceneError(
-            f"grains.file is {name!r}: results hold a copy, so it must be in the folder of its scene"
+            f"grains.file is {name!r}: it must be in the folder of its scene, because results contain a copy"
         )
     return folder / name
 

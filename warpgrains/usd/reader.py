@@ -95,7 +95,7 @@ class RecordingReader:
         told = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
         mass = self._prim.GetAttribute("primvars:mass")
         if "parameters" not in told or not mass:
-            raise SceneError("the recording does not tell its whole scene: an earlier release has made it")
+            raise SceneError("the recording does not contain its complete scene: an earlier release wrote it")
         fields = read_parameters(str(told["parameters"]))
         texts = {"name": str(told["name"]), "text": str(told["scene"])}
         return {**fields, **texts, "mass": _values(mass)}
@@ -131,7 +131,7 @@ def refusing_foreign_content(path: str | Path) -> Iterator[None]:
         raise
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise SceneError(f"recording '{path}' holds what no recording does: {reason}") from error
+        raise SceneError(f"recording '{path}' is damaged: {reason}") from error
 
 
 def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
