@@ -23,15 +23,27 @@ from warpgrains.solver.statistics import RunStatistics
 UNITS = {
     "grains": "",
     "steps": "",
-    "time": "s",  # simulated
-    "iterations_mean": "",  # a step
+    "time": "s",
+    "iterations_mean": "",
     "iterations_max": "",
-    "unconverged": "",  # steps that stopped short of the tolerance
-    "worst_overlap": "m",  # after any step
-    **{name: QUANTITIES[name].unit for name in OF_A_SWEEP},  # at the end of the run
-    "error": "",  # why the run failed, if it did
+    "unconverged": "",
+    "worst_overlap": "m",
+    **{name: QUANTITIES[name].unit for name in OF_A_SWEEP},
+    "error": "",
 }
 """Units of the columns that every sweep has, in their order."""
+MEANINGS = {
+    "grains": "number of grains",
+    "steps": "number of time steps",
+    "time": "simulated time",
+    "iterations_mean": "iterations of a step, mean",
+    "iterations_max": "iterations of a step, maximum",
+    "unconverged": "number of steps that stopped short of the tolerance",
+    "worst_overlap": "largest overlap after any step",
+    **{name: f"{QUANTITIES[name].meaning}, at the end of the run" for name in OF_A_SWEEP},
+    "error": "reason of the failure, if the run failed",
+}
+"""Meanings of these columns, for the documentation."""
 MET = "met"
 COUNTS = ("grains", "steps", "iterations_max", "unconverged", MET)
 """Columns that are whole numbers."""
@@ -114,7 +126,7 @@ def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> Values
 def require_result(rows: list[Row], labels: Row, columns: Sequence[str]) -> Row:
     """Return the one row of a run's table; raise SceneError unless it is a result with these labels."""
     if len(rows) != 1 or list(rows[0]) != [*labels, *columns, SECONDS] or None in rows[0].values():
-        raise SceneError("it is not one row of these columns")
+        raise SceneError("it does not have one row with the columns of this sweep")
     row = rows[0]
     if any(row[name] != label for name, label in labels.items()):
         raise SceneError("it is of another run")
