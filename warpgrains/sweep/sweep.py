@@ -3,9 +3,9 @@
 ======== =================== ======================================================================
 section  keys                meaning
 ======== =================== ======================================================================
-(top)    scene               the base scene: a file beside the sweep file, or the name of a shipped one
-..       or: folder          a folder beside the sweep file: each of its .toml files is a base scene
-..       combine             "grid" (default): every value of an axis with every one of the others;
+(top)    scene               the base scene: a file next to the sweep file, or a shipped scene
+..       or: folder          a folder next to the sweep file: each of its .toml files is a base scene
+..       combine             "grid" (default): all combinations of the values of the axes;
                              "zip": the first values of all axes, then the second ones, ...
 set      section.key         a value that replaces the base scene's in all runs
 axes     section.key         values of which every run has one, see `axes`
