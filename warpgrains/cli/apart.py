@@ -30,7 +30,7 @@ _BAD_INPUT, _NOT_WRITTEN = 2, 3
 
 
 def done_apart(function: str, path: str, **arguments: Any) -> Any:
-    """Call a function, such as "usd.check.inspect_recording", with a recording, in a process of its own.
+    """Call a function, such as "usd.check.report_on_recording", with a recording, in a process of its own.
 
     Raises
     ------

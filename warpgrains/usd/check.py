@@ -24,6 +24,19 @@ def inspect_recording(path: str | Path) -> list[str]:
         return _problems(open_recording(Path(path)))
 
 
+def report_on_recording(path: str | Path) -> list[str]:
+    """Return the lines that `check` prints: the problems of a recording, or else "OK" and its size."""
+    with refusing_foreign_content(path):
+        stage = open_recording(Path(path))
+        return _problems(stage) or [_size(stage)]
+
+
+def _size(stage: Usd.Stage) -> str:
+    position = GrainsInspector(stage.GetPrimAtPath(GRAINS)).position
+    codes = position.GetTimeSamples()
+    return f"OK: {len(codes)} frames, {_length(position, codes[0])} grains"
+
+
 def _problems(stage: Usd.Stage) -> list[str]:
     problems = list(_stage_problems(stage))
     prim = stage.GetPrimAtPath(GRAINS)
@@ -169,8 +182,8 @@ class ForcesInspector:
             yield from _extent_problems(extent, corners, np.zeros(len(corners)), code)
 
 
-def _length(attribute: Usd.Attribute) -> int:
-    values = values_of(attribute)
+def _length(attribute: Usd.Attribute, code: float = 0.0) -> int:
+    values = values_of(attribute, code)
     return 0 if values is None else len(values)
 
 
