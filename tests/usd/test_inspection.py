@@ -163,7 +163,7 @@ def shrink_the_extent_of_forces(stage):
         (drop_an_extent, "Grains.extent has other time codes than the grains' positions"),
         (tighten_an_extent, "extent does not contain all grains or bands (frame 3)"),
         (leave_a_gap_in_time, "the time codes of the grains are not consecutive integers"),
-        (end_too_early, "startTimeCode and endTimeCode are 0 and 2, the frames 0 to 3"),
+        (end_too_early, "startTimeCode and endTimeCode are 0 and 2, but the frames are 0 to 3"),
         (lie_about_the_rate, "timeCodesPerSecond 50 differs from framesPerSecond 24"),
         (turn_upright, "upAxis is Z, not Y"),
         (measure_in_centimetres, "metersPerUnit is 0.01, not 1"),
