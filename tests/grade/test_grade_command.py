@@ -160,7 +160,7 @@ def test_a_compiler_that_fails_behind_the_fence_is_used_without(
 ) -> None:
     monkeypatch.setattr("warpgrains.grade.compiler.toolchain_paths", list)
     assert exit_code("grade", homework(tmp_path / "homework.c", PLAIN)) == 0
-    assert "warning: this system has no fence around the compiler" in capfd.readouterr().err
+    assert "warning: this system has no Landlock for the compiler" in capfd.readouterr().err
 
 
 RUNNING = {

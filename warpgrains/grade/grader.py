@@ -20,7 +20,7 @@ from warpgrains.grade.words import Words
 from warpgrains.reference.reference import SOURCE
 
 _UNCONFINED = "filter of system calls: homeworks can open files and start processes"
-_UNFENCED = "fence around the compiler: homeworks can include any file that you can read"
+_UNFENCED = "Landlock for the compiler: homeworks can include any file that you can read"
 _UNKNOWN = "no known mistake explains it"
 _UNGUARDED = (
     "the lines #ifndef NOUPDATE, #ifndef NOCONTACTITERATE and #endif around the two functions are missing or "

@@ -171,7 +171,7 @@ class ForcesInspector:
         points, _, indices, force, extent = self.animated
         corners, vertices, numbers, _, _ = (values_of(attribute, code) for attribute in self.animated)
         if corners is None or vertices is None or numbers is None:
-            yield "force chains lack a value"
+            yield "force chains lack points, faceVertexCounts or faceVertexIndices"
             return
         yield from _length_problem(points, int(vertices.sum()), f"{len(vertices)} bands", code)
         yield from _length_problem(indices, len(corners), f"{len(corners)} corners", code)
