@@ -17,6 +17,7 @@ from . import (
     contact_list,
     dealing,
     exact,
+    friction,
     gauss_seidel,
     integrate,
     neighbors,
@@ -49,7 +50,7 @@ from .conditions import (
     unordered,
     unsolved,
 )
-from .contacts import part_count
+from .contacts import contact_count, part_count
 from .record import grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
@@ -80,7 +81,12 @@ TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
 DEAL_OUT = [*TILES, Each(grain_count, coloring.gather), Serial(dealing.deal_out)]
 
 
-def sweeping_order(dealt: bool) -> list[Stage]:
+def only(wanted: bool, stages: list[Stage]) -> list[Stage]:
+    """Return stages, or none where they are not wanted."""
+    return stages if wanted else []
+
+
+def sweeping_order(dealt: bool, has_friction: bool) -> list[Stage]:
     """Put the list in the order in which it is swept, and its corrections with it."""
     return [
         Serial(coloring.group_pairs),
@@ -88,18 +94,24 @@ def sweeping_order(dealt: bool) -> list[Stage]:
         *(DEAL_OUT if dealt else [If(tiled, TILES)]),
         Serial(coloring.place_walls),
         Each(grain_count, contact_list.transfer_warm_start),
+        *only(has_friction, [Each(grain_count, friction.transfer_tangential)]),
         Serial(contact_list.find_row_sums),
+        *only(has_friction, [Serial(friction.widen_row_sum)]),
     ]
 
 
-WARM_START = [
-    Each(grain_count, warm_start.begin_attempt),
-    Sets(warm_start.start),
-    Serial(verlet.clear_check),
-    Serial(verlet.find_frame),
-    Each(grain_count, verlet.begin_check),
-    Serial(stopping.begin_iterating),
-]
+def warm_started(has_friction: bool) -> list[Stage]:
+    """Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
+    return [
+        Each(grain_count, warm_start.begin_attempt),
+        *only(has_friction, [Each(grain_count, friction.begin_rim)]),
+        Sets(friction.start_with_friction if has_friction else warm_start.start),
+        Serial(verlet.clear_check),
+        Serial(verlet.find_frame),
+        Each(grain_count, verlet.begin_check),
+        Serial(stopping.begin_iterating),
+    ]
+
 
 REBUILD = [
     Each(grain_count, residual.begin_rebuild),
@@ -107,19 +119,34 @@ REBUILD = [
     Shared(residual.measure_residual),
 ]
 
-MEASURE = [*REBUILD, Serial(stopping.stop_on_residual)]
-
-GAUSS_SEIDEL = [
-    While(
-        iterating,
-        [
-            Sets(gauss_seidel.sweep),
-            Serial(gauss_seidel.decide),
-            If(sampling, [Each(grain_count, verlet.sample)]),
-            If(measuring, MEASURE),
-        ],
-    ),
+REBUILD_WITH_FRICTION = [
+    Each(grain_count, residual.begin_rebuild),
+    Each(grain_count, friction.begin_rebuilt_rim),
+    Sets(friction.rebuild_with_friction),
+    Shared(friction.measure_with_friction),
 ]
+
+MEASURE = [*REBUILD, Serial(stopping.stop_on_residual)]
+MEASURE_WITH_FRICTION = [*REBUILD_WITH_FRICTION, Serial(stopping.stop_on_residual)]
+
+
+def plain_sweeps(sweep: wp.Function, measure: list[Stage]) -> list[Stage]:
+    """Sweep all contacts until the changes, or the residual, are small."""
+    return [
+        While(
+            iterating,
+            [
+                Sets(sweep),
+                Serial(gauss_seidel.decide),
+                If(sampling, [Each(grain_count, verlet.sample)]),
+                If(measuring, measure),
+            ],
+        ),
+    ]
+
+
+GAUSS_SEIDEL = plain_sweeps(gauss_seidel.sweep, MEASURE)
+GAUSS_SEIDEL_WITH_FRICTION = plain_sweeps(friction.sweep_with_friction, MEASURE_WITH_FRICTION)
 
 
 PUT_BACK = [Each(part_count, working_set.put_back)]
@@ -182,59 +209,78 @@ EXACT = [
     *sweeps_ahead(exact.decide_exactly, [*MEASURE, Serial(exact.stop_when_slow)]),
 ]
 
-METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED, "exact": EXACT}
-
-SAVE = [
-    Each(grain_count, contact_list.save_row),
-    Each(contact_list.listed_count, contact_list.save_contact),
-]
-
-FINISH = [
-    Each(grain_count, integrate.move),
-    Serial(integrate.stagger),
-    Each(grain_count, verlet.remember),
-    Serial(verlet.shift_frame),
-    Shared(statistics.overlaps),
-    Serial(statistics.report),
-    Serial(statistics.add_step),
-    If(
-        recoloring,
-        [
-            *SAVE,
-            Serial(contact_list.color_anew),
-        ],
-    ),
-]
-
-EXPIRE = [
-    *SAVE,
-    Serial(contact_list.expire),
-    Serial(skins.adapt_base_skin),
-    Each(grain_count, skins.renew_skin),
-    Serial(skins.find_lifetime),
-]
+Kind = tuple[str, bool]
+"""Method, and whether there is friction."""
+METHODS: dict[Kind, list[Stage]] = {
+    ("gauss-seidel", False): GAUSS_SEIDEL,
+    ("accelerated", False): ACCELERATED,
+    ("exact", False): EXACT,
+    ("gauss-seidel", True): GAUSS_SEIDEL_WITH_FRICTION,
+}
 
 
-def step(method: str, dealt: bool = False) -> list[Stage]:
-    """Return the stages of one step by a method; `dealt` where threads are dealt tiles."""
+def save(has_friction: bool) -> list[Stage]:
+    """Keep the list and what its contacts carry, for the next list."""
+    return [
+        Each(grain_count, contact_list.save_row),
+        Each(contact_list.listed_count, contact_list.save_contact),
+        *only(has_friction, [Each(contact_list.listed_count, friction.save_tangential)]),
+    ]
+
+
+def finish(has_friction: bool) -> list[Stage]:
+    """Move the grains, and report."""
+    return [
+        Each(grain_count, integrate.move),
+        *only(
+            has_friction, [Each(grain_count, friction.turn), Each(contact_count, friction.keep_correction)]
+        ),
+        Serial(integrate.stagger),
+        Each(grain_count, verlet.remember),
+        Serial(verlet.shift_frame),
+        Shared(statistics.overlaps),
+        Serial(statistics.report),
+        Serial(statistics.add_step),
+        If(recoloring, [*save(has_friction), Serial(contact_list.color_anew)]),
+    ]
+
+
+def expire(has_friction: bool) -> list[Stage]:
+    """Ask for another list."""
+    return [
+        *save(has_friction),
+        Serial(contact_list.expire),
+        Serial(skins.adapt_base_skin),
+        Each(grain_count, skins.renew_skin),
+        Serial(skins.find_lifetime),
+    ]
+
+
+def step(kind: Kind, dealt: bool = False) -> list[Stage]:
+    """Return the stages of one step of a kind; `dealt` where threads are dealt tiles."""
+    has_friction = kind[1]
+    free = [
+        Each(grain_count, integrate.free_velocity),
+        *only(has_friction, [Each(grain_count, friction.free_spin)]),
+    ]
     return [
         Serial(stopping.begin),
-        If(starting, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),
+        If(starting, [Serial(integrate.begin_step), *free]),
         While(
             unsolved,
             [
                 If(unlisted, NEW_LIST),
-                If(unordered, sweeping_order(dealt)),
+                If(unordered, sweeping_order(dealt, has_friction)),
                 Serial(stopping.see_whether_listed),
                 If(
                     attempting,
                     [
-                        If(fresh, WARM_START),
-                        *METHODS[method],
+                        If(fresh, warm_started(has_friction)),
+                        *METHODS[kind],
                         Each(grain_count, verlet.verify),
                         Serial(stopping.judge),
-                        If(accepted, FINISH),
-                        If(unlisted, EXPIRE),
+                        If(accepted, finish(has_friction)),
+                        If(unlisted, expire(has_friction)),
                     ],
                 ),
             ],
@@ -243,6 +289,6 @@ def step(method: str, dealt: bool = False) -> list[Stage]:
 
 
 @cache
-def fused_step(method: str, dealt: bool) -> wp.Function:
+def fused_step(kind: Kind, dealt: bool) -> wp.Function:
     """Return the function that takes one step, `(team, scene)`."""
-    return fuse(step(method, dealt))
+    return fuse(step(kind, dealt))

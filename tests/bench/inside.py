@@ -9,7 +9,7 @@ from warpgrains import Scene, Simulation
 from warpgrains.kernels.integrate import free_velocity
 from warpgrains.kernels.record import grain_count
 from warpgrains.kernels.stages import Each, Stage
-from warpgrains.kernels.step import EXPIRE, METHODS, NEW_LIST, WARM_START, sweeping_order
+from warpgrains.kernels.step import METHODS, NEW_LIST, expire, sweeping_order, warm_started
 from warpgrains.solver.crew import Crew
 from warpgrains.solver.tuning import paying_threads
 
@@ -19,9 +19,9 @@ from .timing import seconds
 VEC = ("<f8", (2,))
 CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
 
-UP_TO_THE_LIST = (Each(grain_count, free_velocity), *WARM_START)
+UP_TO_THE_LIST = (Each(grain_count, free_velocity), *warm_started(False))
 """What a step does before it finds that its list will not do."""
-ANOTHER_LIST = (*EXPIRE, *NEW_LIST, *sweeping_order(dealt=False))
+ANOTHER_LIST = (*expire(False), *NEW_LIST, *sweeping_order(False, False))
 """What it does then."""
 
 
@@ -93,7 +93,7 @@ class Sweeps:
         self._peak, self._peak_limit = (record.array(f"verlet.peak_{of}") for of in ("deviation", "limit"))
         self._threshold = float(record.numbers["tuning"]["monitor_threshold"])
         self._numbers, self._start = record.numbers, self.contents()
-        self.run = record.command(METHODS[simulation.scene.method]).launch
+        self.run = record.command(METHODS[simulation.scene.kernel_kind]).launch
 
     def contents(self) -> tuple[np.ndarray, ...]:
         """Return a copy of all that a sweep changes."""
