@@ -5,8 +5,8 @@ import re
 from messages import help_texts, messages
 
 OURS = re.compile(
-    r"\b(is there|goes? on|to go on|so many|anew|amid|beside|is no|are told|of its own|is left as it is"
-    r"|which it may not|holds what|no number|none of them)\b"
+    r"\b(is there|goes? on|to go on|so many|anew|amid|beside|(?<!there )is no|are told|of its own"
+    r"|is left as it is|which it may not|holds what|no number|none of them)\b"
 )
 MOST_CHARACTERS = 220
 
