@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 _NUMBER, _WORD = r"-\d+(?:\.\d+)?(?:e[+-]?\d+)?", r"[A-Za-z0-9][\w.+-]*"
 _PLAIN = re.compile(rf"(?:(?:{_WORD}|{_NUMBER})?(?:,|$))*", re.ASCII)
@@ -21,30 +21,30 @@ Row = dict[str, str]
 
 
 def require_writable_folder(folder: Path) -> None:
-    """Raise SceneError unless a file can be created in `folder` now."""
+    """Raise InputError unless a file can be created in `folder` now."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
 
 
 def make_folder(folder: Path) -> None:
-    """Create a folder for outputs, unless it exists; raise SceneError if it cannot be written."""
+    """Create a folder for outputs, unless it exists; raise InputError if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
     require_writable_folder(folder)
 
 
 def require_place(kind: str, path: Path, *suffixes: str) -> None:
-    """Raise SceneError unless a file of this kind, with one of these endings, can be created there now."""
+    """Raise InputError unless a file of this kind, with one of these endings, can be created there now."""
     path = followed(path)
     if path.suffix not in suffixes:
-        raise SceneError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
+        raise InputError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
     if path.is_dir():
-        raise SceneError(f"{kind} '{path}' is a folder")
+        raise InputError(f"{kind} '{path}' is a folder")
     require_writable_folder(path.parent)
 
 
@@ -57,9 +57,9 @@ def followed(path: Path) -> Path:
 
 
 def read_regular(path: Path) -> bytes:
-    """Return the content of a regular file; SceneError for anything else: a pipe would block."""
+    """Return the content of a regular file; InputError for anything else: a pipe would block."""
     if not path.is_file():
-        raise SceneError(f"'{path}' is not a regular file")
+        raise InputError(f"'{path}' is not a regular file")
     return path.read_bytes()
 
 
@@ -170,14 +170,14 @@ def _is_number(cell: str) -> bool:
 
 
 def read_table(path: Path) -> list[Row]:
-    """Read a table as rows of text, by column; raise SceneError if it is none."""
+    """Read a table as rows of text, by column; raise InputError if it is none."""
     with _opened(path) as lines:
         rows = csv.DictReader(lines, strict=True)
         return [{name: _unguarded(cell) for name, cell in row.items()} for row in rows]
 
 
 def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Read some columns of a table, see `columns_of`; raise SceneError if it is none."""
+    """Read some columns of a table, see `columns_of`; raise InputError if it is none."""
     with _opened(path) as lines:
         return columns_of(lines, wanted)
 
@@ -212,9 +212,9 @@ def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]
 @contextmanager
 def _opened(path: Path) -> Iterator[Iterable[str]]:
     if not path.is_file():
-        raise SceneError(f"'{path}' cannot be read: it is not a regular file")
+        raise InputError(f"'{path}' cannot be read: it is not a regular file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
             yield lines
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"'{path}' cannot be read: {error}") from None
+        raise InputError(f"'{path}' cannot be read: {error}") from None

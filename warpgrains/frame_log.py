@@ -18,7 +18,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import write_whole
 
 Arrays = Mapping[str, NDArray[Any]]
@@ -52,9 +52,9 @@ class FrameLog:
         self._unsynced = 0, 0
 
     def require_absent(self) -> None:
-        """Raise SceneError if the file exists: it may hold the only copy of the frames of another run."""
+        """Raise InputError if the file exists: it may hold the only copy of the frames of another run."""
         if self.path.exists():
-            raise SceneError(
+            raise InputError(
                 f"'{self.path}' holds frames of another run: make a recording of them with"
                 " 'warpgrains recover', or delete it"
             )
@@ -64,12 +64,12 @@ class FrameLog:
 
         Raises
         ------
-        SceneError
+        InputError
             The log has other constants, or fewer frames.
         """
         reader = LogReader(self.path)
         if reader.constants != self._constants:
-            raise SceneError(
+            raise InputError(
                 f"'{self.path}' holds frames of another scene or of other drawing"
                 " options: use those of the first run, or delete it"
             )
@@ -79,7 +79,7 @@ class FrameLog:
             if held == frames:
                 break
         if held != frames:
-            raise SceneError(
+            raise InputError(
                 f"'{self.path}' holds {held} of the {frames} frames that the checkpoint continues from"
             )
         self._kinds, self.frames = reader.kinds, frames
@@ -165,14 +165,14 @@ class LogReader:
 
     Raises
     ------
-    SceneError
+    InputError
         The file is missing or no log.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            raise SceneError(f"'{path}' does not exist")
+            raise InputError(f"'{path}' does not exist")
         with path.open("rb") as file:
             content = _read(file) if file.read(len(_MAGIC)) == _MAGIC else None
             self._start = self.end = file.tell()
@@ -181,7 +181,7 @@ class LogReader:
             self.constants: str = header["constants"]
             self.kinds: dict[str, str] = header["kinds"]
         except (ValueError, KeyError, TypeError):
-            raise SceneError(f"'{path}' is not a log of frames") from None
+            raise InputError(f"'{path}' is not a log of frames") from None
 
     def __iter__(self) -> Iterator[dict[str, NDArray[Any]]]:
         with self.path.open("rb") as file:

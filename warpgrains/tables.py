@@ -18,7 +18,7 @@ COMPONENTS = {"pair": ("i", "j"), "wall": ("grain", "wall")}
 
 
 def library(name: str, what: str) -> Any:
-    """Return a library of the extra ``[data]``; SceneError where it is not installed."""
+    """Return a library of the extra ``[data]``; InputError where it is not installed."""
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
@@ -33,7 +33,7 @@ class Tabular:
 
         Raises
         ------
-        SceneError
+        InputError
             pandas is not installed; it comes with the extra ``[data]``.
         """
         columns: dict[str, Any] = {}

@@ -11,7 +11,7 @@ from command import answer, exit_code
 from forks import ForkServer
 from recordings import make_frames, record
 
-from warpgrains import SceneError
+from warpgrains import InputError
 from warpgrains.analysis.plots import plot
 from warpgrains.analysis.recording import Recording
 from warpgrains.cli import apart
@@ -75,7 +75,7 @@ def test_foreign_file_in_python(tmp_path, content):
     for read in (inspect_recording, Recording, lambda path: plot(path, tmp_path / "foreign.png")):
         try:
             said = repr(read(path))
-        except SceneError as refusal:
+        except InputError as refusal:
             said = str(refusal)
         assert "\n" not in said
 
@@ -84,7 +84,7 @@ def test_foreign_file_in_python(tmp_path, content):
 def test_what_is_foreign_is_named(tmp_path, name, kind):
     path = tmp_path / "foreign.usda"
     path.write_text(FOREIGN[name])
-    with pytest.raises(SceneError, match=f"is a {kind}, not an array of numbers"):
+    with pytest.raises(InputError, match=f"is a {kind}, not an array of numbers"):
         inspect_recording(path)
 
 

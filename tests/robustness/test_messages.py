@@ -23,5 +23,5 @@ def test_all():
     assert len(complete) >= 0.9 * len(found), "add samples to messages.toml"
     texts = [message.example for message in found] + [text for text in helps.values() if text]
     assert [text for text in texts if OURS.search(text)] == []
-    refusals = [message.example for message in found if message.given_to in ("SceneError", "OutputError")]
+    refusals = [message.example for message in found if message.given_to in ("InputError", "OutputError")]
     assert [text for text in refusals if "\n" in text or len(text) > MOST_CHARACTERS] == []

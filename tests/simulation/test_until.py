@@ -7,7 +7,7 @@ import pytest
 from command import exit_code, require_refusal
 from same_bits import contents
 
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.simulation.until import EVERY
 
 
@@ -61,13 +61,13 @@ def test_what_is_not_met_is_told():
 
 def test_without_gravity_bounds_must_be_given():
     scene = Scene(position=[[0.5, 0.0]], radius=0.1, mass=1.0, radius_out=1.0, gravity=(0.0, 0.0))
-    with pytest.raises(SceneError, match="needs time, and speed or energy"):
+    with pytest.raises(InputError, match="needs time, and speed or energy"):
         Simulation(scene).run(until="rest")
     assert Simulation(scene).run(until="rest,speed=1e-3,time=0.1", steps=100).steps == 20
 
 
 def test_a_callable_cannot_go_into_a_checkpoint(tmp_path):
-    with pytest.raises(SceneError, match="a checkpoint cannot hold"):
+    with pytest.raises(InputError, match="a checkpoint cannot hold"):
         Simulation(Scene.load("annulus")).run(until=lambda _: True, checkpoint=tmp_path / "kept.npz")
     assert not list(tmp_path.iterdir())
 

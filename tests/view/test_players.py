@@ -11,7 +11,7 @@ from command import exit_code, require_refusal
 from recordings import make_frames, record
 from same_bits import contents
 
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.grade.grader import Grader
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.view.homework import Homework
@@ -193,7 +193,7 @@ class TestChange:
         assert contents(simulation.state()) == contents(other.state())
 
     def test_to_no_scene_is_refused(self, simulation):
-        with pytest.raises(SceneError, match="drag"):
+        with pytest.raises(InputError, match="drag"):
             simulation.change(drag=-1.0)
         assert simulation.scene.drag == 0.5
 

@@ -46,7 +46,7 @@ def certify(simulation: Simulation) -> ErrorBound:
 
     Raises
     ------
-    SceneError
+    InputError
         clarabel or qdldl is not installed; they come with the extra ``[report]``.
     SimulationError
         No step has been taken, or no velocities satisfy every gap of the step.

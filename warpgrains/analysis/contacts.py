@@ -199,7 +199,7 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
 
     Raises
     ------
-    SceneError
+    InputError
         scipy is not installed; it comes with the extra ``[report]``.
 
     Examples

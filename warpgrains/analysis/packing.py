@@ -101,7 +101,7 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
 
     Raises
     ------
-    SceneError
+    InputError
         scipy is not installed; it comes with the extra ``[report]``.
 
     Examples

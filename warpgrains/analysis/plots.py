@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_place
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
@@ -51,7 +51,7 @@ def plot(
 
     Raises
     ------
-    SceneError
+    InputError
         The recording cannot be read, is none or has no such frame, or the picture cannot be written there. A
         file that crashes USD or has no end is refused by the command ``warpgrains plot`` only.
     """
@@ -70,7 +70,7 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
         return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
     for frame in frames:
         if not -count <= frame < count:
-            raise SceneError(
+            raise InputError(
                 f"frame {frame} does not exist: the recording has {count} frames, 0 to {count - 1}"
             )
     return [frame % count for frame in frames]
@@ -139,7 +139,7 @@ def plot_history(table: str | Path, output: str | Path) -> list[int]:
 
     Raises
     ------
-    SceneError
+    InputError
         The table cannot be read, or the picture cannot be written there.
     """
     output = Path(output)
@@ -171,5 +171,5 @@ def _columns(table: Path) -> list[FloatArray]:
     except (KeyError, TypeError, ValueError):
         columns = []
     if not columns or not len(rows) or not all(np.isfinite(column).all() for column in columns):
-        raise SceneError(f"'{table}' is not a history: `warpgrains run --step-by-step --history` writes one")
+        raise InputError(f"'{table}' is not a history: `warpgrains run --step-by-step --history` writes one")
     return columns

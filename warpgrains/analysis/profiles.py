@@ -8,7 +8,7 @@ import numpy as np
 from warpgrains.analysis.packing import heights, mean_heights, upwards
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene.geometry import area_below, distance
 from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus, outward
@@ -140,7 +140,7 @@ def radial_distribution(
 
     Raises
     ------
-    SceneError
+    InputError
         The region is none, or has no space for centres, as the default in a pile of one layer. Or scipy is
         not installed; it comes with the extra ``[report]``.
 
@@ -186,7 +186,7 @@ def _of_centres(region: Region, moment: Snapshot) -> Region:
     near, far = max(region.ring.radius_in, near), min(region.ring.radius_out, walls.radius_out - smallest)
     left = region._replace(ring=Annulus(near, far))
     if near >= far or left.area <= 0.0:
-        raise SceneError(
+        raise InputError(
             f"the region has no point for the center of a grain of radius {smallest:g} m:"
             " give a larger one, such as region={}"
         )

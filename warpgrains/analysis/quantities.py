@@ -115,7 +115,7 @@ def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
 
     Raises
     ------
-    SceneError
+    InputError
         A name is that of no quantity and of no group, or there is none.
     """
     found: dict[str, None] = {}
@@ -136,7 +136,7 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
 
     Raises
     ------
-    SceneError
+    InputError
         A name is unknown.
 
     Examples

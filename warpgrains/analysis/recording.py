@@ -12,7 +12,7 @@ from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_normals
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
 from warpgrains.tables import library
@@ -40,7 +40,7 @@ class Recording(Shown):
 
     Raises
     ------
-    SceneError
+    InputError
         The file is missing, is not USD, holds no frames of grains or what no recording does.
 
     Examples
@@ -92,7 +92,7 @@ class Recording(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             An earlier release has recorded it, and not all that a scene has.
         """
         fields = self._reader.scene_fields()
@@ -111,13 +111,13 @@ class Recording(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             There is no such frame, or contacts were not recorded.
         """
         if not -len(self) <= k < len(self):
-            raise SceneError(f"frame {k} does not exist: '{self.path}' has {len(self)} frames")
+            raise InputError(f"frame {k} does not exist: '{self.path}' has {len(self)} frames")
         if contacts and not self.has_forces:
-            raise SceneError(f"'{self.path}' holds no contacts: record them with --forces")
+            raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
         position = self._reader.position(k)
         pair, force = np.zeros((0, 2), np.int32), np.zeros(0)
@@ -151,7 +151,7 @@ class Recording(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             xarray is not installed; it comes with the extra ``[data]``.
         """
         dims = ("time", "grain", "component")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, read_table, require_place, table_text, write_whole
 from warpgrains.locks import Lock
 from warpgrains.scene import checks
@@ -47,7 +47,7 @@ class Series:
 
     Raises
     ------
-    SceneError
+    InputError
         A name is unknown, or the file cannot be written or continued; as an `OutputError`, if another process
         writes it, or it is no series.
 
@@ -106,7 +106,7 @@ class Series:
 
         Raises
         ------
-        SceneError
+        InputError
             pandas is not installed; it comes with the extra ``[data]``.
         """
         columns = [*FIRST, *self.names]
@@ -117,7 +117,7 @@ class Series:
 
         Raises
         ------
-        SceneError
+        InputError
             xarray is not installed; it comes with the extra ``[data]``.
         """
         columns = {name: [row[name] for row in self.rows] for name in (*FIRST, *self.names)}
@@ -142,15 +142,15 @@ class Series:
         if resume_at is None:
             return
         if rows and tuple(rows[0]) != (*FIRST, *self.names):
-            raise SceneError(
+            raise InputError(
                 f"'{path}' has other columns than --measure: choose another --series, or the same --measure"
             )
         try:
             kept = [row for row in rows if int(row["step"]) <= resume_at]
             self.rows = [{name: float(cell) for name, cell in row.items()} for row in kept]
         except (ValueError, TypeError):
-            raise SceneError(f"'{path}' holds a value that is not a number") from None
+            raise InputError(f"'{path}' holds a value that is not a number") from None
         for row in self.rows:
             row["step"] = int(row["step"])
         if not self.rows or self.rows[-1]["step"] <= resume_at - self.every:
-            raise SceneError(f"'{path}' lacks rows before step {resume_at}: the series cannot be continued")
+            raise InputError(f"'{path}' lacks rows before step {resume_at}: the series cannot be continued")

@@ -25,7 +25,7 @@ def export(recording: str | Path, output: str | Path) -> int:
 
     Raises
     ------
-    SceneError
+    InputError
         The recording cannot be read, the output not be written, or VTK is not installed, which comes with the
         extra ``[data]``.
     """

@@ -10,7 +10,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.batch.resident import Done, Ending, ResidentSets
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
@@ -62,7 +62,7 @@ class Batch(Shown):
 
     Raises
     ------
-    SceneError
+    InputError
         There is no scene, the device is unknown, or the number of threads is not positive.
     SimulationError
         A scene does not fit in memory.
@@ -93,7 +93,7 @@ class Batch(Shown):
             scenes = (as_scene("scenes", scenes),)
         self.scenes = tuple(as_scene(f"scenes[{k}]", scene) for k, scene in enumerate(scenes))
         if not self.scenes:
-            raise SceneError("a batch needs at least one scene")
+            raise InputError("a batch needs at least one scene")
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
@@ -169,12 +169,12 @@ class Batch(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             The steps are no number of steps; or `until` is no criterion for one of the scenes.
         """
         each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
         if len(each) != len(self):
-            raise SceneError(
+            raise InputError(
                 f"steps has {len(each)} numbers: it must have one for each of the {len(self)} scenes"
             )
         wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
@@ -219,7 +219,7 @@ class Batch(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             It is a state of other grains, or there is no scene k.
         """
         k = self._number(k)

@@ -17,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 SECONDS = 120.0
 SECONDS_A_BYTE = 1e-6
@@ -34,7 +34,7 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
 
     Raises
     ------
-    SceneError
+    InputError
         The function raised it; or its process crashed, or met a limit.
     OSError
         What the function writes cannot be written.
@@ -50,13 +50,13 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
                 command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=remarks, timeout=seconds
             )
         except subprocess.TimeoutExpired:
-            raise SceneError(f"recording '{path}' could not be read within {seconds:.0f} s") from None
+            raise InputError(f"recording '{path}' could not be read within {seconds:.0f} s") from None
         if done.returncode == _BAD_INPUT:
-            raise SceneError(json.loads(done.stdout))
+            raise InputError(json.loads(done.stdout))
         if done.returncode == _NOT_WRITTEN:
             raise OSError(json.loads(done.stdout))
         if done.returncode != 0:
-            raise SceneError(f"recording '{path}' cannot be read: its reader {_end(done.returncode)}")
+            raise InputError(f"recording '{path}' cannot be read: its reader {_end(done.returncode)}")
         remarks.seek(0)
         sys.stderr.write(remarks.read(_REMARKS).decode(errors="replace"))
     return json.loads(done.stdout)
@@ -98,7 +98,7 @@ def _main(function: str, most: str, arguments: str) -> int:
 
         with refusing_foreign_content(path):
             answer = getattr(import_module(f"warpgrains.{module}"), name)(path, **given)
-    except SceneError as error:
+    except InputError as error:
         answer, code = str(error), _BAD_INPUT
     except (MemoryError, OSError) as error:
         answer, code = str(error), _NOT_WRITTEN

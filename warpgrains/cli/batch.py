@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE, ExecutionOptions
 from warpgrains.simulation.until import rest_bounds
@@ -35,7 +35,7 @@ def run(arguments: Namespace) -> bool:
     path, plot = Path(arguments.output), _plot(arguments)
     if arguments.sweep is None:
         if plot is None:
-            raise SceneError("SWEEP is missing: give a sweep, or --plot to draw existing results")
+            raise InputError("SWEEP is missing: give a sweep, or --plot to draw existing results")
         print(plot.draw(path / RESULTS))
         return False
     sweep = Sweep.load(arguments.sweep)
@@ -73,11 +73,11 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
 
 
 def _columns(axes: tuple[str, ...], arguments: Namespace) -> Columns:
-    """Return the columns of the results; raise SceneError if something cannot be measured, or end a run."""
+    """Return the columns of the results; raise InputError if something cannot be measured, or end a run."""
     if arguments.every is not None:
         checks.whole_number("--every", arguments.every)
         if arguments.measure is None:
-            raise SceneError("--every needs --measure")
+            raise InputError("--every needs --measure")
     measured: tuple[str, ...] = ()
     if arguments.measure is not None:
         from warpgrains.analysis.quantities import names_of
@@ -92,7 +92,7 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
     """Return the runs of this process: all of them, or every `--count`-th from `--index`."""
     index, count = arguments.index, arguments.count
     if (index is None) != (count is None):
-        raise SceneError("--index and --count must be given together")
+        raise InputError("--index and --count must be given together")
     if count is None:
         return sweep.runs
     count = checks.whole_number("--count", count)
@@ -126,7 +126,7 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
     if arguments.slurm is not None:
         checks.whole_number("--slurm", arguments.slurm)
     if arguments.fps is not None and not arguments.usd:
-        raise SceneError("--fps needs --usd")
+        raise InputError("--fps needs --usd")
     fps = DEFAULT_RATE if arguments.fps is None else checks.positive("--fps", arguments.fps)
     return ExecutionOptions(
         device=arguments.device,

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from tqdm import tqdm
 
 from warpgrains.console import in_columns, stopping_on_signals
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import make_folder, read_table, require_place, table_text, write_whole
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.page import GENERATOR, Pages
@@ -39,13 +39,13 @@ def grade(arguments: Namespace) -> int:
     if arguments.template is not None:
         others = ("homework", "output", "json", "strict", "html")
         if any(getattr(arguments, name) for name in others):
-            raise SceneError(
+            raise InputError(
                 "--template takes no other option and no HOMEWORK: it only writes an empty homework"
             )
         print("\n".join(map(str, write_template(Path(arguments.template)))))
         return RIGHT
     if arguments.homework is None:
-        raise SceneError(
+        raise InputError(
             "HOMEWORK is missing: give a file or a folder, or --template to write an empty homework"
         )
     path = Path(arguments.homework)
@@ -54,12 +54,12 @@ def grade(arguments: Namespace) -> int:
 
 def _grade_one(path: Path, arguments: Namespace) -> int:
     if arguments.output is not None:
-        raise SceneError("-o needs a folder of homeworks: for one homework, use --json")
+        raise InputError("-o needs a folder of homeworks: for one homework, use --json")
     if arguments.html is not None:
         _require_pages(Path(arguments.html))
     verdict = _grade_all([path], arguments.strict)[0]
     if verdict.problem:
-        raise SceneError(verdict.problem)
+        raise InputError(verdict.problem)
     if arguments.html is not None:
         write_whole(Path(arguments.html) / "index.html", Pages(arguments.lang).homework(verdict).encode())
     print(json.dumps(verdict.as_json()) if arguments.json else verdict.text(_has_color(), arguments.lang))
@@ -69,12 +69,12 @@ def _grade_one(path: Path, arguments: Namespace) -> int:
 def _grade_folder(folder: Path, arguments: Namespace) -> int:
     paths = sorted(path for path in folder.rglob("*.c") if not path.is_dir())
     if not paths:
-        raise SceneError(f"folder '{folder}' holds no homework: no file ends in .c")
+        raise InputError(f"folder '{folder}' holds no homework: no file ends in .c")
     if arguments.html is not None:
         _require_pages(Path(arguments.html))
     if arguments.output is None:
         if not arguments.json and arguments.html is None:
-            raise SceneError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
+            raise InputError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
         verdicts = _grade_all(paths, arguments.strict)
     else:
         output = Path(arguments.output)
@@ -131,7 +131,7 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
         def grade_one(path: Path) -> Verdict:
             try:
                 verdict = grader.grade(path)
-            except SceneError as error:
+            except InputError as error:
                 verdict = Verdict(str(path), problem=_in_utf8(str(error)))
             return replace(verdict, file=_in_utf8(str(path)))
 

@@ -10,7 +10,7 @@ from typing import NoReturn
 from warpgrains import __version__
 from warpgrains.cli.commands import COMMANDS
 from warpgrains.console import INTERRUPTED, STDOUT, open_standard_streams
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import InputError, SimulationError
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 _FULL = (ENOSPC, EDQUOT, EFBIG, EIO)
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = _do(arguments)
         sys.stdout.flush()
         return code
-    except SceneError as error:
+    except InputError as error:
         return _complain(str(error), BAD_INPUT)
     except BrokenPipeError:  # nobody reads the output any more; Python must not try again at its end
         os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)

@@ -21,7 +21,7 @@ from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import in_columns, interrupts_end_at_once, start_warp, stdout_kept_clean
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -44,7 +44,7 @@ def run(arguments: Namespace) -> bool:
         return _step_by_step(arguments)
     for option in ("history", "full_speed"):
         if getattr(arguments, option):
-            raise SceneError(f"--{option.replace('_', '-')} needs --step-by-step")
+            raise InputError(f"--{option.replace('_', '-')} needs --step-by-step")
     with ExitStack() as held:
         start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
         try:
@@ -59,9 +59,9 @@ def run(arguments: Namespace) -> bool:
 def _step_by_step(arguments: Namespace) -> bool:
     """Take the steps of a scene one by one."""
     if arguments.scene is None:
-        raise SceneError("SCENE is missing: give a file or a name, listed by `warpgrains scenes`")
+        raise InputError("SCENE is missing: give a file or a name, listed by `warpgrains scenes`")
     for name in _given(arguments, *FLAGS, "resume", "json"):
-        raise SceneError(f"{FLAGS.get(name, f'--{name}')} cannot be combined with --step-by-step")
+        raise InputError(f"{FLAGS.get(name, f'--{name}')} cannot be combined with --step-by-step")
     scene = _scene(arguments)
     step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
     return False
@@ -100,7 +100,7 @@ def _how_to_go_on(options: RunOptions) -> Iterator[str]:
 def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
     """Return the start of a new run, and what it is to do; its checkpoint is locked."""
     if arguments.scene is None:
-        raise SceneError("SCENE is missing: give a scene, or --resume FILE to continue a run")
+        raise InputError("SCENE is missing: give a scene, or --resume FILE to continue a run")
     given = _given(arguments, *FLAGS)
     _require_needed(given)
     scene = _scene(arguments)
@@ -119,7 +119,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     Its checkpoint is locked, and the one that it is to write from now on.
     """
     for name in _given(arguments, *KEPT):
-        raise SceneError(f"{KEPT[name]} cannot be combined with --resume: a resumed run keeps its options")
+        raise InputError(f"{KEPT[name]} cannot be combined with --resume: a resumed run keeps its options")
     kept, other = Path(arguments.resume), arguments.checkpoint
     start = read_checkpoint(kept)
     if start.options is not None:
@@ -131,7 +131,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     planned = start.scene.steps if start.options is None else begun_at + start.options.steps
     end = _steps(start.scene, arguments) or planned
     if end < start.state.steps:
-        raise SceneError(
+        raise InputError(
             f"the run cannot end at step {end}: its checkpoint is already at step {start.state.steps}"
         )
     options = start.options or RunOptions(steps=planned)
@@ -140,14 +140,14 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
 
 
 def _require_needed(given: dict[str, Any]) -> None:
-    """Raise SceneError if an option is given without one which it needs; `every` may be of two files."""
+    """Raise InputError if an option is given without one which it needs; `every` may be of two files."""
     for name in given:
         needed = OPTIONS[name].metadata["needs"]
         if name == "every" or needed is None or needed in given:
             continue
         if OPTIONS[needed].metadata["needs"] == name:
-            raise SceneError("--measure and --series must be given together")
-        raise SceneError(f"{FLAGS[name]} needs {FLAGS[needed]}")
+            raise InputError("--measure and --series must be given together")
+        raise InputError(f"{FLAGS[name]} needs {FLAGS[needed]}")
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
@@ -155,7 +155,7 @@ def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> d
     if every is None:
         return {}
     if checkpoint is series is None:
-        raise SceneError("--every needs --checkpoint or --measure")
+        raise InputError("--every needs --checkpoint or --measure")
     spaced = {"every": checkpoint, "measure_every": series}
     return {name: every for name, file in spaced.items() if file is not None}
 

@@ -13,7 +13,7 @@ from time import monotonic
 from typing import Any
 
 from warpgrains.console import STDIN, start_warp
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import require_place, table_text, write_whole
 from warpgrains.locks import Lock
 from warpgrains.scene.scene import Scene
@@ -31,7 +31,7 @@ def step_by_step(scene: Scene, steps: int, arguments: Namespace) -> None:
 
     Raises
     ------
-    SceneError
+    InputError
         The history cannot be written there.
     SimulationError
         A step failed.
@@ -45,14 +45,14 @@ def step_by_step(scene: Scene, steps: int, arguments: Namespace) -> None:
         _require_history(output)
         rows = _step_by_step(scene, steps, arguments)
         if not rows:
-            raise SceneError(f"no step was taken: history '{output}' is not written")
+            raise InputError(f"no step was taken: history '{output}' is not written")
         write_whole(output, table_text(rows).encode())
 
 
 def _require_history(output: Path) -> None:
-    """Raise SceneError if a file is there that is no history."""
+    """Raise InputError if a file is there that is no history."""
     if output.exists() and not output.read_bytes().startswith(",".join(_HISTORY).encode()):
-        raise SceneError(f"refusing to overwrite '{output}': not a history of warpgrains")
+        raise InputError(f"refusing to overwrite '{output}': not a history of warpgrains")
 
 
 def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[str, Any]]:

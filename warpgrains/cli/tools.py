@@ -6,7 +6,7 @@ from pathlib import Path
 
 from warpgrains.cli.apart import done_apart
 from warpgrains.console import start_warp, stdout_kept_clean
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.pictures.kinds import FILMS, require_drawing
 
 
@@ -34,14 +34,14 @@ def plot(arguments: Namespace) -> bool:
     require_drawing("plot", is_film)
     if Path(arguments.file).suffix == ".csv":
         if arguments.frames is not None or not arguments.curves:
-            raise SceneError("--frames and --no-curves have no effect on a history")
+            raise InputError("--frames and --no-curves have no effect on a history")
         from warpgrains.analysis.plots import plot_history
 
         print(f"{output}: {len(plot_history(arguments.file, output))} steps")
         return False
     if is_film:
         if arguments.frames is not None or not arguments.curves:
-            raise SceneError("--frames and --no-curves have no effect on a film")
+            raise InputError("--frames and --no-curves have no effect on a film")
         numbers = done_apart("cli.apart.film", arguments.file, output=output)
         print(f"{output}: {len(numbers)} frames")
         return False

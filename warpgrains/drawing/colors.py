@@ -142,7 +142,7 @@ class GrainColors:
 
     Raises
     ------
-    SceneError
+    InputError
         If `color_by` is none of these.
     """
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import Frame
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
@@ -36,11 +36,11 @@ class FrameTimes:
 
         Raises
         ------
-        SceneError
+        InputError
             The rate is not a positive finite number.
         """
         if not 0 < wanted < float("inf"):
-            raise SceneError(f"frames per second is {wanted}: it must be greater than 0")
+            raise InputError(f"frames per second is {wanted}: it must be greater than 0")
         return cls(dt, min(float(wanted), float(1 / _as_written(dt))))
 
     def step(self, k: int) -> int:

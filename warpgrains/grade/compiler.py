@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from time import monotonic
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import SOURCE
 
@@ -41,16 +41,16 @@ class CompileError(Exception):
 
 
 def read_homework(source: Path) -> bytes:
-    """Return the text of a homework; raise SceneError if it cannot be read."""
+    """Return the text of a homework; raise InputError if it cannot be read."""
     try:
         with open(source, "rb", opener=_open_at_once) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise SceneError(f"'{source}' cannot be read: it is not a regular file")
+                raise InputError(f"'{source}' cannot be read: it is not a regular file")
             text = file.read(_LONGEST + 1)
     except OSError as error:
-        raise SceneError(f"'{source}' cannot be read: {error.strerror}") from None
+        raise InputError(f"'{source}' cannot be read: {error.strerror}") from None
     if len(text) > _LONGEST:
-        raise SceneError(f"'{source}' is too large for a homework: it has more than {_LONGEST} bytes")
+        raise InputError(f"'{source}' is too large for a homework: it has more than {_LONGEST} bytes")
     return text
 
 
@@ -75,7 +75,7 @@ class Compiler:
 
     Raises
     ------
-    SceneError
+    InputError
         There is no C compiler, or it fails.
     """
 
@@ -87,7 +87,7 @@ class Compiler:
         try:
             self._run(["cc", *_FLAGS, str(_HERE / "fence.c"), "-o", str(self._fence)], folder)
         except CompileError as error:
-            raise SceneError(f"the C compiler failed: {error}") from None
+            raise InputError(f"the C compiler failed: {error}") from None
         self._readable = [str(path) for path in (self._headers, *toolchain_paths())]
         self.is_fenced = self._has_fence(folder / "trial")
 
@@ -163,7 +163,7 @@ class Compiler:
                     stderr=output,
                 )
             except FileNotFoundError:
-                raise SceneError("no C compiler was found: install one as `cc`") from None
+                raise InputError("no C compiler was found: install one as `cc`") from None
             try:
                 code = process.wait(seconds)
             except subprocess.TimeoutExpired:

@@ -9,7 +9,7 @@ from pathlib import Path
 from threading import Lock
 from time import monotonic
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
 from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, CompileError, Compiler, read_homework
 from warpgrains.grade.diagnosis import Model, hint_of
@@ -50,7 +50,7 @@ class Grader:
 
     Raises
     ------
-    SceneError
+    InputError
         There is no C compiler.
     """
 
@@ -92,7 +92,7 @@ class Grader:
 
         Raises
         ------
-        SceneError
+        InputError
             It cannot be read.
         """
         start = monotonic()
@@ -109,7 +109,7 @@ class Grader:
 
         Raises
         ------
-        SceneError
+        InputError
             The homework cannot be read, does not compile, or has not both functions.
         """
         folder = self._folder / "run"
@@ -117,11 +117,11 @@ class Grader:
             library, _ = self._compiler.compile_homework(read_homework(source), folder)
             child = self._child({name: Function(library, name) for name in (UPDATE, CONTACT)}, self._limits)
         except (CompileError, EndedError) as error:
-            raise SceneError(f"'{source}' cannot be run: {error}") from None
+            raise InputError(f"'{source}' cannot be run: {error}") from None
         if child.updates and child.iterates:
             return self._child({}), child
         child.close()
-        raise SceneError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
+        raise InputError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
 
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
         text, until = read_homework(source), start + self._limits.in_all

@@ -16,7 +16,7 @@ def write_template(folder: Path) -> list[Path]:
     ------
     OutputError
         One of the files is there: nothing is written.
-    SceneError
+    InputError
         The folder cannot be written.
     """
     make_folder(folder)

@@ -171,7 +171,7 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
 
     Raises
     ------
-    SceneError
+    InputError
         It cannot be written there.
     """
     require_place("film", output, *FILMS)
@@ -187,7 +187,7 @@ class Film:
 
     Raises
     ------
-    SceneError
+    InputError
         The film cannot be written there; as an `OutputError`, if another process does so.
     """
 

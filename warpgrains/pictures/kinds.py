@@ -11,7 +11,7 @@ FASTEST: dict[str | None, float] = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
 
 
 def require_drawing(what: str, is_film: bool = False) -> None:
-    """Raise SceneError unless the libraries are installed that draw a picture, or make a film of it."""
+    """Raise InputError unless the libraries are installed that draw a picture, or make a film of it."""
     try:
         import matplotlib.axes  # noqa: F401
 

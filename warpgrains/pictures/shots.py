@@ -62,7 +62,7 @@ class Painter:
 
     Raises
     ------
-    SceneError
+    InputError
         The coloring is unknown.
     """
 

@@ -166,7 +166,7 @@ class Picture:
 
         Raises
         ------
-        SceneError
+        InputError
             It cannot be written there.
         """
         require_place("picture", Path(path), *STILLS)

@@ -10,7 +10,7 @@ import numpy as np
 
 from warpgrains import __version__
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import require_writable_folder, table_text, write_whole
 from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
@@ -57,7 +57,7 @@ def write_report(
 
     Raises
     ------
-    SceneError
+    InputError
         Two scenes have one name, the folder cannot be written, or no contact acts in a scene.
     SimulationError
         A step failed.
@@ -81,18 +81,18 @@ def write_report(
 
 
 def _prepare(scenes: Sequence[Scene], folder: Path) -> None:
-    """Make the folder of a report, unless it exists; raise SceneError if it cannot hold one."""
+    """Make the folder of a report, unless it exists; raise InputError if it cannot hold one."""
     names = [scene.name for scene in scenes]
     for name in names:
         if names.count(name) > 1:
-            raise SceneError(
+            raise InputError(
                 f"two scenes have the name '{name}': rename one, because a"
                 " report identifies scenes by their names"
             )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
     require_writable_folder(folder)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from warpgrains.analysis.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference
 from warpgrains.report.rows import ACCURATE, SWEEPING, Budget, Configuration, StepRow
 from warpgrains.scene.fields import ORDERS
@@ -68,7 +68,7 @@ def follow_history(scene: Scene, longest: int) -> History:
 
     Raises
     ------
-    SceneError
+    InputError
         No contact acts in it.
     """
     simulation = Simulation(scene, **ACCURATE)
@@ -85,7 +85,7 @@ def follow_history(scene: Scene, longest: int) -> History:
             most_iterations = report.iterations
             hardest = HistoryStep("hardest", state, report.contacts)
     if not records:
-        raise SceneError(
+        raise InputError(
             f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps: choose one with contacts"
         )
     onset = next(record for record in records if 2 * record.contacts >= records[-1].contacts)

@@ -24,7 +24,7 @@ class Disc:
 
     Raises
     ------
-    SceneError
+    InputError
         One of them is not what it must be.
 
     Examples

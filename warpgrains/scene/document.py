@@ -11,7 +11,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.fields import SECTIONS
 
@@ -42,7 +42,7 @@ def read_document(name_or_path: str | os.PathLike[str]) -> Table:
 
 
 def read_text(path: Path, kind: str) -> str:
-    """Return the text of a scene or a sweep, a file or the name of a shipped one; SceneError if none."""
+    """Return the text of a scene or a sweep, a file or the name of a shipped one; InputError if none."""
     source: Path | Traversable = path
     if not _is_there(path):
         known = shipped(kind)
@@ -52,7 +52,7 @@ def read_text(path: Path, kind: str) -> str:
     try:
         return source.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path} cannot be read: {error}") from None
+        raise InputError(f"{path} cannot be read: {error}") from None
 
 
 def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
@@ -61,7 +61,7 @@ def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
         document = tomllib.loads(text)
         require_toml_numbers(document)
     except (ValueError, RecursionError) as error:
-        raise SceneError(f"{path} is not TOML: {error}") from None
+        raise InputError(f"{path} is not TOML: {error}") from None
     return document
 
 
@@ -86,14 +86,14 @@ def override_key(document: Table, override: str) -> None:
     target, equals, value = override.partition("=")
     section, dot, key = target.strip().partition(".")
     if not (equals and dot and key):
-        raise SceneError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
+        raise InputError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
     try:
         parsed = tomllib.loads(f"value = {value}")
         require_toml_numbers(parsed)
     except (ValueError, RecursionError):
         parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
     if parsed.keys() != {"value"}:
-        raise SceneError(f"override {override!r}: {value!r} is not a TOML value")
+        raise InputError(f"override {override!r}: {value!r} is not a TOML value")
     table = document.setdefault(section, {})
     if isinstance(table, dict):
         table[key] = parsed["value"]
@@ -115,7 +115,7 @@ def toml_text(document: Table) -> str:
 
     Raises
     ------
-    SceneError
+    InputError
         A value is of a kind that no scene has, such as a date.
     """
     bare = {key: value for key, value in document.items() if not isinstance(value, dict)}
@@ -140,7 +140,7 @@ def toml_value(value: Any) -> str:
         case dict():
             pairs = (f"{_key(key)} = {toml_value(item)}" for key, item in value.items())
             return f"{{{', '.join(pairs)}}}"
-    raise SceneError(f"{value!r} is a {type(value).__name__}: a scene file cannot hold it")
+    raise InputError(f"{value!r} is a {type(value).__name__}: a scene file cannot hold it")
 
 
 def require_toml_numbers(value: Any) -> None:
@@ -166,6 +166,6 @@ def _key(key: str) -> str:
 def _quoted(text: str) -> str:
     """Return a text in quotes, in ASCII, on one line."""
     if any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise SceneError(f"{text!r} is not valid text: it cannot be written")
+        raise InputError(f"{text!r} is not valid text: it cannot be written")
     letters = (f"\\U{ord(letter):08x}" if letter > "\uffff" else json.dumps(letter)[1:-1] for letter in text)
     return f'"{"".join(letters)}"'.replace("\x7f", "\\u007f")

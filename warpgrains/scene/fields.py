@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
 from warpgrains.described import described, described_fields
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.disc import Disc
 from warpgrains.scene.geometry import require_distinct
@@ -193,7 +193,7 @@ _SETTINGS = {
 def checked_walls(field: str, value: Any) -> tuple[Disc, ...]:
     """Return walls, each given as what it is or by the keys of a `[[walls]]` table."""
     if not isinstance(value, Sequence) or isinstance(value, str):
-        raise SceneError(f"{field} is {checks.shown(value)}: it must be a list of walls")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
     return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
 
 
@@ -201,7 +201,7 @@ def _checked_wall(field: str, value: Any) -> Disc:
     if isinstance(value, Disc):
         return value
     if not isinstance(value, Mapping):
-        raise SceneError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
     own = dict(value)
     kind = WALL_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WALL_KINDS)]
     keys = [one.name for one in fields(kind)]
@@ -210,11 +210,11 @@ def _checked_wall(field: str, value: Any) -> Disc:
             raise checks.unknown(f"key of {field}", key, ("kind", *keys))
     for key in keys:
         if key not in own:
-            raise SceneError(f"{field}.{key} is missing: a {kind.kind} needs it")
+            raise InputError(f"{field}.{key} is missing: a {kind.kind} needs it")
     try:
         return kind(**own)
-    except SceneError as error:
-        raise SceneError(f"{field}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{field}: {error}") from None
 
 
 def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> dict[str, Any]:
@@ -222,7 +222,7 @@ def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> di
 
     Raises
     ------
-    SceneError
+    InputError
         One is not what it must be.
     """
     return {name: _SETTINGS[name](name, getattr(scene, name)) for name in names}
@@ -233,7 +233,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
 
     Raises
     ------
-    SceneError
+    InputError
         One is not what it must be, or not of as many grains as the others.
     """
     position = checks.vectors("position", scene.position)
@@ -241,7 +241,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
     velocity = checks.vectors("velocity", velocity)
     n = len(position)
     if len(velocity) != n:
-        raise SceneError(
+        raise InputError(
             f"velocity has shape {velocity.shape}: it must be that of position, {position.shape}"
         )
     return {
@@ -255,22 +255,22 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
 
 
 def require_places(scene: "Scene") -> None:
-    """Raise SceneError unless all grains are between the walls, apart, and in places that have digits."""
+    """Raise InputError unless all grains are between the walls, apart, and in places that have digits."""
     _require_size(scene)
     scene.annulus.require_inside(scene.position, scene.radius)
     for k, wall in enumerate(scene.walls):
         inside = wall.side(scene.position, scene.radius).gap < -scene.radius
         if inside.any():
             grain = checks.of_grain("position", scene.position, inside)
-            raise SceneError(f"{grain}: its center is inside walls[{k}], {wall}")
+            raise InputError(f"{grain}: its center is inside walls[{k}], {wall}")
     require_distinct("position", scene.position)
 
 
 def _require_size(scene: "Scene") -> None:
-    """Raise SceneError unless positions have digits for a gap, and squares."""
+    """Raise InputError unless positions have digits for a gap, and squares."""
     smallest = scene.smallest_radius
     if scene.radius_out / MOST_RADII >= smallest:
-        raise SceneError(
+        raise InputError(
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
             f" grain {int(np.argmin(scene.radius))}, {smallest} m, because"
             " float64 positions could not resolve gaps"
@@ -279,36 +279,36 @@ def _require_size(scene: "Scene") -> None:
 
 
 def require_agreement(scene: "Scene") -> None:
-    """Raise SceneError unless the settings suit each other, and the grains."""
+    """Raise InputError unless the settings suit each other, and the grains."""
     _require_short_step(scene)
     _require_friction(scene)
     if scene.method != "gauss-seidel" and scene.has_friction:
-        raise SceneError(
+        raise InputError(
             f"method is {scene.method!r}: it solves steps without friction only; use 'gauss-seidel'"
         )
     if scene.method == "exact" and scene.stop == "zeta":
-        raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
+        raise InputError("stop is 'zeta': method 'exact' stops on the residual")
 
 
 def _require_friction(scene: "Scene") -> None:
-    """Raise SceneError if a field has no effect without friction, or a method knows none."""
+    """Raise InputError if a field has no effect without friction, or a method knows none."""
     walls = ("angular_velocity_out", "angular_velocity_in")
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
-        raise SceneError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
+        raise InputError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
     for name in walls:
         if getattr(scene, name) != 0.0 and scene.friction_at_walls == 0.0:
-            raise SceneError(
+            raise InputError(
                 f"{name} is {getattr(scene, name)} rad/s: a wall without friction moves no grain; give"
                 " wall_friction"
             )
         speed = getattr(scene, name) * scene.radius_out
         if not isfinite(speed):
-            raise SceneError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
+            raise InputError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
     if scene.has_friction:
         inertia = 0.5 * scene.mass * scene.radius**2
         lost = scene.spin_drag * scene.dt / inertia
         if scene.scheme == "text" and (lost >= 1.0).any():
-            raise SceneError(
+            raise InputError(
                 f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
                 f" rotation of grain {int(lost.argmax())}; dt must be less than"
                 f' {float(inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
@@ -317,14 +317,14 @@ def _require_friction(scene: "Scene") -> None:
             too_fast = ~np.isfinite(scene.spin * scene.radius)
         if too_fast.any():
             grain = checks.of_grain("spin", scene.spin, too_fast)
-            raise SceneError(f"{grain}: the speed of its rim is not finite")
+            raise InputError(f"{grain}: the speed of its rim is not finite")
         return
     if scene.spin.any():
-        raise SceneError(
+        raise InputError(
             f"{checks.of_grain('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
         )
     if scene.spin_drag:
-        raise SceneError(f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction")
+        raise InputError(f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction")
 
 
 def _require_short_step(scene: "Scene") -> None:
@@ -334,12 +334,12 @@ def _require_short_step(scene: "Scene") -> None:
         return
     lightest = int(np.argmin(scene.mass))
     if scene.scheme == "text":
-        raise SceneError(
+        raise InputError(
             f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
             f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
         )
     if not isfinite(lost):
-        raise SceneError(
+        raise InputError(
             f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {scene.dt} s and"
             f" grain {lightest} of mass {mass} kg"
         )

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """A gap within this share of the size of the coordinates is a touch, not an overlap."""
@@ -20,13 +20,13 @@ def distance(vectors: FloatArray) -> FloatArray:
 
 
 def require_distinct(field: str, position: FloatArray) -> None:
-    """Raise SceneError if two grains have the same centre."""
+    """Raise InputError if two grains have the same centre."""
     in_order = np.lexsort(position.T)
     same = distance(np.diff(position[in_order], axis=0)) == 0.0
     if same.any():
         first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
         place = tuple(position[second].tolist())
-        raise SceneError(f"{field} of grain {second} is {place}: grain {first} has the same center")
+        raise InputError(f"{field} of grain {second} is {place}: grain {first} has the same center")
 
 
 def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) -> FloatArray:

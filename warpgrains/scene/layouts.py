@@ -1,6 +1,6 @@
 """Where the grains start: each layout is a function, whose keyword parameters are the keys of `[grains]`.
 
-Every layout gets the walls between which the grains are to be, and raises SceneError, one line, where a value
+Every layout gets the walls between which the grains are to be, and raises InputError, one line, where a value
 is not what it must be or the grains find no place.
 """
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, radii_given
@@ -78,7 +78,7 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     reach = walls.radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
     if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
-        raise SceneError(f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} sites")
+        raise InputError(f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} sites")
     row = np.arange(floor(2 * reach / rise) + 1)[:, np.newaxis]
     half = floor(reach / pitch) + 1
     column = np.arange(-half, half + 1)
@@ -89,7 +89,7 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
-        raise SceneError(f"grains.count is {count}: only {len(position)} grains of radius {radius} m fit")
+        raise InputError(f"grains.count is {count}: only {len(position)} grains of radius {radius} m fit")
     return position[:count], np.full(count, radius)
 
 
@@ -128,7 +128,7 @@ def random(
         _radius(space.ring, extreme)
     filled = float(np.pi * (radii**2).sum()) / space.area
     if filled >= 1.0:
-        raise SceneError(
+        raise InputError(
             f"{_asked(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
         )
     if filled <= MOST_ADDED:
@@ -138,7 +138,7 @@ def random(
     position, share = grow(space, radii, generator)
     if share < 1.0:
         filled *= share * share
-        raise SceneError(
+        raise InputError(
             f"{_asked(count, packing_fraction)}: grown and pushed apart, grains fill {filled:.3f} of their"
             f" region, so about {int(share * share * len(radii))} of these radii fit"
         )
@@ -152,13 +152,13 @@ def _random_radii(
     given = radii_given(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
-            raise SceneError(
+            raise InputError(
                 f"grains.radius is a list of {len(given)}: its length is the number of"
                 " grains, so omit grains.count and grains.packing_fraction"
             )
         return given
     if (count is None) == (fraction is None):
-        raise SceneError("layout 'random' needs one of grains.count and grains.packing_fraction")
+        raise InputError("layout 'random' needs one of grains.count and grains.packing_fraction")
     draw, largest = drawn_radii(radius, generator)
     if fraction is None:
         return draw(_count(count))
@@ -171,7 +171,7 @@ def _random_radii(
         _count(len(radii))
     kept = int(np.searchsorted(area, wanted, side="right"))
     if kept == 0:
-        raise SceneError(
+        raise InputError(
             f"grains.packing_fraction is {fraction}: one grain of radius {radii[0]} m fills more"
         )
     return radii[:kept]
@@ -206,14 +206,14 @@ def _count(value: Any) -> int:
 def _radius(walls: Annulus, value: Any) -> float:
     radius = checks.positive("grains.radius", value)
     if radius > walls.room or radius == walls.radius_out:
-        raise SceneError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
+        raise InputError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
     return radius
 
 
 def _spacing(value: Any) -> float:
     spacing = checks.positive("grains.spacing", value)
     if spacing < LEAST_SPACING:
-        raise SceneError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
+        raise InputError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
     return spacing
 
 
@@ -223,6 +223,6 @@ def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> An
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch
         if abs(y) > reach:
-            raise SceneError(f"grains.count is {count}: only {count - missing} grains fit in the rows")
+            raise InputError(f"grains.count is {count}: only {count - missing} grains fit in the rows")
         widths.append(1 + floor(min(MOST_GRAINS, 2.0 * sqrt(reach * reach - y * y) / pitch)))
     return np.array(widths)

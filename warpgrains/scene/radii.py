@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 Draw = Callable[[int], FloatArray]
@@ -41,7 +41,7 @@ def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, floa
 
     Raises
     ------
-    SceneError
+    InputError
         It is no number, pair of numbers, or table of a distribution.
     """
     if not isinstance(radius, dict):
@@ -58,12 +58,12 @@ def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, floa
         numbers = {key: share * numbers["mean"] for key, share in OF_MEAN.items()} | numbers
     for key in KEYS[name]:
         if key not in numbers:
-            raise SceneError(f"grains.radius.{key} is missing: a {name} distribution needs it")
+            raise InputError(f"grains.radius.{key} is missing: a {name} distribution needs it")
     low, high = numbers.pop("smallest"), numbers.pop("largest")
     if name == "uniform":
         return _uniform(low, high, generator), high
     if low >= high:
-        raise SceneError(f"grains.radius is from {low} to {high} m: the smallest radius comes first")
+        raise InputError(f"grains.radius is from {low} to {high} m: the smallest radius comes first")
     if name == "power":
         return lambda count: _power(generator.random(count), numbers["exponent"], low, high), high
     draw: Callable[..., FloatArray] = getattr(generator, name)
@@ -72,7 +72,7 @@ def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, floa
 
 def _uniform(low: float, high: float, generator: np.random.Generator) -> Draw:
     if low > high:
-        raise SceneError(f"grains.radius is ({low}, {high}) m: the smallest radius comes first")
+        raise InputError(f"grains.radius is ({low}, {high}) m: the smallest radius comes first")
     return lambda count: low + (high - low) * generator.random(count)
 
 
@@ -104,7 +104,7 @@ def _bounded(
             radius[bad] = draw(*parameters, len(bad))
             rounds += 1
             if rounds > 1.0 / LEAST_KEPT:
-                raise SceneError(
+                raise InputError(
                     f"grains.radius: less than {LEAST_KEPT:.1%} of the radii drawn"
                     f" are between {low} and {high} m"
                 )
@@ -116,7 +116,7 @@ def _bounded(
 def _values(given: dict[str, Any], generator: np.random.Generator) -> tuple[Draw, float]:
     values = given.get("values")
     if not isinstance(values, list | tuple) or len(values) == 0:
-        raise SceneError(f"grains.radius.values is {values!r}: it must be a list of radii")
+        raise InputError(f"grains.radius.values is {values!r}: it must be a list of radii")
     radii = checks.positive_per_grain("grains.radius.values", values, len(values))
     fractions = given.get("fractions", [1.0] * len(radii))
     share = checks.positive_per_grain("grains.radius.fractions", fractions, len(radii))

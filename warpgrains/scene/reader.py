@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.document import Table, override_key, parse_toml
 from warpgrains.scene.fields import SECTIONS
@@ -41,7 +41,7 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
 
 
 def require_key(section: str, key: str) -> None:
-    """Raise SceneError unless some scene has this key in this section."""
+    """Raise InputError unless some scene has this key in this section."""
     _require_section(section)
     of_layouts = {name for layout in LAYOUTS.values() for name in own_parameters(layout)}
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
@@ -58,7 +58,7 @@ def document_fields(document: Table, folder: Path) -> Table:
 
     Raises
     ------
-    SceneError
+    InputError
         A section or a key is unknown or missing, or grains do not fit.
     """
     document = dict(document)
@@ -66,14 +66,14 @@ def document_fields(document: Table, folder: Path) -> Table:
     for section, table in document.items():
         _require_section(section)
         if not isinstance(table, dict):
-            raise SceneError(f"{section} is {table!r}: it must be a section, [{section}]")
+            raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
     for section, known in SECTIONS.items():
         _refuse_unknown_keys(section, document.get(section, {}), known)
         fields |= document.get(section, {})
     if "radius_out" not in fields:
-        raise SceneError("domain.radius_out is missing")
+        raise InputError("domain.radius_out is missing")
     if "grains" not in document:
-        raise SceneError("section [grains] is missing")
+        raise InputError("section [grains] is missing")
     walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
     walls.require_size()
     return fields | _grains(document["grains"], walls, folder)
@@ -99,10 +99,10 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
     if np.iterable(velocity) and not any(np.iterable(component) for component in velocity):  # one for all
         grains["velocity"] = np.tile(checks.vector("grains.velocity", velocity), (len(grains["position"]), 1))
     if "radius" not in grains:
-        raise SceneError("grains.radius is missing")
+        raise InputError("grains.radius is missing")
     _give_once(grains, _with_mass(table, grains), "mass")
     if "mass" not in grains:
-        raise SceneError("grains.mass or grains.density is missing: give one of them")
+        raise InputError("grains.mass or grains.density is missing: give one of them")
     return grains
 
 
@@ -113,7 +113,7 @@ def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
     _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
-            raise SceneError(f"grains.{name} is missing: layout {layout!r} needs it")
+            raise InputError(f"grains.{name} is missing: layout {layout!r} needs it")
     return function(walls, **parameters)
 
 
@@ -129,7 +129,7 @@ def _with_mass(table: Table, grains: Table) -> Table:
     if "density" not in table:
         return table
     if "mass" in table:
-        raise SceneError("[grains] has mass and density: give only one")
+        raise InputError("[grains] has mass and density: give only one")
     radius = checks.positive_per_grain("radius", grains["radius"], len(grains["position"]))
     return {"mass": checks.positive("grains.density", table["density"]) * np.pi * radius**2}
 
@@ -137,7 +137,7 @@ def _with_mass(table: Table, grains: Table) -> Table:
 def _give_once(grains: Table, table: Table, key: str) -> None:
     if key in table:
         if key in grains:
-            raise SceneError(f"grains.{key} is given twice, in the scene and in its file: remove one")
+            raise InputError(f"grains.{key} is given twice, in the scene and in its file: remove one")
         grains[key] = table[key]
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import area_in_disc
 from warpgrains.scene.walls import Annulus
@@ -56,29 +56,29 @@ def region_of(walls: Annulus, given: Any, field: str = "grains.region") -> Regio
 
     Raises
     ------
-    SceneError
+    InputError
         It is none, or there is no space in it.
     """
     if given is None:
         return Region(walls)
     if not isinstance(given, dict):
-        raise SceneError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
+        raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
     for key in given:
         checks.one_of(f"key of {field}", key, KEYS)
     ranges = {key: _range(f"{field}.{key}", value) for key, value in given.items()}
     between = (walls.radius_in, walls.radius_out)
     near, far = ranges.get("distance", between)
     if near < walls.radius_in or far > walls.radius_out:
-        raise SceneError(f"{field}.distance is ({near}, {far}) m: it must be between the walls, {between} m")
+        raise InputError(f"{field}.distance is ({near}, {far}) m: it must be between the walls, {between} m")
     x, y = (ranges.get(key, (-np.inf, np.inf)) for key in ("x", "y"))
     region = Region(Annulus(near, far), (x[0], y[0]), (x[1], y[1]))
     if not (region.box[0] < region.box[1]).all() or region.area <= 0.0:
-        raise SceneError(f"{field} is {given!r}: no point between the walls lies in it")
+        raise InputError(f"{field} is {given!r}: no point between the walls lies in it")
     return region
 
 
 def _range(field: str, value: Any) -> tuple[float, float]:
     low, high = checks.vector(field, value)
     if low >= high:
-        raise SceneError(f"{field} is ({low}, {high}) m: the smaller one comes first")
+        raise InputError(f"{field} is ({low}, {high}) m: the smaller one comes first")
     return low, high

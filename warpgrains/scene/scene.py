@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.described import documented
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import (
@@ -53,7 +53,7 @@ class Scene(SceneFields, Shown):
 
     Raises
     ------
-    SceneError
+    InputError
         A value is not what it must be: one line names the field, the grain and the value.
 
     Examples
@@ -91,14 +91,14 @@ class Scene(SceneFields, Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             There is no such scene, it cannot be read, or it is not one.
         """
         if isinstance(overrides, str):
             overrides = (overrides,)
         elif not np.iterable(overrides) or isinstance(overrides, Mapping):
             given = checks.shown(overrides)
-            raise SceneError(f"overrides is {given}: it must be strings such as 'physics.drag=0.1'")
+            raise InputError(f"overrides is {given}: it must be strings such as 'physics.drag=0.1'")
         texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
         path = Path(checks.path("scene", name_or_path))
         return cls(**scene_fields(read_text(path, "scene"), path, texts))
@@ -108,7 +108,7 @@ class Scene(SceneFields, Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             There is no such field, or a value is not what it must be.
         """
         for name in changes:
@@ -280,11 +280,11 @@ SceneLike = Scene | str | os.PathLike[str]
 
 
 def as_scene(field: str, value: Any) -> Scene:
-    """Return a scene, or read the file or shipped scene of that name; SceneError for anything else."""
+    """Return a scene, or read the file or shipped scene of that name; InputError for anything else."""
     if isinstance(value, str | os.PathLike):
         return Scene.load(value)
     if not isinstance(value, Scene):
-        raise SceneError(f"{field} is {checks.shown(value)}: it must be a Scene, or the file or name of one")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a Scene, or the file or name of one")
     return value
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
 from warpgrains.scene.walls import body_of
@@ -135,7 +135,7 @@ def first_state(scene: Scene) -> State:
 
 
 def require_state(state: State, scene: Scene) -> None:
-    """Raise SceneError unless a simulation of a scene can continue from a state."""
+    """Raise InputError unless a simulation of a scene can continue from a state."""
     n, walls = scene.n, scene.wall_numbers
     _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
@@ -166,7 +166,7 @@ def _require_corrections(corrections: Corrections, n: int, walls: Sequence[int])
         if bad.any():
             i, j = getattr(corrections, name)[bad][0].tolist()
             of = f"that of grain{'s' * (name == 'pair')} {i} {other} {j} is {value[bad][0].item()}"
-            raise SceneError(f"{name}_correction of the state, {of}: it must be 0 or more")
+            raise InputError(f"{name}_correction of the state, {of}: it must be 0 or more")
         tangential = getattr(corrections, f"{name}_friction")
         if tangential is not None:
             _require_array(f"{name}_friction", tangential, np.float64, value.shape)
@@ -183,7 +183,7 @@ def _require_lists(lists: VerletList, n: int, walls: Sequence[int]) -> None:
     for name, shape in shapes.items():
         _require_array(name, getattr(lists, name), np.float64, shape)
         if np.isnan(getattr(lists, name)).any():
-            raise SceneError(f"{name} of the state holds NaN")
+            raise InputError(f"{name} of the state holds NaN")
 
 
 def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_circles: bool) -> None:
@@ -191,14 +191,14 @@ def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_cir
     body, listed = (body_of(of.wall[:, 1], two_circles) for of in (corrections, lists))
     walls = np.isin(corrections.wall[:, 0] + n * body, lists.wall[:, 0] + n * listed)
     if not (pairs.all() and walls.all()):
-        raise SceneError("a contact of the state carries a correction but is not in the list of contacts")
+        raise InputError("a contact of the state carries a correction but is not in the list of contacts")
 
 
 def _require_pairs(name: str, pair: IntArray, n: int) -> None:
     _require_array(name, pair, np.int32, (_length(pair), 2))
     i, j = pair.T
     if not ((i >= 0) & (i < j) & (j < n)).all():
-        raise SceneError(f"{name} of the state must name grains i < j below {n}")
+        raise InputError(f"{name} of the state must name grains i < j below {n}")
     _require_ascending(name, _keys(pair, n), n * n)
 
 
@@ -206,7 +206,7 @@ def _require_walls(name: str, wall: IntArray, n: int, walls: Sequence[int]) -> N
     _require_array(name, wall, np.int32, (_length(wall), 2))
     grain, number = wall.T
     if not ((grain >= 0) & (grain < n) & np.isin(number, walls)).all():
-        raise SceneError(f"{name} of the state must name a grain below {n} and a wall of the scene")
+        raise InputError(f"{name} of the state must name a grain below {n} and a wall of the scene")
     most = max(walls) + 1
     _require_ascending(name, grain.astype(np.int64) * most + number, n * most)
 
@@ -215,7 +215,7 @@ def _require_ascending(name: str, values: np.ndarray[Any, Any], end: int) -> Non
     """Check that values are ascending in the range from 0 to `end`, exclusive."""
     bounded = np.concatenate([[-1], values, [end]])
     if not (np.diff(bounded) > 0).all():
-        raise SceneError(f"{name} of the state must be in ascending order")
+        raise InputError(f"{name} of the state must be in ascending order")
 
 
 def _length(array: Any) -> int:
@@ -224,15 +224,15 @@ def _length(array: Any) -> int:
 
 def _require_kind(name: str, record: Any, kind: type) -> None:
     if not isinstance(record, kind):
-        raise SceneError(f"{name} is a {type(record).__name__}: it must be a {kind.__name__}")
+        raise InputError(f"{name} is a {type(record).__name__}: it must be a {kind.__name__}")
 
 
 def _require_array(name: str, array: Any, dtype: type, shape: tuple[int, ...]) -> None:
     if not isinstance(array, np.ndarray) or isinstance(array, np.ma.MaskedArray):
-        raise SceneError(f"{name} of the state is a {type(array).__name__}: it must be an array")
+        raise InputError(f"{name} of the state is a {type(array).__name__}: it must be an array")
     if array.dtype != dtype or array.shape != shape:
         found, wanted = f"{array.dtype} {array.shape}", f"{np.dtype(dtype)} {shape}"
-        raise SceneError(f"{name} of the state is {found}: it must be {wanted}")
+        raise InputError(f"{name} of the state is {found}: it must be {wanted}")
 
 
 def _keys(pair: IntArray, n: int) -> np.ndarray[Any, Any]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, IntArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import ROUNDING, area_below, distance
 
@@ -44,14 +44,14 @@ class Annulus(NamedTuple):
 
     @classmethod
     def checked(cls, radius_in: Any, radius_out: Any, wall: Any = "tangent") -> Self:
-        """Return the annulus of these values; raise SceneError unless 0 <= radius_in < radius_out."""
+        """Return the annulus of these values; raise InputError unless 0 <= radius_in < radius_out."""
         walls = cls(
             checks.not_negative("radius_in", radius_in),
             checks.positive("radius_out", radius_out),
             checks.one_of("wall", wall, WALLS),
         )
         if walls.radius_in >= walls.radius_out:
-            raise SceneError(
+            raise InputError(
                 f"radius_in is {walls.radius_in} m: it must be less than radius_out, {walls.radius_out} m"
             )
         return walls
@@ -103,20 +103,20 @@ class Annulus(NamedTuple):
         return (rho <= self.radius_out - radius) & (rho >= nearest) & (rho > 0.0)
 
     def require_size(self) -> None:
-        """Raise SceneError unless squares of distances are finite, and not zero."""
+        """Raise InputError unless squares of distances are finite, and not zero."""
         if not SMALLEST <= self.radius_out <= LARGEST:
-            raise SceneError(
+            raise InputError(
                 f"radius_out is {self.radius_out} m: it must be between {SMALLEST:g} and {LARGEST:g} m,"
                 " for squares of distances to be finite and not zero; choose another unit of length"
             )
 
     def require_inside(self, position: FloatArray, radius: FloatArray) -> None:
-        """Raise SceneError unless all grains fit between the walls, and have their centres there."""
+        """Raise InputError unless all grains fit between the walls, and have their centres there."""
         rho = distance(position)
         too_large = radius > self.room * (1.0 + ROUNDING)
         if too_large.any():
             grain = checks.of_grain("radius", radius, too_large)
-            raise SceneError(f"{grain}: at most {self.room} m fit between the walls")
+            raise InputError(f"{grain}: at most {self.room} m fit between the walls")
         demands = (
             (rho == 0.0, "a grain cannot be at the origin: the normal of the walls is undefined there"),
             (rho > self.radius_out, f"it is outside the outer wall, radius_out {self.radius_out} m"),
@@ -124,7 +124,7 @@ class Annulus(NamedTuple):
         )
         for bad, reason in demands:
             if bad.any():
-                raise SceneError(f"{checks.of_grain('position', position, bad)}: {reason}")
+                raise InputError(f"{checks.of_grain('position', position, bad)}: {reason}")
 
     def area_below(self, level: FloatArray | float) -> FloatArray:
         """Return how much of it is below levels [m2], measured from the origin [m], shape (...)."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import followed, require_place, write_whole
 from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
@@ -63,7 +63,7 @@ def lock_checkpoint(path: Path) -> Lock:
 
     Raises
     ------
-    SceneError
+    InputError
         It cannot be written there; as an `OutputError`, if another process does so, or there is something
         that is no checkpoint.
     """
@@ -91,25 +91,25 @@ def read_checkpoint(path: Path) -> Checkpoint:
 
     Raises
     ------
-    SceneError
+    InputError
         There is none, it is damaged, of another version, or something else.
     """
     path = followed(path)
     if not path.is_file():
-        raise SceneError(f"checkpoint '{path}' does not exist")
+        raise InputError(f"checkpoint '{path}' does not exist")
     try:
         header, arrays = _read(path)
     except _DAMAGE:
-        raise SceneError(f"'{path}' is not a checkpoint of warpgrains, or it is damaged") from None
+        raise InputError(f"'{path}' is not a checkpoint of warpgrains, or it is damaged") from None
     if header["version"] != VERSION:
-        raise SceneError(
+        raise InputError(
             f"checkpoint '{path}' has version {header['version']}, of warpgrains {header.get('warpgrains')};"
             f" warpgrains {__version__} reads version {VERSION}"
         )
     try:
         return _checkpoint(header, arrays, path)
     except _DAMAGE as error:
-        raise SceneError(f"checkpoint '{path}' holds an invalid state: {error}") from None
+        raise InputError(f"checkpoint '{path}' holds an invalid state: {error}") from None
 
 
 def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
@@ -198,7 +198,7 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
 
 
 def _require_statistics(statistics: RunStatistics, state: State, options: RunOptions | None) -> None:
-    """Raise SceneError unless a run can have done this."""
+    """Raise InputError unless a run can have done this."""
     for field in fields(RunStatistics):
         value = getattr(statistics, field.name)
         if isinstance(field.default, bool):
@@ -207,7 +207,7 @@ def _require_statistics(statistics: RunStatistics, state: State, options: RunOpt
             most = state.steps if field.name == "steps" else MOST_COUNTED
             checks.whole_number(field.name, value, least=0, most=most)
         elif isinstance(field.default, float) and not (isinstance(value, float | int) and value >= 0.0):
-            raise SceneError(f"{field.name} is {value!r}: it must be a number, 0 or more")
+            raise InputError(f"{field.name} is {value!r}: it must be a number, 0 or more")
     for grain in statistics.infeasible_grains:
         checks.whole_number("infeasible grain", grain, least=0, most=len(state.position) - 1)
     if options is not None:

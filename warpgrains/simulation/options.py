@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import followed
 from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
 from warpgrains.scene import checks
@@ -29,7 +29,7 @@ FILES = ("record", "series")
 def _file(field: str, name: Any) -> str:
     """Return the name of a file: of that to which it leads, if it is a symbolic link."""
     if checks.text(field, name) == "" or "\0" in name:
-        raise SceneError(f"{field} is {name!r}: it must be the name of a file")
+        raise InputError(f"{field} is {name!r}: it must be the name of a file")
     return str(followed(Path(name))) if os.path.islink(name) else name
 
 
@@ -48,7 +48,7 @@ class RunOptions:
 
     Raises
     ------
-    SceneError
+    InputError
         A value is not what it must be, or is of no effect, such as `forces` without `record`.
     """
 
@@ -121,7 +121,7 @@ class RunOptions:
         for name, option in OPTIONS.items():
             needed = option.metadata["needs"]
             if needed is not None and getattr(self, needed) is None and getattr(self, name) != option.default:
-                raise SceneError(f"{name} has no effect without {needed}")
+                raise InputError(f"{name} has no effect without {needed}")
         if self.shows is not None:
             self._require_no_recording(self.shows)
 
@@ -140,12 +140,12 @@ class RunOptions:
         return min(self.fps, FASTEST.get(self._suffix, self.fps))
 
     def _require_no_recording(self, kind: str) -> None:
-        """Raise SceneError for what only recordings have, or pictures have not."""
+        """Raise InputError for what only recordings have, or pictures have not."""
         for name in ["draw_as"] + ["fps"] * (kind == "still"):
             if getattr(self, name) != getattr(type(self), name):
-                raise SceneError(f"{name} has no effect on a {kind}, '{self.record}'")
+                raise InputError(f"{name} has no effect on a {kind}, '{self.record}'")
         if self.checkpoint is not None:
-            raise SceneError(
+            raise InputError(
                 f"'{self.record}' cannot be continued from a checkpoint: record a .usdc file, then plot it"
             )
 
@@ -170,7 +170,7 @@ class RunOptions:
 def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
     """Return the number of steps of a run: as given, or of a duration [s], by default that of the scene."""
     if steps is not None and duration is not None:
-        raise SceneError("give steps or duration, not both")
+        raise InputError("give steps or duration, not both")
     if steps is not None:
         return checks.whole_number("steps", steps, least=0)
     return scene.steps if duration is None else scene.steps_in(duration)
@@ -182,7 +182,7 @@ def _seen_from(checkpoint: Path, field: str, stored: Any) -> str | None:
         return None
     name = _file(field, stored)
     if os.path.isabs(name):
-        raise SceneError(f"{field} is {name!r}: it must be a path relative to the checkpoint")
+        raise InputError(f"{field} is {name!r}: it must be a path relative to the checkpoint")
     return os.path.normpath(checkpoint.parent / name)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from warnings import warn
 
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import require_place
 from warpgrains.pictures.kinds import FILMS, STILLS, require_drawing
 from warpgrains.pictures.shots import Painter
@@ -42,9 +42,9 @@ class Observer(Protocol):
 
 
 def require_observer(observer: Observer) -> None:
-    """Raise SceneError unless something can observe a run."""
+    """Raise InputError unless something can observe a run."""
     if not all(callable(getattr(observer, name, None)) for name in ("observe", "flush")):
-        raise SceneError(f"observer is {checks.shown(observer)}: it must have every, observe() and flush()")
+        raise InputError(f"observer is {checks.shown(observer)}: it must have every, observe() and flush()")
     checks.whole_number("observer.every", getattr(observer, "every", None))
 
 
@@ -66,7 +66,7 @@ def open_outputs(
 
     Raises
     ------
-    SceneError
+    InputError
         What it is to write cannot be written.
     """
     recorder = _recorder(options, scene, statistics)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from warpgrains.described import documented
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
@@ -50,7 +50,7 @@ class Simulation(Stepper):
 
     Raises
     ------
-    SceneError
+    InputError
         There is no such scene, the device is unknown, the number of threads is not positive, or an override
         is not what it must be.
     SimulationError
@@ -111,7 +111,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             An argument is not what it must be, or the recording or the checkpoint cannot be written there; as
             an `OutputError`, if another run does so at the same time.
         SimulationError
@@ -134,7 +134,7 @@ class Simulation(Stepper):
             until=until if isinstance(until, str) else None,
         )
         if checkpoint is not None and callable(until):
-            raise SceneError(
+            raise InputError(
                 "until is a function, which a checkpoint cannot hold: use a text such as 'rest,speed=0.01'"
             )
         if observer is not None:
@@ -155,7 +155,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             viser is not installed, or the port is no port.
         """
         checks.whole_number("port", port, most=65535)
@@ -177,7 +177,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             The coloring is unknown, or Matplotlib is not installed.
         """
         require_drawing("plot")
@@ -190,7 +190,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             It cannot be written there; as an `OutputError`, if a run does so.
         """
         path = Path(checks.path("path", path))
@@ -210,7 +210,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             The checkpoint cannot be read.
         """
         kept = read_checkpoint(Path(checks.path("path", path)))

@@ -118,7 +118,7 @@ class Stepper(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             An argument is not what it must be.
         SimulationError
             A step failed, as in `step`; those before it are done. Or another thread advances this simulation.
@@ -151,7 +151,7 @@ class Stepper(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             A change makes no scene, or one of other grains.
         """
         with self._driver.alone():
@@ -234,7 +234,7 @@ class Stepper(Shown):
 
         Raises
         ------
-        SceneError
+        InputError
             It is a state of other grains, or none: the message names field, grain and value.
         """
         require_state(state, self.scene)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
 
     Raises
     ------
-    SceneError
+    InputError
         It is none of these; or there is no gravity, and the bounds that it sets are not given.
 
     Examples
@@ -91,7 +91,7 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
         return None
     if not isinstance(until, str):
         if not callable(until):
-            raise SceneError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
+            raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
         return Criterion(until, 0, "the criterion")
     return _rest(rest_bounds(until), scene)
 
@@ -101,7 +101,7 @@ def rest_bounds(until: str) -> dict[str, float]:
 
     Raises
     ------
-    SceneError
+    InputError
         It is no such text.
     """
     name, *rest = (word.strip() for word in until.split(","))
@@ -113,15 +113,15 @@ def rest_bounds(until: str) -> dict[str, float]:
         try:
             given[key] = checks.positive(f"until: {key}", float(value))
         except ValueError as error:
-            wrong = error if isinstance(error, SceneError) else f"until: {word!r} is not a number"
-            raise SceneError(str(wrong)) from None
+            wrong = error if isinstance(error, InputError) else f"until: {word!r} is not a number"
+            raise InputError(str(wrong)) from None
     return given
 
 
 def _rest(given: dict[str, float], scene: Scene) -> Criterion:
     gravity, diameter = hypot(*scene.gravity), 2.0 * float(scene.radius.mean())
     if gravity == 0.0 and not ("time" in given and given.keys() & {"speed", "energy"}):
-        raise SceneError("until=rest needs time, and speed or energy, in a scene without gravity")
+        raise InputError("until=rest needs time, and speed or energy, in a scene without gravity")
     bounds = dict(given)
     time = bounds.pop("time", None) or FALLS * sqrt(diameter / gravity)
     if not bounds:

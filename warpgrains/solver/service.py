@@ -28,7 +28,7 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
 
     Raises
     ------
-    SceneError
+    InputError
         It is "exact", and qdldl is not installed; it comes with the extra ``[exact]``.
     """
     if method != "exact":

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from warpgrains.console import start_warp
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.solver.threads import cores
 
 if TYPE_CHECKING:
@@ -104,10 +104,10 @@ def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> 
 
 
 def find_device(name: str) -> wp.Device:
-    """Return a Warp device by its name; raise SceneError if there is none."""
+    """Return a Warp device by its name; raise InputError if there is none."""
     start_warp()
     try:
         return wp.get_device(name)
     except (ValueError, RuntimeError) as error:
         known = ", ".join(device.alias for device in wp.get_devices())
-        raise SceneError(f"device {name!r} does not exist: choose one of {known}") from error
+        raise InputError(f"device {name!r} does not exist: choose one of {known}") from error

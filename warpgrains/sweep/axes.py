@@ -17,7 +17,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 MOST_VALUES = 1_000_000
@@ -30,7 +30,7 @@ def axis_values(name: str, axis: Any) -> Values:
 
     Raises
     ------
-    SceneError
+    InputError
         It is no axis: the message names key and value.
     """
     if isinstance(axis, list):
@@ -38,9 +38,9 @@ def axis_values(name: str, axis: Any) -> Values:
     elif isinstance(axis, dict):
         values = _generated(name, axis)
     else:
-        raise SceneError(f"axes.{name} is {axis!r}: it must be a list, a range, a log_range or seeds")
+        raise InputError(f"axes.{name} is {axis!r}: it must be a list, a range, a log_range or seeds")
     if not values:
-        raise SceneError(f"axes.{name} is []: it must have at least one value")
+        raise InputError(f"axes.{name} is []: it must have at least one value")
     return values
 
 
@@ -52,7 +52,7 @@ def _generated(name: str, axis: dict[str, Any]) -> Values:
             raise checks.unknown(f"key in axes.{name}", key, known)
     for key in known:
         if key not in axis:
-            raise SceneError(f"axes.{name}.{key} is missing: a {kind} needs it")
+            raise InputError(f"axes.{name}.{key} is missing: a {kind} needs it")
     return generate(f"axes.{name}", axis)
 
 
@@ -68,7 +68,7 @@ def _range(field: str, axis: dict[str, Any]) -> Values:
 def _log_range(field: str, axis: dict[str, Any]) -> Values:
     first, last = _ends(f"{field}.log_range", axis["log_range"])
     if min(first, last) <= 0.0:
-        raise SceneError(f"{field}.log_range is {axis['log_range']!r}: both ends must be greater than 0")
+        raise InputError(f"{field}.log_range is {axis['log_range']!r}: both ends must be greater than 0")
     steps = _count(f"{field}.count", axis["count"]) - 1
     between = [float(f"{first * (last / first) ** (k / steps):.12g}") for k in range(1, steps)]
     return _whole_if_written_so(axis["log_range"], [first, *between, last])
@@ -88,7 +88,7 @@ _KINDS: dict[str, tuple[Callable[[str, dict[str, Any]], Values], tuple[str, ...]
 def _ends(field: str, value: Any) -> tuple[float, float]:
     first, last = checks.vector(field, value)
     if first == last:
-        raise SceneError(f"{field} is {value!r}: its ends must differ")
+        raise InputError(f"{field} is {value!r}: its ends must differ")
     return first, last
 
 

@@ -16,7 +16,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import interrupts_end_at_once, start_warp
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.sizes import next_size
@@ -140,7 +140,7 @@ def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]
 
     Raises
     ------
-    SceneError
+    InputError
         Dask is not installed, or there is no such cluster.
     """
     try:
@@ -155,7 +155,7 @@ def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]
         try:
             client = Client(scheduler, timeout=CONNECT_WITHIN)
         except (OSError, ValueError) as error:
-            raise SceneError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
+            raise InputError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
         with client:
             yield client
         return
@@ -163,7 +163,7 @@ def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]
         jobs = SLURMCluster()
     except ValueError as error:
         reason = str(error).partition("\n")[0]
-        raise SceneError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {reason}") from error
+        raise InputError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {reason}") from error
     with jobs, Client(jobs) as client:
         jobs.scale(jobs=slurm_jobs)
         yield client

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_whole
 from warpgrains.sweep.results import MET, SECONDS, Columns
 from warpgrains.sweep.run_folder import GRAINS, RESULT, RunFolder
@@ -98,7 +98,7 @@ class SweepFolder:
 
         Raises
         ------
-        SceneError
+        InputError
             Some are begun, and that was not expected; as an `OutputError`, if results here are of another
             sweep.
         """
@@ -116,11 +116,11 @@ class SweepFolder:
         begun = self.begun()
         for run in share:
             if run.number in self.shards.lines and not resume:
-                raise SceneError(f"'{self.path}' has results: {GO_ON}")
+                raise InputError(f"'{self.path}' has results: {GO_ON}")
             if run.number in begun:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
-                    raise SceneError(f"'{folder.path}' exists: {GO_ON}")
+                    raise InputError(f"'{folder.path}' exists: {GO_ON}")
                 folder.require_no_other()
         finished = self.finished(share)
         return [run for run in share if run.number not in finished]

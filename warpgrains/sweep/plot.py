@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from warpgrains.analysis.plots import save_figure
 from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import read_columns
 from warpgrains.scene import checks
 from warpgrains.sweep.results import UNITS
@@ -43,15 +43,15 @@ class SweepPlot:
         for part in text.split(","):
             key, equals, column = part.strip().partition("=")
             if not (equals and column):
-                raise SceneError(f"--plot {text!r}: it must be x=COLUMN,y=COLUMN")
+                raise InputError(f"--plot {text!r}: it must be x=COLUMN,y=COLUMN")
             checks.one_of("key of --plot", key, ("x", "y", "color"))
             keys[key] = column.strip()
         if not {"x", "y"} <= keys.keys():
-            raise SceneError(f"--plot {text!r}: it must name x and y")
+            raise InputError(f"--plot {text!r}: it must name x and y")
         return cls(**keys)
 
     def require_columns(self, columns: Iterable[str]) -> None:
-        """Raise SceneError unless all that is drawn is among the columns."""
+        """Raise InputError unless all that is drawn is among the columns."""
         for name in (self.x, self.y, self.color):
             if name is not None:
                 checks.one_of("column to plot", name, columns)
@@ -61,13 +61,13 @@ class SweepPlot:
 
         Raises
         ------
-        SceneError
+        InputError
             The table cannot be read, has no such columns, or nothing to draw in them.
         """
         columns = read_columns(results, self._columns)
         good = [k for k, error in enumerate(columns["error"]) if not error]
         if not good:
-            raise SceneError(f"'{results}' holds nothing to draw: no run is finished")
+            raise InputError(f"'{results}' holds nothing to draw: no run is finished")
         columns = {name: [cells[k] for k in good] for name, cells in columns.items()}
         figure = Figure(figsize=_SIZE, layout="constrained")
         self.draw_on(figure.subplots(), columns)

@@ -15,7 +15,7 @@ import numpy as np
 
 from warpgrains.analysis.quantities import OF_A_SWEEP, QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.solver.ends import Ends
 from warpgrains.solver.statistics import RunStatistics
@@ -124,15 +124,15 @@ def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> Values
 
 
 def require_result(rows: list[Row], labels: Row, columns: Sequence[str]) -> Row:
-    """Return the one row of a run's table; raise SceneError unless it is a result with these labels."""
+    """Return the one row of a run's table; raise InputError unless it is a result with these labels."""
     if len(rows) != 1 or list(rows[0]) != [*labels, *columns, SECONDS] or None in rows[0].values():
-        raise SceneError("it does not have one row with the columns of this sweep")
+        raise InputError("it does not have one row with the columns of this sweep")
     row = rows[0]
     if any(row[name] != label for name, label in labels.items()):
-        raise SceneError("it is of another run")
+        raise InputError("it is of another run")
     for name in [SECONDS] if row["error"] else [*columns[:-1], SECONDS]:
         try:
             (int if name in COUNTS else float)(row[name])
         except ValueError:
-            raise SceneError(f"{name} is {row[name]!r}") from None
+            raise InputError(f"{name} is {row[name]!r}") from None
     return row

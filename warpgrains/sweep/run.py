@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import HasState, snapshot
 from warpgrains.batch.resident import Done
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.options import ExecutionOptions, RunOptions
@@ -64,14 +64,14 @@ class GroupedRun:
                 own.push(folder.lock())
                 start = folder.begin(execution)
                 if point.error is not None:
-                    raise SceneError(point.error)
+                    raise InputError(point.error)
                 if point.state is not None and point.statistics is not None and start.statistics.steps == 0:
                     start = replace(start, state=point.state, statistics=point.statistics)
                 run = cls(folder, start)
                 own.push(run._open())
             except (OutputError, OSError) as error:
                 return str(error)
-            except SceneError as error:
+            except InputError as error:
                 reason = str(error) if run is None else f"{error}: {AGAIN}"
                 folder.fail(reason, 0.0 if run is None else run.statistics.seconds)
                 return reason

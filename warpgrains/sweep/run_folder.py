@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from warpgrains.analysis.quantities import QUANTITIES
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import csv_line, read_regular, read_table, table_text, write_whole
 from warpgrains.locks import Lock
 from warpgrains.scene.document import parse_toml
@@ -59,19 +59,19 @@ class RunFolder:
         self.result = path / RESULT
 
     def require_own(self) -> None:
-        """Raise OutputError if the folder is that of another run, and SceneError if it is damaged."""
+        """Raise OutputError if the folder is that of another run, and InputError if it is damaged."""
         if not self.scene_file.exists():
             return
         try:
             found = read_regular(self.scene_file).decode()
         except UnicodeDecodeError:
-            raise SceneError(f"'{self.scene_file}' is not text: {AGAIN}") from None
-        except SceneError as error:
-            raise SceneError(f"{error}: {AGAIN}") from None
+            raise InputError(f"'{self.scene_file}' is not text: {AGAIN}") from None
+        except InputError as error:
+            raise InputError(f"{error}: {AGAIN}") from None
         if self._is_of_another(found):
             raise OutputError(f"'{self.scene_file}' is the scene of another sweep: choose another -o")
         if found != self._text:
-            raise SceneError(f"'{self.scene_file}' is damaged: {AGAIN}")
+            raise InputError(f"'{self.scene_file}' is damaged: {AGAIN}")
         if self.result.exists() and self._measures_otherwise():
             raise OutputError(f"'{self.result}' {OTHERWISE}")
 
@@ -81,7 +81,7 @@ class RunFolder:
             self.require_own()
         except OutputError:
             raise
-        except (SceneError, OSError):
+        except (InputError, OSError):
             pass
 
     def _is_of_another(self, found: str) -> bool:
@@ -95,13 +95,13 @@ class RunFolder:
             return False
         try:
             parse_toml(found, self.scene_file)
-        except SceneError:
+        except InputError:
             return False
         return True
 
     def _measures_otherwise(self) -> bool:
         """Return whether the result has good columns, but not those of this sweep."""
-        with suppress(OSError, SceneError):
+        with suppress(OSError, InputError):
             names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
             until = "rest" if MET in names else None
             columns = Columns(
@@ -122,7 +122,7 @@ class RunFolder:
 
         Raises
         ------
-        SceneError
+        InputError
             Its scene is none, or its checkpoint is damaged; as an `OutputError`, if it is finished, or the
             folder is that of another run.
         """
@@ -157,7 +157,7 @@ class RunFolder:
         steps = kept.statistics.steps if kept.statistics.met else kept.scene.steps
         own = (self._text, self.columns.until, steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
-            raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
+            raise InputError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
         record = None if options.record is None else str(self.recording)
         series = None if options.series is None else str(self.series)
         places: dict[str, Any] = {"record": record, "series": series, "checkpoint": str(self.checkpoint)}
@@ -184,7 +184,7 @@ class RunFolder:
         columns = self.columns.after_labels
         try:
             return csv_line(require_result(read_table(self.result), self.labels, columns).values())
-        except SceneError:
+        except InputError:
             lost = failure(f"{RESULT} is damaged: {AGAIN}", columns)
             return csv_line([*self.labels.values(), *lost])
 

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Mapping
 from hashlib import sha256
 from pathlib import Path
 
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, write_whole
 from warpgrains.sweep.results import Values
 
@@ -57,7 +57,7 @@ class ResultShards:
 
         Raises
         ------
-        SceneError
+        InputError
             One is of another sweep.
         """
         first, last = min(numbers, default=0), max(numbers, default=-1)
@@ -76,7 +76,7 @@ class ResultShards:
             print(f"'{path}' is damaged: its runs are repeated", file=sys.stderr)
             return
         if not content.startswith(self._head):
-            raise SceneError(f"'{path}' is of another sweep, or {OTHERWISE}")
+            raise InputError(f"'{path}' is of another sweep, or {OTHERWISE}")
         for line in content[len(self._head) :].splitlines(keepends=True):
             self.lines.setdefault(int(line.partition(b",")[0]), line)
         self._read.add(path.name)

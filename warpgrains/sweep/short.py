@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import Ending, ResidentSet, ResidentSets
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import InputError, SimulationError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
@@ -114,7 +114,7 @@ class ShortRuns:
         """Return a run of a group; None if it is long: no scene, large, or with a label of several lines."""
         labels = run.labels()
         if not any(end in label for label in labels.values() for end in "\r\n"):
-            with suppress(SceneError):
+            with suppress(InputError):
                 scene = self._scene(run)
                 until = criterion(self._folder.columns.until, scene)
                 if paying_threads(scene) == 1:

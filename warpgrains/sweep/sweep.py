@@ -23,7 +23,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Self
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.scene import checks
 from warpgrains.scene.document import (
@@ -118,7 +118,7 @@ class Sweep:
 
         Raises
         ------
-        SceneError
+        InputError
             There is no such file, or it is no sweep: the message names key and value.
         """
         path = Path(path)
@@ -129,7 +129,7 @@ class Sweep:
         combine = checks.one_of("combine", document.get("combine", "grid"), COMBINATIONS)
         fixed, axes = _by_key(document, "set"), _by_key(document, "axes")
         for key in fixed.keys() & axes.keys():
-            raise SceneError(f"{key} is in [set] and in [axes]: it must be in one of them")
+            raise InputError(f"{key} is in [set] and in [axes]: it must be in one of them")
         lists = {key: axis_values(key, axis) for key, axis in axes.items()}
         bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
         pairs = itertools.product(bases, _combinations(lists, combine))
@@ -158,7 +158,7 @@ def _by_key(document: Table, name: str) -> Values:
 
 def _table(name: str, value: Any) -> Table:
     if not isinstance(value, dict):
-        raise SceneError(f"{name} is {value!r}: it must be a section")
+        raise InputError(f"{name} is {value!r}: it must be a section")
     return value
 
 
@@ -168,14 +168,14 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
     lengths = {key: len(values) for key, values in lists.items()}
     if len(set(lengths.values())) > 1:
         counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
-        raise SceneError(f"combine is 'zip': all axes must have the same number of values, not {counts}")
+        raise InputError(f"combine is 'zip': all axes must have the same number of values, not {counts}")
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
 
 
 def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[BaseScene]:
     for path in _base_paths(document, folder):
         if path.exists() and not path.is_file():
-            raise SceneError(f"scene '{path}' of the sweep is not a regular file")
+            raise InputError(f"scene '{path}' of the sweep is not a regular file")
         sections = _with_values(read_document(path), fixed)
         toml_value(path.stem)  # which the tables hold: it must be text
         grains = _table("grains", sections.get("grains", {}))
@@ -190,20 +190,20 @@ def _base_paths(document: Table, folder: Path) -> list[Path]:
     given = checks.only_one("a sweep", document, ("scene", "folder"))
     name = document[given]
     if not isinstance(name, str):
-        raise SceneError(f"{given} is {name!r}: it must be the name of a {given}")
+        raise InputError(f"{given} is {name!r}: it must be the name of a {given}")
     if given == "scene":
         return [Path(name) if name in shipped_scenes() and not (folder / name).exists() else folder / name]
     scenes = sorted((folder / name).glob("*.toml"))
     if not scenes:
-        raise SceneError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
+        raise InputError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
     return scenes
 
 
 def _grain_file(folder: Path, name: Any) -> Path:
     if not isinstance(name, str) or "\0" in name or not (folder / name).is_file():
-        raise SceneError(f"grains.file is {name!r}: it does not exist in {str(folder)!r}")
+        raise InputError(f"grains.file is {name!r}: it does not exist in {str(folder)!r}")
     if not (folder / name).resolve().is_relative_to(folder.resolve()):
-        raise SceneError(
+        raise InputError(
             f"grains.file is {name!r}: it must be in the folder of its scene, because results contain a copy"
         )
     return folder / name

@@ -16,7 +16,7 @@ def inspect_recording(path: str | Path) -> list[str]:
 
     Raises
     ------
-    SceneError
+    InputError
         If the file is missing, is not USD, or holds what no recording does. A file that crashes USD or has no
         end is refused by the command ``warpgrains check`` only.
     """

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pxr import Sdf, Tf
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import require_place
 from warpgrains.locks import Lock, lock_own
 
@@ -23,7 +23,7 @@ def lock_output(path: Path) -> Lock:
 
     Raises
     ------
-    SceneError
+    InputError
         It cannot be written there; as an `OutputError`, if another process does so, or there is something
         that is no recording.
     """
@@ -31,7 +31,7 @@ def lock_output(path: Path) -> Lock:
     try:
         str(path).encode()
     except UnicodeEncodeError:
-        raise SceneError(f"output '{path}' is not UTF-8: USD cannot write a file of this name") from None
+        raise InputError(f"output '{path}' is not UTF-8: USD cannot write a file of this name") from None
     return lock_own(path, _is_recording, "recording of warpgrains")
 
 

@@ -12,7 +12,7 @@ from pxr import Tf, Usd, UsdGeom
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale
 from warpgrains.drawing.colors import ColorScale, encoded
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS
@@ -47,7 +47,7 @@ class RecordingReader:
 
     Raises
     ------
-    SceneError
+    InputError
         The file is missing, is not USD or holds no frames of grains.
     """
 
@@ -56,12 +56,12 @@ class RecordingReader:
         prim = self._stage.GetPrimAtPath(GRAINS)
         is_points = bool(prim) and prim.IsA(UsdGeom.Points)
         if not (is_points or (prim and prim.IsA(UsdGeom.PointInstancer))):
-            raise SceneError(f"'{path}' holds no grains")
+            raise InputError(f"'{path}' holds no grains")
         self._position = prim.GetAttribute("points" if is_points else "positions")
         self._prim = prim
         self._codes = self._position.GetTimeSamples()
         if not self._codes:
-            raise SceneError(f"'{path}' holds no frames")
+            raise InputError(f"'{path}' holds no frames")
         self.rate = float(self._stage.GetTimeCodesPerSecond())
         self.time = (np.array(self._codes) - self._codes[0]) / self.rate
         radius = (
@@ -95,7 +95,7 @@ class RecordingReader:
         told = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
         mass = self._prim.GetAttribute("primvars:mass")
         if "parameters" not in told or not mass:
-            raise SceneError("the recording does not contain its complete scene: an earlier release wrote it")
+            raise InputError("the recording does not contain its complete scene: an earlier release wrote it")
         fields = read_parameters(str(told["parameters"]))
         texts = {"name": str(told["name"]), "text": str(told["scene"])}
         return {**fields, **texts, "mass": _values(mass)}
@@ -113,25 +113,25 @@ class RecordingReader:
 
 
 def open_recording(path: Path) -> Usd.Stage:
-    """Open a recording; SceneError if there is none that can be read."""
+    """Open a recording; InputError if there is none that can be read."""
     if not path.is_file():
-        raise SceneError(f"recording '{path}' does not exist")
+        raise InputError(f"recording '{path}' does not exist")
     try:
         return Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        raise SceneError(f"recording '{path}' is not a USD file that can be read") from error
+        raise InputError(f"recording '{path}' is not a USD file that can be read") from error
 
 
 @contextmanager
 def refusing_foreign_content(path: str | Path) -> Iterator[None]:
-    """Turn what USD and NumPy raise, of all kinds, on what no recording holds into a SceneError."""
+    """Turn what USD and NumPy raise, of all kinds, on what no recording holds into a InputError."""
     try:
         yield
-    except (SceneError, OSError, MemoryError):
+    except (InputError, OSError, MemoryError):
         raise
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise SceneError(f"recording '{path}' is damaged: {reason}") from error
+        raise InputError(f"recording '{path}' is damaged: {reason}") from error
 
 
 def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:

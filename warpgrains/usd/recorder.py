@@ -14,7 +14,7 @@ from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
@@ -69,7 +69,7 @@ class Recorder:
 
     Raises
     ------
-    SceneError
+    InputError
         If the suffix, the coloring or the way to draw is unknown, the folder cannot be written, the log of an
         earlier run exists, or the one to continue does not; as an `OutputError`, if another process records
         to this file, or it is no recording.
@@ -199,7 +199,7 @@ class Recorder:
             reopen_log(self.path, self.log)
         try:
             self._frames.reopen(frames)
-        except SceneError:
+        except InputError:
             if is_joined:
                 self.log.unlink()
             raise
@@ -223,12 +223,12 @@ def recover(log: str | Path) -> tuple[Path, int]:
 
     Raises
     ------
-    SceneError
+    InputError
         This is no log, or it holds no frames; as an `OutputError`, if its run goes on.
     """
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
     if log.suffix != ".frames" or target.suffix not in SUFFIXES or not log.is_file():
-        raise SceneError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
+        raise InputError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
         return target, write_recording(log, target)

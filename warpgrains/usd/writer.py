@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Tf, UsdUtils, Work
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import followed, publish
 from warpgrains.frame_log import FrameLog, LogReader
 
@@ -35,7 +35,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
 
     Raises
     ------
-    SceneError
+    InputError
         The log is none, or has no frames.
     OSError
         The file cannot be written, or would not hold these frames.
@@ -109,7 +109,7 @@ def _write_binary(reader: LogReader, binary: Path, frames: int | None) -> int:
             flat.Save()
             unsaved = 0
     if not written:
-        raise SceneError(f"'{reader.path}' holds no frames of a recording")
+        raise InputError(f"'{reader.path}' holds no frames of a recording")
     flat.startTimeCode, flat.endTimeCode = 0, written - 1
     flat.Save()
     return written

@@ -15,7 +15,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.pictures.shots import Setting
 from warpgrains.view.players import AXES, Live, Player, Recorded
 from warpgrains.view.server import HOST, serve_page
@@ -115,13 +115,13 @@ class Page:
 
     def _set_style(self, **style: Any) -> None:
         self._style |= style
-        with suppress(SceneError):  # a coloring that does not exist
+        with suppress(InputError):  # a coloring that does not exist
             self._player.set_style(**self._style)
         self._show(texts=True)
 
     def _change(self, field: str, value: Any) -> None:
         assert isinstance(self._player, Live)
-        with suppress(SceneError):  # such as a drag that is too large for the time step
+        with suppress(InputError):  # such as a drag that is too large for the time step
             self._player.change(**{field: value})
             self._set_style()
 
