@@ -24,7 +24,7 @@ from .gauss_seidel import in_blocks, note_moment
 from .record import Scene, grain_count, is_accelerated, pair_count
 from .segments import contacts_of
 from .threads import MOMENTS, Team, keep_largest, partial_index, thread_range
-from .types import Contacts, Floats, Vectors
+from .types import Floats, Vectors
 from .verlet import least_monitored_correction, monitor
 from .warm_start import freeze
 

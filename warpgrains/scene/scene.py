@@ -98,7 +98,7 @@ class Scene(SceneFields, Shown):
             overrides = (overrides,)
         elif not np.iterable(overrides) or isinstance(overrides, Mapping):
             given = checks.shown(overrides)
-            raise InputError(f"overrides is {given}: it must be texts such as 'physics.drag=0.1'")
+            raise InputError(f"overrides is {given}: it must be strings such as 'physics.drag=0.1'")
         texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
         path = Path(checks.path("scene", name_or_path))
         return cls(**scene_fields(read_text(path, "scene"), path, texts))
