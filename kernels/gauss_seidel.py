@@ -57,6 +57,24 @@ def moment_at(moments: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
     ...
 
 
+def in_blocks(correct_block: wp.Function) -> wp.Function:
+    """Return the function that corrects pairs a block at a time, and monitors their grains after each."""
+
+    @wp.func
+    def sweep_blocks(s: Scene, begin: int, end: int, k: int) -> f64:
+        zeta = f64(0.0)
+        c = int(begin)
+        while c < end:
+            stop = wp.min(c + BLOCK, end)
+            change, bits = correct_block(s, c, stop, k)
+            zeta = larger(zeta, change)
+            monitor_block(s, c, stop, k, bits)
+            c = stop
+        return zeta
+
+    return sweep_blocks
+
+
 def sweeping(weighted: bool) -> wp.Function:
     """Return the function that corrects pairs, in place, and monitors their grains.
 
@@ -98,19 +116,7 @@ def sweeping(weighted: bool) -> wp.Function:
             c += 1
         return zeta, bits
 
-    @wp.func
-    def sweep_blocks(s: Scene, begin: int, end: int, k: int) -> f64:
-        zeta = f64(0.0)
-        c = int(begin)
-        while c < end:
-            stop = wp.min(c + BLOCK, end)
-            change, bits = correct_block(s, c, stop, k)
-            zeta = larger(zeta, change)
-            monitor_block(s, c, stop, k, bits)
-            c = stop
-        return zeta
-
-    return sweep_blocks
+    return in_blocks(correct_block)
 
 
 @wp.func

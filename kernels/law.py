@@ -60,6 +60,43 @@ def projection(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
 
 
 @wp.func
+def tangent(n: wp.vec2d) -> wp.vec2d:
+    """Unit tangent of a contact: its normal, turned by a quarter to the left."""
+    return wp.vec2d(-n[1], n[0])
+
+
+@wp.func
+def friction_correction(vt: f64, dvt: f64, limit: f64) -> f64:
+    """Change of a contact's tangential correction dv_t [m/s] (eq. 23), whose size is at most the limit.
+
+    vt is the velocity at which the surfaces slip, divided by W of eq. 22.
+    """
+    return wp.min(limit, wp.max(-limit, dvt + vt)) - dvt
+
+
+@wp.func
+def free_spin(spin: f64, drag: f64, inertia: f64, dt: f64) -> f64:
+    """Spin after its drag, without contacts [rad/s] (eq. 21)."""
+    return spin - dt * ((drag / inertia) * spin)
+
+
+@wp.func
+def leapfrog_spin(spin: f64, drag: f64, inertia: f64, dt: f64, staggered: bool) -> f64:
+    """The same in the middle of the step; a `staggered` spin is of the middle of the last one."""
+    a = drag * dt / (f64(2.0) * inertia)
+    kicked = spin
+    if staggered:
+        kicked = (f64(1.0) - a) * spin
+    return kicked / (f64(1.0) + a)
+
+
+@wp.func
+def inertia(mass: f64, radius: f64) -> f64:
+    """Moment of inertia of a disc [kg m2]."""
+    return f64(0.5) * mass * radius * radius
+
+
+@wp.func
 def speed_along(v: wp.vec2d, n: wp.vec2d) -> f64:
     """Velocity along a wall of normal n [m/s]."""
     return n[0] * v[1] - n[1] * v[0]

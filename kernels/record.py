@@ -189,6 +189,8 @@ class SceneRecord:
     scheme: TimeScheme
     gravity: wp.vec2d  # [m/s2]
     drag: f64  # [kg/s]
+    spin_drag: f64  # [kg m2/s]
+    friction: f64  # coefficient between grains
     dt: f64  # [s]
     by_color: wp.int32  # whether pairs are swept by colors, or by levels
     merge: wp.int32  # whether all independent sets are swept as one

@@ -17,6 +17,7 @@ from . import (
     contact_list,
     dealing,
     exact,
+    friction,
     gauss_seidel,
     integrate,
     neighbors,
@@ -48,7 +49,7 @@ from .conditions import (
     unordered,
     unsolved,
 )
-from .contacts import part_count
+from .contacts import contact_count, part_count
 from .record import grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
@@ -73,7 +74,12 @@ TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
 DEAL_OUT = [*TILES, Each(grain_count, coloring.gather), Serial(dealing.deal_out)]
 
 
-def sweeping_order(dealt: bool) -> list[Stage]:
+def only(wanted: bool, stages: list[Stage]) -> list[Stage]:
+    """Return stages, or none where they are not wanted."""
+    return stages if wanted else []
+
+
+def sweeping_order(dealt: bool, has_friction: bool) -> list[Stage]:
     """Return the stages that sort the list and its corrections into sweeping order."""
     return [
         Serial(coloring.group_pairs),
@@ -81,18 +87,24 @@ def sweeping_order(dealt: bool) -> list[Stage]:
         *(DEAL_OUT if dealt else [If(coloring.is_tiled, TILES)]),
         Serial(coloring.place_walls),
         Each(grain_count, contact_list.transfer_warm_start),
+        *only(has_friction, [Each(grain_count, friction.transfer_tangential)]),
         Serial(contact_list.find_row_sums),
+        *only(has_friction, [Serial(friction.widen_row_sum)]),
     ]
 
 
-WARM_START = [
-    Each(grain_count, warm_start.begin_attempt),
-    Sets(warm_start.start),
-    Serial(verlet.clear_check),
-    Serial(verlet.find_frame),
-    Each(grain_count, verlet.begin_check),
-    Serial(stopping.begin_iterating),
-]
+def warm_started(has_friction: bool) -> list[Stage]:
+    """Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
+    return [
+        Each(grain_count, warm_start.begin_attempt),
+        *only(has_friction, [Each(grain_count, friction.begin_rim)]),
+        Sets(friction.start_with_friction if has_friction else warm_start.start),
+        Serial(verlet.clear_check),
+        Serial(verlet.find_frame),
+        Each(grain_count, verlet.begin_check),
+        Serial(stopping.begin_iterating),
+    ]
+
 
 REBUILD = [
     Each(grain_count, residual.begin_rebuild),
@@ -100,18 +112,31 @@ REBUILD = [
     Shared(residual.measure_residual),
 ]
 
-GAUSS_SEIDEL = [
-    While(
-        sweeping,
-        [
-            Sets(gauss_seidel.sweep),
-            Serial(gauss_seidel.end_sweep),
-            If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(grain_count, verlet.sample)]),
-            If(measuring, [*REBUILD, Serial(stopping.end_measurement)]),
-        ],
-    ),
+REBUILD_WITH_FRICTION = [
+    Each(grain_count, residual.begin_rebuild),
+    Each(grain_count, friction.begin_rebuilt_rim),
+    Sets(friction.rebuild_with_friction),
+    Shared(friction.measure_with_friction),
 ]
 
+
+def plain_sweeps(sweep: wp.Function, rebuild: list[Stage]) -> list[Stage]:
+    """Return the stages that sweep all contacts until the changes, or the residual, are small."""
+    return [
+        While(
+            sweeping,
+            [
+                Sets(sweep),
+                Serial(gauss_seidel.end_sweep),
+                If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(grain_count, verlet.sample)]),
+                If(measuring, [*rebuild, Serial(stopping.end_measurement)]),
+            ],
+        ),
+    ]
+
+
+GAUSS_SEIDEL = plain_sweeps(gauss_seidel.sweep, REBUILD)
+GAUSS_SEIDEL_WITH_FRICTION = plain_sweeps(friction.sweep_with_friction, REBUILD_WITH_FRICTION)
 
 PUT_BACK = [Each(part_count, working_set.put_back)]
 
@@ -166,59 +191,78 @@ CORRECTED = [
 
 EXACT = [If(corrected, CORRECTED), *ACCELERATED]
 
-METHODS = {"gauss-seidel": GAUSS_SEIDEL, "accelerated": ACCELERATED, "exact": EXACT}
-
-SAVE = [
-    Each(grain_count, contact_list.save_row),
-    Each(contact_list.listed_count, contact_list.save_contact),
-]
-
-FINISH = [
-    Each(grain_count, integrate.move),
-    Serial(integrate.stagger),
-    Each(grain_count, verlet.remember),
-    Serial(verlet.shift_frame),
-    Shared(statistics.overlaps),
-    Serial(statistics.report),
-    Serial(statistics.add_step),
-    If(
-        recoloring,
-        [
-            *SAVE,
-            Serial(contact_list.color_anew),
-        ],
-    ),
-]
-
-EXPIRE = [
-    *SAVE,
-    Serial(contact_list.expire),
-    Serial(skins.adapt_base_skin),
-    Each(grain_count, skins.renew_skin),
-    Serial(skins.find_lifetime),
-]
+Kind = tuple[str, bool]
+"""Method, and whether there is friction."""
+METHODS: dict[Kind, list[Stage]] = {
+    ("gauss-seidel", False): GAUSS_SEIDEL,
+    ("accelerated", False): ACCELERATED,
+    ("exact", False): EXACT,
+    ("gauss-seidel", True): GAUSS_SEIDEL_WITH_FRICTION,
+}
 
 
-def step(method: str, dealt: bool = False) -> list[Stage]:
-    """Return the stages of one step by a method; `dealt` if threads have tiles."""
+def save(has_friction: bool) -> list[Stage]:
+    """Keep the list and what its contacts carry, for the next list."""
+    return [
+        Each(grain_count, contact_list.save_row),
+        Each(contact_list.listed_count, contact_list.save_contact),
+        *only(has_friction, [Each(contact_list.listed_count, friction.save_tangential)]),
+    ]
+
+
+def finish(has_friction: bool) -> list[Stage]:
+    """Move the grains, and report."""
+    return [
+        Each(grain_count, integrate.move),
+        *only(
+            has_friction, [Each(grain_count, friction.turn), Each(contact_count, friction.keep_correction)]
+        ),
+        Serial(integrate.stagger),
+        Each(grain_count, verlet.remember),
+        Serial(verlet.shift_frame),
+        Shared(statistics.overlaps),
+        Serial(statistics.report),
+        Serial(statistics.add_step),
+        If(recoloring, [*save(has_friction), Serial(contact_list.color_anew)]),
+    ]
+
+
+def expire(has_friction: bool) -> list[Stage]:
+    """Ask for another list."""
+    return [
+        *save(has_friction),
+        Serial(contact_list.expire),
+        Serial(skins.adapt_base_skin),
+        Each(grain_count, skins.renew_skin),
+        Serial(skins.find_lifetime),
+    ]
+
+
+def step(kind: Kind, dealt: bool = False) -> list[Stage]:
+    """Return the stages of one step of a kind; `dealt` if threads have tiles."""
+    has_friction = kind[1]
+    free = [
+        Each(grain_count, integrate.free_velocity),
+        *only(has_friction, [Each(grain_count, friction.free_spin)]),
+    ]
     return [
         Serial(stopping.begin),
-        If(beginning, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),
+        If(beginning, [Serial(integrate.begin_step), *free]),
         While(
             unsolved,
             [
                 While(searching, SEARCH),
-                If(unordered, sweeping_order(dealt)),
+                If(unordered, sweeping_order(dealt, has_friction)),
                 Serial(stopping.start_attempt),
                 If(
                     attempting,
                     [
-                        If(starting, WARM_START),
-                        *METHODS[method],
+                        If(starting, warm_started(has_friction)),
+                        *METHODS[kind],
                         Each(grain_count, verlet.verify),
                         Serial(stopping.judge),
-                        If(accepted, FINISH),
-                        If(expired, EXPIRE),
+                        If(accepted, finish(has_friction)),
+                        If(expired, expire(has_friction)),
                     ],
                 ),
             ],
@@ -227,6 +271,6 @@ def step(method: str, dealt: bool = False) -> list[Stage]:
 
 
 @cache
-def fused_step(method: str, dealt: bool) -> wp.Function:
+def fused_step(kind: Kind, dealt: bool) -> wp.Function:
     """Return the function that takes one step, `(team, scene)`."""
-    return fuse(step(method, dealt))
+    return fuse(step(kind, dealt))

@@ -50,6 +50,14 @@ class Grains:
     radius: Floats  # [m]
     mass: Floats  # m_i [kg]
     contact_mass: Floats  # M_i: impulse that changes the velocity by 1 m/s [kg]
+    # The rest is empty in scenes without friction. A rim speed is the radius times the spin.
+    spin: Floats  # at the end of the last good step [rad/s]
+    last_spin: Floats  # with which it began
+    angle: Floats  # by which it has turned [rad]
+    free_rim: Floats  # rim speed after its drag, before contacts [m/s]
+    next_rim: Floats  # that the contact iteration corrects in place
+    rebuilt_rim: Floats  # that the corrections make of the free one
+    rim_mass: Floats  # J_i: impulse at the rim that changes the rim speed by 2 m/s [kg]
 
 
 @wp.struct
@@ -71,9 +79,10 @@ class Contacts:
     dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
     weights: Vectors  # mass shares of i and j; empty where all masses are equal
     limits: Vectors  # of contacts with walls: gap / dt on the other side, and A_i / dt of eq. 18 [m/s]
-    set_start: (
-        Ints  # first contact of every set that `stages.Sets` passes to a stage; and the end of the last
-    )
+    dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
+    dvt_start: Floats  # those with which a step starts
+    rim_weights: wp.array(dtype=wp.vec3d)  # 1 / W, and parts for the rims of i and j (eq. 22); as `weights`
+    set_start: Ints  # first contact of every set of `stages.Sets`, and the end of the last
     count: ContactCount
 
 
@@ -167,6 +176,8 @@ class Momentum:
     """State before the last sweep, and sums by part (contacts.py). Empty in scenes that do not accelerate."""
 
     last_dv: Floats  # corrections before the last sweep [m/s]
+    last_dvt: Floats  # tangential ones; empty without friction
+    last_rim: Floats  # rim speeds that go with them
     last_velocity: Vectors  # velocities that go with them [m/s]
     contact_part: Vectors  # cost in phi less gain, and slope of phi along the momentum
     grain_part: Vectors  # sums of M s.(v + y) and M v.v, where y = v + beta s
@@ -206,6 +217,7 @@ class Workspace:
 
     old: NeighborList  # the list before
     old_dv: wp.array(dtype=wp.vec3d)  # of its contacts: now, at the step's start, a sweep back [m/s]
+    old_dvt: wp.array(dtype=wp.vec3d)  # the same of tangential corrections; empty without friction
     old_place: Ints  # of every contact in the list before, or -1
     sweep_index: Ints  # of every contact: its index in sweeping order
     group: Ints  # independent set of every pair; -1 of contacts with walls

@@ -23,6 +23,7 @@ class Walls:
 
     annulus: Annulus
     shape: wp.array(dtype=Shape)  # of the walls inside it
+    surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
 
 
 @wp.func

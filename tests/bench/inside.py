@@ -10,7 +10,7 @@ from warpgrains.kernels.conditions import searching
 from warpgrains.kernels.integrate import free_velocity
 from warpgrains.kernels.record import Phase, grain_count
 from warpgrains.kernels.stages import Each, Stage, While
-from warpgrains.kernels.step import EXPIRE, METHODS, SEARCH, WARM_START, sweeping_order
+from warpgrains.kernels.step import METHODS, SEARCH, expire, sweeping_order, warm_started
 from warpgrains.solver.crew import Crew
 from warpgrains.solver.tuning import paying_threads
 
@@ -20,9 +20,9 @@ from .timing import seconds
 VEC = ("<f8", (2,))
 CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
 
-UP_TO_THE_LIST = (Each(grain_count, free_velocity), *WARM_START)
+UP_TO_THE_LIST = (Each(grain_count, free_velocity), *warm_started(False))
 """What a step does before it finds that its list will not do."""
-ANOTHER_LIST = (*EXPIRE, While(searching, SEARCH), *sweeping_order(dealt=False))
+ANOTHER_LIST = (*expire(False), While(searching, SEARCH), *sweeping_order(False, False))
 """What it does then."""
 
 
@@ -95,7 +95,7 @@ class Sweeps:
         self._threshold = float(record.numbers["tuning"]["monitor_threshold"])
         self._numbers, self._start = record.numbers, self.contents()
         self._first = Phase.SWEEP if simulation.scene.method == "gauss-seidel" else Phase.CHECK_LIST
-        self.run = record.command(METHODS[simulation.scene.method]).launch
+        self.run = record.command(METHODS[simulation.scene.kernel_kind]).launch
 
     def contents(self) -> tuple[np.ndarray, ...]:
         """Return a copy of all that a sweep changes."""

@@ -74,7 +74,7 @@ class TestRoundTrip:
 class TestFile:
     def test_layout_of_this_version(self, saved):
         """A file that another version could not read needs another number."""
-        assert VERSION == 6
+        assert VERSION == 7
         with np.load(saved, allow_pickle=False) as archive:
             header = json.loads(archive["header"].tobytes())
             found = {name: archive[name].shape[1:] for name in archive.files}
@@ -84,7 +84,8 @@ class TestFile:
         vectors = "scene.position scene.velocity state.position state.velocity corrections.pair lists.pair"
         vectors += " corrections.wall lists.wall"
         vectors += " lists.built_position lists.built_velocity lists.frame"
-        numbers = "header scene.radius scene.mass corrections.pair_correction corrections.wall_correction"
+        numbers = "header scene.radius scene.mass scene.spin"
+        numbers += " corrections.pair_correction corrections.wall_correction"
         numbers += " lists.reach lists.recent lists.scalar"
         assert found == dict.fromkeys(vectors.split(), (2,)) | dict.fromkeys(numbers.split(), ())
 

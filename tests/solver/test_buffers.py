@@ -11,15 +11,19 @@ CONTACTS = 11
 GRAINS = np.array([1, 2, 7, 60])
 
 
-@pytest.fixture(params=[(0, 1), (1, 1), (0, 3), (1, 3)], ids=["plain", "ahead", "dealt", "shared"])
+@pytest.fixture(
+    params=[(0, 0, 1), (1, 0, 1), (0, 0, 3), (1, 0, 3), (0, 1, 3)],
+    ids=["plain", "ahead", "dealt", "shared", "friction"],
+)
 def sizes(request: pytest.FixtureRequest) -> Sizes:
-    accelerated, team = request.param
+    accelerated, friction, team = request.param
     return Sizes(
         GRAINS,
         np.full_like(GRAINS, CONTACTS),
         np.ones_like(GRAINS),
         np.array([0, 1, 0, 1]),
         accelerated,
+        friction,
         team,
         team,
     )
@@ -41,4 +45,6 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
     assert (length["grains.position"] == GRAINS).all()
     assert (length["contacts.weights"] == CONTACTS * sizes.weighted).all()
     assert (length["momentum.last_dv"] == CONTACTS * sizes.accelerated).all()
+    assert (length["grains.spin"] == GRAINS * sizes.friction).all()
+    assert (length["contacts.rim_weights"] == CONTACTS * sizes.weighted * sizes.friction).all()
     assert (length["dealt.last"] == GRAINS * sizes.is_dealt).all()

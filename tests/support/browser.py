@@ -4,6 +4,7 @@ import time
 from contextlib import contextmanager
 
 from selenium import webdriver
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.common.by import By
 
 ARGUMENTS = (
@@ -57,9 +58,16 @@ class Tab:
             By.XPATH, f"//label[contains(., '{label}')]/following::input[@type='text'][1]"
         )
 
+    def _holds(self, is_so):
+        """Return whether it is so now; an element that the page replaces meanwhile says no."""
+        try:
+            return is_so()
+        except StaleElementReferenceException:
+            return False
+
     def wait_for(self, is_so):
         end = time.monotonic() + PATIENCE
-        while not is_so():
+        while not self._holds(is_so):
             assert time.monotonic() < end, self.told()
             time.sleep(0.05)
 

@@ -18,7 +18,7 @@ def every_stage(name: str) -> tuple[wp.Module, list[wp.Kernel]]:
     """Put the stages of all methods into one module: what methods share is compiled once."""
     module = wp.get_module(name)
     wp.set_module_options(OPTIONS, module)
-    stages = dict.fromkeys(leaf for method in METHODS for leaf in leaves(step(method)))
+    stages = dict.fromkeys(leaf for kind in METHODS for leaf in leaves(step(kind)))
     return module, [stage_kernel(stage, module) for stage in stages]
 
 
@@ -35,9 +35,9 @@ def launched_state(scene: Scene, steps: int) -> State:
     engine.load(0, first_state(scene))
     records = engine._records
     records.host["merge"] = 0
-    launcher = Launcher(launched_module(), records.device, 0, step(scene.method), threads=1)
+    launcher = Launcher(launched_module(), records.device, 0, step(scene.kernel_kind), threads=1)
     with wp.ScopedCapture(device="cpu") as capture:
-        launcher(step(scene.method))
+        launcher(step(scene.kernel_kind))
     while steps > 0:
         wp.capture_launch(capture.graph)
         outcome = records.host["step"]["outcome"][0]

@@ -24,7 +24,9 @@ def full_order(simulation: Simulation) -> IntArray:
     n, swept = simulation.scene.n, swept_pairs(simulation)
     is_silent = np.ones(n * (n - 1) // 2, bool)
     is_silent[pair_index(swept, n)] = False
-    walls = np.stack([np.arange(n), np.full(n, -1)], axis=1)
+    scene = simulation.scene
+    bodies = 1 + scene.has_two_circles + len(scene.walls)
+    walls = np.stack([np.repeat(np.arange(n), bodies), np.tile(-1 - np.arange(bodies), n)], axis=1)
     return np.concatenate([swept, complete(n)[is_silent], walls]).astype(np.int32)
 
 

@@ -1,4 +1,5 @@
 import re
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -208,6 +209,11 @@ class TestResume:
                 recorder.record(*frame)
         require_frames(path, frames)
         assert path.read_bytes() == whole.read_bytes()
+
+    def test_package_holds_no_time_of_day(self, tmp_path):
+        path = record(tmp_path / "run.usdz", make_frames(2))
+        with ZipFile(path) as package:
+            assert [file.date_time for file in package.infolist()] == [(1980, 1, 1, 0, 0, 0)]
 
     def test_refuses_a_log_of_fewer_frames(self, tmp_path):
         cut_short(tmp_path / "run.usdc", make_frames(6))

@@ -82,7 +82,7 @@ class ResidentScene:
 
 
 class ResidentSet:
-    """Scenes in memory, by their numbers in the batch, each in the engine of its method.
+    """Scenes in memory, by their numbers in the batch, each in the engine of its kind.
 
     `team` of the `threads` share a scene.
     """
@@ -93,8 +93,8 @@ class ResidentSet:
         self._is_halted = False
         self._done: dict[int, Done] = {}
         self.scenes: dict[int, ResidentScene] = {}
-        for method in sorted({scene.method for scene in scenes.values()}):
-            numbers = [k for k, scene in scenes.items() if scene.method == method]
+        for kind in sorted({scene.kernel_kind for scene in scenes.values()}):
+            numbers = [k for k, scene in scenes.items() if scene.kernel_kind == kind]
             engine = Engine([scenes[k] for k in numbers], device, team)
             engine.begin()
             self._engines.append((engine, numbers))
@@ -187,7 +187,7 @@ class ResidentSets:
     def _bytes(self) -> Counts:
         """Return the memory that each scene takes [bytes]."""
         sizes = np.zeros(len(self._scenes), np.int64)
-        kinds = [(scene.method, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
+        kinds = [(scene.kernel_kind, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
         for kind in set(kinds):
             members = [k for k, other in enumerate(kinds) if other == kind]
             sizes[members] = bytes_needed(

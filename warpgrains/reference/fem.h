@@ -16,6 +16,11 @@ typedef struct {
     int leapfrog, staggered, round; /* not the text's: scheme, whether v is half a step behind, outer wall */
     int nDiscs;                     /* fixed discs inside the annulus: */
     double *discs, *dvDiscs;        /* center and radius of each, and corrections by grain and disc */
+    double friction, wallFriction;  /* coefficients between grains, and at walls; 0: none */
+    double spinDrag, speedOut;      /* drag on spins; speed of the outer wall along its tangent */
+    double *speedDiscs;             /* the same of each disc; with friction, disc 0 may be the inner wall */
+    double *w, *angle, *u;          /* with friction: spin, angle and rim speed r w of each grain, */
+    double *dtContacts, *dtBoundary, *dtDiscs; /* and tangential corrections, as the normal ones */
 #endif
 } femGrains;
 

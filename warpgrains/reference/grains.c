@@ -1,4 +1,5 @@
-/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), and (16) to (18), as they stand there.
+/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), and (21) to (24), as they stand there.
+ * With friction, the inner wall is a disc at the origin, because each wall has its own bound.
  *
  * NOCONTACTITERATE and NOUPDATE leave out one of the two functions that students write, NOCREATE the others.
  * Build with -ffp-contract=off, so that a product and a sum are rounded one after the other. */
@@ -20,6 +21,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->leapfrog = theGrains->staggered = theGrains->round = 0;
     theGrains->nDiscs = 0;
     theGrains->discs = theGrains->dvDiscs = NULL;
+    theGrains->friction = theGrains->wallFriction = 0.0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
     theGrains->vx = calloc(n, sizeof(double));
@@ -58,8 +60,26 @@ static double contactMass(const femGrains *g, int i, double dt) {
     return g->leapfrog ? g->m[i] + g->gamma * dt / 2.0 : g->m[i];
 }
 
-/* The contact of grains i < j; dvc is its accumulated correction. Returns |dv|. */
-static double contactPair(femGrains *g, int i, int j, double *dvc, double dt, int iter) {
+static int hasFriction(const femGrains *g) {
+    return g->friction > 0.0 || g->wallFriction > 0.0;
+}
+
+/* k of grain i in (22): 2 for a disc, but for what drags change in the leapfrog. */
+static double rimFactor(const femGrains *g, int i, double dt) {
+    double mass = g->leapfrog ? g->m[i] + g->spinDrag * dt / (g->r[i] * g->r[i]) : g->m[i];
+    return 2.0 * contactMass(g, i, dt) / mass;
+}
+
+/* Change of the tangential correction (eq. 23), or at iteration 0 all of it. */
+static double frictionChange(double *dvt, double vt, double w, double limit, int iter) {
+    if (iter == 0) return *dvt;
+    double change = fmin(limit, fmax(-limit, *dvt + w * vt)) - *dvt;
+    *dvt += change;
+    return change;
+}
+
+/* The contact of grains i < j; dvc and dtc are its accumulated corrections. Returns the larger change. */
+static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, double dt, int iter) {
     double dx = g->x[j] - g->x[i];
     double dy = g->y[j] - g->y[i];
     double r = sqrt(dx * dx + dy * dy);
@@ -76,11 +96,37 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double dt, in
     double mj = contactMass(g, j, dt);
     double wi = mj / (mi + mj);
     double wj = mi / (mi + mj);
-    g->vx[i] -= dv * nx * wi;
-    g->vy[i] -= dv * ny * wi;
-    g->vx[j] += dv * nx * wj;
-    g->vy[j] += dv * ny * wj;
-    return fabs(dv);
+    double dvt = 0.0;
+    if (hasFriction(g)) {
+        double rimI = wi * rimFactor(g, i, dt);
+        double rimJ = wj * rimFactor(g, j, dt);
+        double vt = (g->vx[i] - g->vx[j]) * -ny + (g->vy[i] - g->vy[j]) * nx + g->u[i] + g->u[j];
+        dvt = frictionChange(dtc, vt, 1.0 / (1.0 + rimI + rimJ), g->friction * *dvc, iter);
+        g->u[i] -= dvt * rimI;
+        g->u[j] -= dvt * rimJ;
+    }
+    double px = dv * nx + dvt * -ny;
+    double py = dv * ny + dvt * nx;
+    g->vx[i] -= px * wi;
+    g->vy[i] -= py * wi;
+    g->vx[j] += px * wj;
+    g->vy[j] += py * wj;
+    return fmax(fabs(dv), fabs(dvt));
+}
+
+/* A wall's push on grain i: dv along (nx, ny), and friction at a surface of this speed. Returns the larger change. */
+static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv, double carried, double *dtc,
+                           double speed, double dt, int iter) {
+    double dvt = 0.0;
+    if (hasFriction(g)) {
+        double rim = rimFactor(g, i, dt);
+        double vt = g->vx[i] * -ny + g->vy[i] * nx + (g->u[i] - speed);
+        dvt = frictionChange(dtc, vt, 1.0 / (1.0 + rim), g->wallFriction * carried, iter);
+        g->u[i] -= dvt * rim;
+    }
+    g->vx[i] -= dv * nx + dvt * -ny;
+    g->vy[i] -= dv * ny + dvt * nx;
+    return fmax(fabs(dv), fabs(dvt));
 }
 
 /* By how much per dt grain i, on its way along the outer wall, leaves the circle on which it touches it. */
@@ -90,7 +136,7 @@ static double sagittaRate(const femGrains *g, int i, double nx, double ny, doubl
     return reach - sqrt(fmax(0.0, reach * reach - along * along));
 }
 
-/* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns |dv|. */
+/* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns the change. */
 static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter) {
     double r = sqrt(g->x[i] * g->x[i] + g->y[i] * g->y[i]);
     double nx = g->x[i] / r;
@@ -107,12 +153,11 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         dv = dvOut - dvIn - *dvb;
         *dvb += dv;
     }
-    g->vx[i] -= dv * nx;
-    g->vy[i] -= dv * ny;
-    return fabs(dv);
+    double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
+    return pushFromWall(g, i, nx, ny, dv, *dvb, dtb, g->speedOut, dt, iter);
 }
 
-/* The contact of grain i with fixed disc d. Returns |dv|. */
+/* The contact of grain i with fixed disc d. Returns the larger change. */
 static double contactDisc(femGrains *g, int i, int d, double dt, int iter) {
     const double *disc = &g->discs[3 * d];
     double *dvd = &g->dvDiscs[i * g->nDiscs + d];
@@ -128,17 +173,18 @@ static double contactDisc(femGrains *g, int i, int d, double dt, int iter) {
         dv = fmax(0.0, vn + *dvd - gap / dt) - *dvd;
         *dvd += dv;
     }
-    g->vx[i] -= dv * nx;
-    g->vy[i] -= dv * ny;
-    return fabs(dv);
+    double *dtd = hasFriction(g) ? &g->dtDiscs[i * g->nDiscs + d] : NULL;
+    return pushFromWall(g, i, nx, ny, dv, *dvd, dtd, hasFriction(g) ? g->speedDiscs[d] : 0.0, dt, iter);
 }
 
 double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
     int n = myGrains->n;
     double zeta = 0.0;
-    double *dvc = myGrains->dvContacts;
+    double *dvc = myGrains->dvContacts, *dtc = myGrains->dtContacts;
+    int step = hasFriction(myGrains);
     for (int i = 0; i < n; i++)
-        for (int j = i + 1; j < n; j++) zeta = fmax(zeta, contactPair(myGrains, i, j, dvc++, dt, iter));
+        for (int j = i + 1; j < n; j++, dtc += step)
+            zeta = fmax(zeta, contactPair(myGrains, i, j, dvc++, dtc, dt, iter));
     for (int i = 0; i < n; i++) {
         zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
         for (int d = 0; d < myGrains->nDiscs; d++) zeta = fmax(zeta, contactDisc(myGrains, i, d, dt, iter));
@@ -159,7 +205,8 @@ double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, in
             zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
         } else {
             long pair = (long)i * (2 * n - i - 1) / 2 + (j - i - 1);
-            zeta = fmax(zeta, contactPair(myGrains, i, j, &myGrains->dvContacts[pair], dt, iter));
+            double *dtc = hasFriction(myGrains) ? &myGrains->dtContacts[pair] : NULL;
+            zeta = fmax(zeta, contactPair(myGrains, i, j, &myGrains->dvContacts[pair], dtc, dt, iter));
         }
     }
     return zeta;
@@ -177,12 +224,21 @@ static double freeVelocity(const femGrains *g, double v, double gravity, double 
     return ((1.0 - a) * v + dt * gravity) / (1.0 + a);
 }
 
+/* The spin of a disc of mass m and radius r after its drag (eq. 21). */
+static double freeSpin(const femGrains *g, double w, double m, double r, double dt) {
+    double inertia = 0.5 * m * r * r;
+    double a = g->spinDrag * dt / (2.0 * inertia);
+    if (!g->leapfrog) return w - dt * ((g->spinDrag / inertia) * w);
+    return (g->staggered ? (1.0 - a) * w : w) / (1.0 + a);
+}
+
 void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax) {
     int n = myGrains->n;
     for (int i = 0; i < n; i++) {
         double m = myGrains->m[i];
         myGrains->vx[i] = freeVelocity(myGrains, myGrains->vx[i], myGrains->gravity[0], m, dt);
         myGrains->vy[i] = freeVelocity(myGrains, myGrains->vy[i], myGrains->gravity[1], m, dt);
+        if (hasFriction(myGrains)) myGrains->u[i] = myGrains->r[i] * freeSpin(myGrains, myGrains->w[i], m, myGrains->r[i], dt);
     }
 
     femGrainsContactIterate(myGrains, dt, 0);
@@ -196,6 +252,10 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
     for (int i = 0; i < n; i++) {
         myGrains->x[i] += dt * myGrains->vx[i];
         myGrains->y[i] += dt * myGrains->vy[i];
+        if (hasFriction(myGrains)) {
+            myGrains->w[i] = myGrains->u[i] / myGrains->r[i];
+            myGrains->angle[i] += dt * myGrains->w[i];
+        }
     }
     myGrains->staggered = myGrains->leapfrog;
 }

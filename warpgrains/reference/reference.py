@@ -11,16 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.scene.disc import Disc
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.scheme import free_velocity
+from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State
-from warpgrains.scene.walls import INNER
+from warpgrains.scene.walls import INNER, body_of
 
 SOURCE = Path(__file__).parent / "grains.c"
 FAST = ("-O3", "-march=native")
 MOST_GRAINS = 3000  # of a scene that is timed: it visits all pairs, and keeps a number for each
 
 _Doubles = ctypes.POINTER(ctypes.c_double)
+_ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtDiscs")
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
@@ -35,8 +37,9 @@ class Grains(ctypes.Structure):
         ("gamma", ctypes.c_double),
         *((name, _Doubles) for name in (*_PER_GRAIN, "dvContacts")),
         *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round", "nDiscs")),
-        ("discs", _Doubles),
-        ("dvDiscs", _Doubles),
+        *((name, _Doubles) for name in ("discs", "dvDiscs")),
+        *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "speedOut")),
+        *((name, _Doubles) for name in ("speedDiscs", *_ROTATING)),
     )
 
 
@@ -78,12 +81,26 @@ class Reference:
         self._arrays["dvContacts"] = np.zeros(n * (n - 1) // 2)
         pointers = [array.ctypes.data_as(_Doubles) for array in self._arrays.values()]
         gravity = (ctypes.c_double * 2)(*scene.gravity)
-        self._grains = Grains(n, scene.radius_in, scene.radius_out, gravity, scene.drag, *pointers)
-        self._arrays["discs"] = np.array([disc.numbers for disc in scene.walls], float).ravel()
-        self._arrays["dvDiscs"] = np.zeros(n * len(scene.walls))
-        for name in ("discs", "dvDiscs"):
+        circles = [Disc((0.0, 0.0), scene.radius_in)] if scene.has_two_circles else []
+        discs = [*circles, *scene.walls]
+        radius_in = 0.0 if circles else scene.radius_in
+        self._grains = Grains(n, radius_in, scene.radius_out, gravity, scene.drag, *pointers)
+        self._arrays["discs"] = np.array([disc.numbers for disc in discs], float).ravel()
+        self._arrays["dvDiscs"] = np.zeros(n * len(discs))
+        self._grains.friction, self._grains.wallFriction = scene.friction, scene.friction_at_walls
+        self._grains.spinDrag = scene.spin_drag
+        self._grains.speedOut = scene.radius_out * scene.angular_velocity_out
+        self._arrays["speedDiscs"] = np.zeros(len(discs))
+        self._arrays["speedDiscs"][: len(circles)] = -scene.radius_in * scene.angular_velocity_in
+        rotating = (
+            scene.spin.copy(),
+            *np.zeros((2, n)),
+            *map(np.zeros, (n * (n - 1) // 2, n, n * len(discs))),
+        )
+        self._arrays |= dict(zip(_ROTATING, rotating, strict=True))
+        for name in ("discs", "dvDiscs", "speedDiscs", *_ROTATING):
             setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
-        self._grains.nDiscs = len(scene.walls)
+        self._grains.nDiscs = self._discs = len(discs)
         self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", scene.wall == "round"
         if state is not None:
             arrays, corrections = self._arrays, state.corrections
@@ -92,11 +109,16 @@ class Reference:
             arrays["vx"][:], arrays["vy"][:] = state.velocity.T
             arrays["dvContacts"][pair_index(corrections.pair, n)] = corrections.pair_correction
             (grain, wall), carried = corrections.wall.T, corrections.wall_correction
-            at_disc = wall > INNER
-            disc = grain[at_disc] * len(scene.walls) + wall[at_disc] - INNER - 1
-            arrays["dvDiscs"][disc] = carried[at_disc]
-            sign = np.where(wall == INNER, -1.0, 1.0)
+            body = body_of(wall, scene.has_two_circles)
+            at_disc, disc = body > 0, grain * self._discs + body - 1
+            arrays["dvDiscs"][disc[at_disc]] = carried[at_disc]
+            sign = np.where((wall == INNER) & ~at_disc, -1.0, 1.0)
             arrays["dvBoundary"][grain[~at_disc]] = (sign * carried)[~at_disc]
+            if corrections.pair_friction is not None and corrections.wall_friction is not None:
+                arrays["w"][:], arrays["angle"][:] = state.spin, state.angle
+                arrays["dtContacts"][pair_index(corrections.pair, n)] = corrections.pair_friction
+                arrays["dtDiscs"][disc[at_disc]] = corrections.wall_friction[at_disc]
+                arrays["dtBoundary"][grain[~at_disc]] = corrections.wall_friction[~at_disc]
 
     def update(self) -> None:
         """Advance by one step, all of it in C."""
@@ -107,11 +129,12 @@ class Reference:
         """Advance by one step, and return the iterations and the last zeta, which C keeps to itself.
 
         `order`: contacts (i, j), (i, -1) for the annulus, (i, -2 - d) for disc d, if not in the text's order;
-        shape (m, 2).
+        shape (m, 2). With friction, disc 0 is the inner wall, if there is one.
         """
         scene, arrays = self._scene, self._arrays
         free = free_velocity(scene, self.velocity, bool(self._grains.staggered))
         arrays["vx"][:], arrays["vy"][:] = free.T
+        arrays["u"][:] = scene.radius * free_spin(scene, self.spin, bool(self._grains.staggered))
         self._iterate(0, order)
         iterations, zeta = 0, np.inf
         while iterations < scene.max_iterations and zeta > scene.tolerance:
@@ -119,6 +142,8 @@ class Reference:
             zeta = self._iterate(iterations, order)
         arrays["x"] += scene.dt * arrays["vx"]
         arrays["y"] += scene.dt * arrays["vy"]
+        arrays["w"][:] = arrays["u"] / scene.radius
+        arrays["angle"] += scene.dt * arrays["w"]
         self._grains.staggered = self._grains.leapfrog
         return iterations, zeta
 
@@ -139,6 +164,16 @@ class Reference:
         return np.stack([self._arrays["vx"], self._arrays["vy"]], axis=1)
 
     @property
+    def spin(self) -> FloatArray:
+        """Angular velocities [rad/s], shape (n,)."""
+        return self._arrays["w"].copy()
+
+    @property
+    def angle(self) -> FloatArray:
+        """Angles by which grains have turned [rad], shape (n,)."""
+        return self._arrays["angle"].copy()
+
+    @property
     def pair_correction(self) -> FloatArray:
         """Corrections dv_c of all pairs i < j [m/s], in lexicographic order."""
         return self._arrays["dvContacts"]
@@ -152,6 +187,11 @@ class Reference:
     def disc_correction(self) -> FloatArray:
         """Corrections of all grains at the fixed discs [m/s], shape (n, discs)."""
         return self._arrays["dvDiscs"].reshape(self._scene.n, -1)
+
+    @property
+    def pair_friction(self) -> FloatArray:
+        """Tangential corrections of all pairs i < j [m/s], in lexicographic order."""
+        return self._arrays["dtContacts"]
 
 
 def pair_index(pair: IntArray, n: int) -> IndexArray:

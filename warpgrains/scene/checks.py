@@ -155,21 +155,30 @@ def require_finite(field: str, array: FloatArray) -> None:
         raise SceneError(f"{of_grain(field, array, bad)}: it must be finite")
 
 
-def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
-    """Return a read-only array of numbers greater than 0, shape (n,), from n of them or from one for all."""
+def per_grain(field: str, value: Any, n: int) -> FloatArray:
+    """Return a read-only array of finite numbers, shape (n,), from n of them or from one for all."""
     import numpy as np
 
     array = _floats(field, value)
     if array.ndim == 0:
-        array = np.full(n, positive(field, array[()]))
+        array = np.full(n, number(field, array[()]))
     if array.shape != (n,):
         raise SceneError(
             f"{field} has shape {array.shape}: there are {n} grains, it must be one number or ({n},)"
         )
-    for bad, demand in ((~np.isfinite(array), "finite"), (array <= 0.0, "greater than 0")):
-        if bad.any():
-            raise SceneError(f"{of_grain(field, array, bad)}: it must be {demand}")
+    require_finite(field, array)
     return frozen(array)
+
+
+def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
+    """Return a read-only array of numbers greater than 0, shape (n,), from n of them or from one for all."""
+    array = _floats(field, value)
+    if array.ndim == 0:
+        positive(field, array[()])
+    array = per_grain(field, array, n)
+    if (array <= 0.0).any():
+        raise SceneError(f"{of_grain(field, array, array <= 0.0)}: it must be greater than 0")
+    return array
 
 
 def of_grain(field: str, array: FloatArray, bad: BoolArray) -> str:

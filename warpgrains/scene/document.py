@@ -69,7 +69,8 @@ def parameters_text(scene: Scene) -> str:
     """Return all of a scene as TOML that is not its grains."""
     tables: Table = {"walls": [wall.table for wall in scene.walls]} if scene.walls else {}
     for section, names in SECTIONS.items():
-        tables[section] = {name: getattr(scene, name) for name in names}
+        values = {name: getattr(scene, name) for name in names}
+        tables[section] = {name: value for name, value in values.items() if value is not None}
     return toml_text(tables)
 
 

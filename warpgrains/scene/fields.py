@@ -78,6 +78,11 @@ class SceneFields:
     )
     radius: Array = _key("Radius of every grain [m], shape (n,), or one number for all.")
     mass: Array = _key("Mass of every grain [kg], shape (n,), or one number for all.")
+    spin: OptionalArray = _key(
+        "Angular velocity of every grain at the start [rad/s], shape (n,), or one number for all; by default"
+        " no grain rotates. Only with friction.",
+        default=None,
+    )
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
     radius_out: float = _key("Radius of the outer wall [m].", "domain")
     wall: str = _key(
@@ -85,6 +90,15 @@ class SceneFields:
         ' leaves by (v dt)^2 / (2 radius_out), or "round": it ends on the circle.',
         "domain",
         default="tangent",
+    )
+    angular_velocity_out: float = _key(
+        "Angular velocity at which the outer wall rotates about the origin [rad/s]. Only with friction.",
+        "domain",
+        checks.number,
+        default=0.0,
+    )
+    angular_velocity_in: float = _key(
+        "The same of the inner wall [rad/s].", "domain", checks.number, default=0.0
     )
     walls: Walls = _key(
         'What stands inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
@@ -96,6 +110,24 @@ class SceneFields:
         "Acceleration of gravity, two components [m/s2].", "physics", checks.vector, default=(0.0, -9.81)
     )
     drag: float = _key("Linear drag coefficient [kg/s].", "physics", checks.not_negative, default=0.0)
+    spin_drag: float = _key(
+        "Linear drag on the rotation of a grain, a moment by angular velocity [kg m2/s]. Only with friction.",
+        "physics",
+        checks.not_negative,
+        default=0.0,
+    )
+    friction: float = _key(
+        "Coefficient of Coulomb friction between grains; 0 means that grains slide freely and do not rotate.",
+        "contact",
+        checks.not_negative,
+        default=0.0,
+    )
+    wall_friction: float | None = _key(
+        "The same between grains and walls; by default that between grains.",
+        "contact",
+        lambda field, value: None if value is None else checks.not_negative(field, value),
+        default=None,
+    )
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)
     duration: float = _key("Simulated time of a whole run [s].", "time", checks.positive, default=1.0)
     scheme: str = _key(
@@ -216,6 +248,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
         "velocity": velocity,
         "radius": checks.positive_per_grain("radius", scene.radius, n),
         "mass": checks.positive_per_grain("mass", scene.mass, n),
+        "spin": checks.per_grain("spin", 0.0 if scene.spin is None else scene.spin, n),
         **Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict(),
     }
 
@@ -246,8 +279,50 @@ def _require_size(scene: "Scene") -> None:
 def require_agreement(scene: "Scene") -> None:
     """Raise SceneError unless the settings suit each other, and the grains."""
     _require_short_step(scene)
+    _require_friction(scene)
+    if scene.method != "gauss-seidel" and scene.has_friction:
+        raise SceneError(
+            f"method is {scene.method!r}: it solves steps without friction only; use 'gauss-seidel'"
+        )
     if scene.method == "exact" and scene.stop == "zeta":
         raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
+
+
+def _require_friction(scene: "Scene") -> None:
+    """Raise SceneError if a field has no effect without friction, or a method knows none."""
+    walls = ("angular_velocity_out", "angular_velocity_in")
+    if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
+        raise SceneError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
+    for name in walls:
+        if getattr(scene, name) != 0.0 and scene.friction_at_walls == 0.0:
+            raise SceneError(
+                f"{name} is {getattr(scene, name)} rad/s: a wall without friction moves no grain; give"
+                " wall_friction"
+            )
+        speed = getattr(scene, name) * scene.radius_out
+        if not isfinite(speed):
+            raise SceneError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
+    if scene.has_friction:
+        inertia = 0.5 * scene.mass * scene.radius**2
+        lost = scene.spin_drag * scene.dt / inertia
+        if scene.scheme == "text" and (lost >= 1.0).any():
+            raise SceneError(
+                f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
+                f" rotation of grain {int(lost.argmax())}; dt must be less than"
+                f' {float(inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
+            )
+        with np.errstate(over="ignore"):
+            too_fast = ~np.isfinite(scene.spin * scene.radius)
+        if too_fast.any():
+            grain = checks.of_grain("spin", scene.spin, too_fast)
+            raise SceneError(f"{grain}: the speed of its rim is not finite")
+        return
+    if scene.spin.any():
+        raise SceneError(
+            f"{checks.of_grain('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
+        )
+    if scene.spin_drag:
+        raise SceneError(f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction")
 
 
 def _require_short_step(scene: "Scene") -> None:

@@ -1,7 +1,9 @@
 """Files of grains beside a scene file.
 
-An `.npz` file holds the array `position` (n, 2), and any of `velocity` (n, 2), `radius` (n,) and `mass` (n,).
-A `.csv` file names its columns in the first line: `x` and `y`, and any of `vx` and `vy`, `radius` and `mass`.
+An `.npz` file holds the array `position` (n, 2), and any of `velocity` (n, 2), `radius`, `mass` and `spin`,
+shape (n,).
+A `.csv` file names its columns in the first line: `x` and `y`, and any of `vx` and `vy`, `radius`, `mass`
+and `spin`.
 """
 
 import csv
@@ -14,8 +16,8 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import SceneError
 from warpgrains.scene import checks
 
-FIELDS = ("position", "velocity", "radius", "mass")
-COLUMNS = ("x", "y", "vx", "vy", "radius", "mass")
+FIELDS = ("position", "velocity", "radius", "mass", "spin")
+COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
 
 
 def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:

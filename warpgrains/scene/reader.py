@@ -26,6 +26,7 @@ PROPERTIES = {
     "mass": "Mass of every grain, or a list [kg]; or:",
     "density": "mass by area [kg/m2].",
     "velocity": "Velocity of all grains at the start, or a list [m/s]. By default all rest.",
+    "spin": "Angular velocity of all grains at the start, or a list [rad/s]. By default none rotates.",
 }
 """What grains have beside them."""
 
@@ -92,7 +93,8 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
         grains = {"position": own["position"]} if "position" in own else read_grains(folder, own["file"])
         _give_once(grains, own, "radius")
     grains["position"] = checks.vectors("position", grains["position"])
-    _give_once(grains, table, "velocity")
+    for name in ("velocity", "spin"):
+        _give_once(grains, table, name)
     velocity = grains.get("velocity")
     if np.iterable(velocity) and not any(np.iterable(component) for component in velocity):  # one for all
         grains["velocity"] = np.tile(checks.vector("grains.velocity", velocity), (len(grains["position"]), 1))

@@ -167,6 +167,41 @@ class Scene(SceneFields, Shown):
         return bool((self.mass == self.mass[0]).all())
 
     @property
+    def has_friction(self) -> bool:
+        """Whether contacts have friction, so that grains rotate."""
+        return self.friction > 0.0 or self.friction_at_walls > 0.0
+
+    @property
+    def friction_at_walls(self) -> float:
+        """Coefficient of friction between grains and walls."""
+        return self.friction if self.wall_friction is None else self.wall_friction
+
+    @property
+    def has_two_circles(self) -> bool:
+        """Whether the circles are two walls for the device, and not the two sides of one: with friction."""
+        return self.has_friction and self.radius_in > 0.0
+
+    @property
+    def kernel_kind(self) -> tuple[str, bool]:
+        """Method, and whether there is friction: scenes of one kind share kernels."""
+        return self.method, self.has_friction
+
+    @property
+    def has_equal_shares(self) -> bool:
+        """Whether grains take equal parts of every correction, and W = 3 in eq. 22."""
+        if not self.has_friction:
+            return self.has_equal_masses
+        return self.has_equal_masses and bool((self.contact_mass == self.rim_mass).all())
+
+    @property
+    def rim_mass(self) -> FloatArray:
+        """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22).
+
+        It is the mass of a disc, and in the leapfrog spin_drag dt / r^2 more.
+        """
+        return self.mass if self.scheme == "text" else self.mass + self.spin_drag * self.dt / self.radius**2
+
+    @property
     def contact_mass(self) -> FloatArray:
         """Impulse of contacts that changes a grain's velocity by 1 m/s [kg], shape (n,) (MODEL.md, eq. 17b).
 

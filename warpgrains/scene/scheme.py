@@ -28,6 +28,16 @@ def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool) -> FloatA
     return kicked / (1.0 + a)
 
 
+def free_spin(scene: Scene, spin: FloatArray, staggered: bool) -> FloatArray:
+    """Return the spins after their drag, without contacts [rad/s], shape (n,) (eq. 21)."""
+    dt, drag = scene.dt, scene.spin_drag
+    inertia = 0.5 * scene.mass * scene.radius * scene.radius
+    if scene.scheme == "text":
+        return spin - dt * (drag / inertia * spin)
+    a = drag * dt / (2.0 * inertia)
+    return ((1.0 - a) * spin if staggered else spin) / (1.0 + a)
+
+
 class Kick(NamedTuple):
     """Gravity and drag in a step: m (velocity - before) = time m g - drag path + impulses of contacts."""
 

@@ -36,6 +36,9 @@ class Corrections:
         carry one, in lexicographic order, shape (k, 2).
     wall_correction : ndarray
         Their corrections, > 0 [m/s], shape (k,).
+    pair_friction, wall_friction : ndarray or None
+        Their tangential corrections dv_t [m/s], shapes (m,) and (k,), along the normal turned by a quarter to
+        the left; None without friction.
 
     Examples
     --------
@@ -48,6 +51,8 @@ class Corrections:
     pair_correction: FloatArray
     wall: IntArray
     wall_correction: FloatArray
+    pair_friction: FloatArray | None = None
+    wall_friction: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +102,9 @@ class State:
         Whether velocities are half a step behind positions: those of the middle of the last step, as after
         any step of the leapfrog scheme, which goes on from them by a whole kick, and from others by half of
         one. The text's scheme takes them as they are.
+    spin, angle : ndarray or None
+        Angular velocities [rad/s], and angles by which grains have turned since the start [rad], shape (n,);
+        None without friction.
 
     Examples
     --------
@@ -113,12 +121,17 @@ class State:
     corrections: Corrections
     lists: VerletList | None = None
     staggered: bool = False
+    spin: FloatArray | None = None
+    angle: FloatArray | None = None
 
 
 def first_state(scene: Scene) -> State:
     """Return the state at the start of a scene."""
     nobody, nothing = np.zeros((0, 2), np.int32), np.zeros(0)
-    return State(0, scene.position, scene.velocity, Corrections(nobody, nothing, nobody, nothing))
+    corrections = Corrections(nobody, nothing, nobody, nothing)
+    if not scene.has_friction:
+        return State(0, scene.position, scene.velocity, corrections)
+    return State(0, scene.position, scene.velocity, corrections, spin=scene.spin, angle=np.zeros(scene.n))
 
 
 def require_state(state: State, scene: Scene) -> None:
@@ -131,10 +144,14 @@ def require_state(state: State, scene: Scene) -> None:
         _require_array(name, getattr(state, name), np.float64, (n, 2))
         checks.require_finite(f"{name} of the state, that", getattr(state, name))
     require_distinct("position of the state, that", state.position)
+    for name in ("spin", "angle"):
+        if getattr(state, name) is not None:
+            _require_array(name, getattr(state, name), np.float64, (n,))
+            checks.require_finite(f"{name} of the state, that", getattr(state, name))
     _require_corrections(state.corrections, n, walls)
     if state.lists is not None:
         _require_lists(state.lists, n, walls)
-        _require_listed(state.corrections, state.lists, n)
+        _require_listed(state.corrections, state.lists, n, scene.has_two_circles)
 
 
 def _require_corrections(corrections: Corrections, n: int, walls: Sequence[int]) -> None:
@@ -150,6 +167,10 @@ def _require_corrections(corrections: Corrections, n: int, walls: Sequence[int])
             i, j = getattr(corrections, name)[bad][0].tolist()
             of = f"that of grain{'s' * (name == 'pair')} {i} {other} {j} is {value[bad][0].item()}"
             raise SceneError(f"{name}_correction of the state, {of}: it must be 0 or more")
+        tangential = getattr(corrections, f"{name}_friction")
+        if tangential is not None:
+            _require_array(f"{name}_friction", tangential, np.float64, value.shape)
+            checks.require_finite(f"{name}_friction of the state, that", tangential)
 
 
 def _require_lists(lists: VerletList, n: int, walls: Sequence[int]) -> None:
@@ -165,9 +186,9 @@ def _require_lists(lists: VerletList, n: int, walls: Sequence[int]) -> None:
             raise SceneError(f"{name} of the state holds what is no number")
 
 
-def _require_listed(corrections: Corrections, lists: VerletList, n: int) -> None:
+def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_circles: bool) -> None:
     pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
-    body, listed = (body_of(of.wall[:, 1]) for of in (corrections, lists))
+    body, listed = (body_of(of.wall[:, 1], two_circles) for of in (corrections, lists))
     walls = np.isin(corrections.wall[:, 0] + n * body, lists.wall[:, 0] + n * listed)
     if not (pairs.all() and walls.all()):
         raise SceneError("a contact of the state carries a correction and is not listed")

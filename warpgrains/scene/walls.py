@@ -2,7 +2,8 @@
 
 Walls are numbered: 0 is the outer circle, 1 the inner one, whether there is one or not, and 2, 3, ... are
 those of `Scene.walls`. The device has the annulus as one body with two sides, and then the others
-(kernels/walls.py). Where a contact names two bodies, a wall is the negative number -1 - wall.
+(kernels/walls.py); with friction, the inner circle is a body too, a disc at the origin
+(`Scene.has_two_circles`). Where a contact names two bodies, a wall is the negative number -1 - wall.
 """
 
 from typing import Any, NamedTuple, Self
@@ -136,11 +137,13 @@ def outward(position: FloatArray) -> FloatArray:
     return position / distance(position)[:, np.newaxis]
 
 
-def body_of(wall: IntArray) -> IntArray:
+def body_of(wall: IntArray, two_circles: bool) -> IntArray:
     """Return which of the device's walls each of these walls is, or is a side of."""
-    return np.maximum(wall - 1, 0)
+    return wall if two_circles else np.maximum(wall - 1, 0)
 
 
-def wall_of(body: IntArray, correction: FloatArray) -> IntArray:
+def wall_of(body: IntArray, correction: FloatArray, two_circles: bool) -> IntArray:
     """Return the walls that carry the corrections [m/s] of the device's walls."""
+    if two_circles:
+        return body.astype(np.int32)
     return np.where(body > 0, body + 1, np.where(correction < 0.0, INNER, OUTER)).astype(np.int32)

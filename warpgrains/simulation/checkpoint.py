@@ -27,7 +27,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 6
+VERSION = 7
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import SimulationError
@@ -154,6 +157,8 @@ class Stepper(Shown):
         with self._driver.alone():
             state = self.state()
             scene = self.scene.replace(**fields)
+            if scene.has_two_circles != self.scene.has_two_circles:
+                state = replace(state, lists=None)  # they name other walls
             require_state(state, scene)
             self._begin(scene, state)
 
@@ -179,6 +184,21 @@ class Stepper(Shown):
         In the leapfrog scheme they are those of the middle of that step, half a step behind the positions.
         """
         return checks.frozen(self._engine.grains(0, "velocity"))
+
+    @property
+    def spin(self) -> FloatArray:
+        """Angular velocities of the grains [rad/s], shape (n,), as `velocity`; 0 without friction."""
+        return self._rotation("spin")
+
+    @property
+    def angle(self) -> FloatArray:
+        """Angles by which grains have turned since the start [rad], shape (n,); 0 without friction."""
+        return self._rotation("angle")
+
+    def _rotation(self, name: str) -> FloatArray:
+        if not self.scene.has_friction:
+            return checks.frozen(np.zeros(self.scene.n))
+        return checks.frozen(self._engine.grains(0, name))
 
     def last_start(self) -> StepStart:
         """Return where the last step began.

@@ -47,7 +47,7 @@ class Ends(NamedTuple):
         """Return those of some scenes, as the host sees them."""
         host, sums = records.host, records.host["statistics"]
         contact_mass, dt = records.stacked("grains.contact_mass", which), host["dt"][which]
-        radii: Any = (host["walls"]["annulus"][name][which] for name in ("radius_in", "radius_out"))
+        radii: Any = (records.parameter(name, which) for name in ("radius_in", "radius_out"))
         grains = Grains(
             mass=records.stacked("grains.mass", which),
             radius=records.stacked("grains.radius", which),

@@ -1,4 +1,4 @@
-"""Engine: scenes of one method in memory, and the launches that advance them."""
+"""Engine: scenes of one kind in memory, and the launches that advance them."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, REFUSED)
 
 
 class Engine:
-    """Scenes of one method, their queue, and the launches that work it off.
+    """Scenes of one kind, their queue, and the launches that work it off.
 
     Parameters
     ----------
     scenes : sequence of Scene
-        All of one method.
+        All of one `Scene.kernel_kind`.
     device : wp.Device
     team : int
         Threads that share a scene on a CPU.
@@ -93,10 +93,9 @@ class Engine:
     @property
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes on a CPU."""
-        method, dealt = self.scenes[0].method, self._records.sizes.is_dealt
-        name = f"warpgrains.kernels_{method.replace('-', '_')}{'_dealt' if dealt else ''}"
+        kind, dealt = self.scenes[0].kernel_kind, self._records.sizes.is_dealt
         with BUILDING:
-            return kernels.kernel(name, fused_step(method, dealt))
+            return kernels.kernel(_module_name(*kind, "dealt" * dealt), fused_step(kind, dealt))
 
     @property
     def is_compiled(self) -> bool:
@@ -203,8 +202,9 @@ class Engine:
     def _graph(self, k: int) -> wp.Graph:
         """Return the graph of a step of scene k on a GPU."""
         if k not in self._graphs:
-            stages = step(self.scenes[k].method)
-            module = wp.get_module(f"warpgrains.kernels_gpu_{self.scenes[k].method}")
+            kind = self.scenes[k].kernel_kind
+            stages = step(kind)
+            module = wp.get_module(_module_name(*kind, "gpu"))
             wp.set_module_options(OPTIONS, module)
             launcher = Launcher(module, self._records.device, k, stages)
             with wp.ScopedCapture(device=self._device) as capture:
@@ -301,3 +301,9 @@ class Engine:
     def error(self, k: int) -> str | None:
         """Return why scene k stopped before its end, if it did."""
         return self._service.errors.get(k)
+
+
+def _module_name(method: str, has_friction: bool, way: str) -> str:
+    """Return the name of the module that holds the kernels of a kind, launched in one way."""
+    parts = ["warpgrains.kernels", method.replace("-", "_"), "friction" * has_friction, way]
+    return "_".join(filter(None, parts))

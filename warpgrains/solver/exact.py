@@ -92,7 +92,7 @@ class FrozenContacts:
     def __init__(self, scene: Scene, memory: SceneMemory):
         (pair, self._place), self._dv = memory.listed_pairs(), memory.array("contacts.dv")
         listed, index = memory.listed_walls()
-        sides = [(number, body_of(np.array(number)) == listed[:, 1]) for number in scene.wall_numbers]
+        sides = [(number, body_of(np.array(number), False) == listed[:, 1]) for number in scene.wall_numbers]
         self._at_wall = np.concatenate([index[own] for _, own in sides])
         grain = np.concatenate([listed[own, 0] for _, own in sides])
         wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)

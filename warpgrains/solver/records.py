@@ -1,4 +1,4 @@
-"""The records of scenes of one method, and the memory that they point to."""
+"""The records of scenes of one kind, and the memory that they point to."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.types import VerletNumbers
+from warpgrains.scene.disc import Disc
 from warpgrains.scene.walls import wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
@@ -32,7 +33,7 @@ class SceneRecords:
     Parameters
     ----------
     scenes : sequence of Scene
-        All of one method.
+        All of one kind (`Scene.kernel_kind`).
     team : int
         Threads that share a scene.
     device : wp.Device
@@ -101,10 +102,11 @@ class SceneRecords:
     def _write_parameters(self) -> None:
         """Write what a scene's record holds beside arrays."""
         host, scenes, sizes = self.host, self._scenes, self.sizes
-        for name in ("gravity", "drag", "dt"):
+        for name in ("gravity", "drag", "spin_drag", "friction", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
-        for name in ("radius_in", "radius_out"):
-            host["walls"]["annulus"][name] = [getattr(scene, name) for scene in scenes]
+        host["walls"]["annulus"]["radius_out"] = [scene.radius_out for scene in scenes]
+        one_wall = [0.0 if scene.has_two_circles else scene.radius_in for scene in scenes]
+        host["walls"]["annulus"]["radius_in"] = one_wall
         host["walls"]["annulus"]["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
@@ -121,16 +123,27 @@ class SceneRecords:
         host["grid"]["inverse_size"] = [1.0 / tuning.cell_size(scene) for scene in scenes]
         host["grid"]["width"] = grid_width(sizes.grains)
         for k, scene in enumerate(scenes):
-            if scene.walls:
+            if sizes.walls[k] > 1:
                 self._write_shapes(self.array(k, "walls.shape"), scene)
+            if scene.has_friction:
+                self._write_surfaces(self.array(k, "walls.surface"), scene)
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated
 
     @staticmethod
     def _write_shapes(shape: FloatArray, scene: Scene) -> None:
         """Write kind and numbers of the walls inside the annulus."""
-        for row, wall in zip(shape, scene.walls, strict=True):
+        circle = [Disc((0.0, 0.0), scene.radius_in)] if scene.has_two_circles else []
+        for row, wall in zip(shape, [*circle, *scene.walls], strict=True):
             row[: 1 + len(wall.numbers)] = (wall.kind_number, *wall.numbers)
+
+    @staticmethod
+    def _write_surfaces(surface: FloatArray, scene: Scene) -> None:
+        """Write friction of the walls, and the speed of each along its tangent (kernels/friction.py)."""
+        surface[:] = scene.friction_at_walls, 0.0
+        surface[0, 1] = scene.radius_out * scene.angular_velocity_out
+        if scene.has_two_circles:
+            surface[1, 1] = -scene.radius_in * scene.angular_velocity_in
 
     def begin(self) -> bool:
         """Write all starts to new memory at once; return False where scenes are not laid out alike."""
@@ -139,6 +152,12 @@ class SceneRecords:
         for name in ("radius", "mass", "contact_mass", "position", "velocity"):
             array = self._together(f"grains.{name}")
             array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(array.shape)
+        if self.sizes.friction:
+            for name in ("spin", "rim_mass"):
+                array = self._together(f"grains.{name}")
+                array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(
+                    array.shape
+                )
         self._together("grains.last_position")[:] = self._together("grains.position")
         self._together("verlet.skin")[:] = tuning.NO_SKIN
         self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self._scenes]
@@ -175,6 +194,10 @@ class SceneRecords:
         whole = self.together(name)
         return np.stack([self.array(int(k), name) for k in which]) if whole is None else whole[which]
 
+    def parameter(self, name: str, which: IndexArray) -> FloatArray:
+        """Return a number of some scenes, such as "radius_in", shape (m,)."""
+        return np.array([getattr(self._scenes[k], name) for k in which])
+
     def wall_corrections(self, which: IndexArray) -> FloatArray:
         """Return what grains of some scenes carry at each wall [m/s], shape (m, n, walls).
 
@@ -189,13 +212,14 @@ class SceneRecords:
         return self._at_walls(which, contact[np.newaxis], dv[np.newaxis])
 
     def _at_walls(self, which: IndexArray, contact: np.ndarray[Any, Any], dv: FloatArray) -> FloatArray:
-        n, walls = int(self.sizes.grains[which[0]]), 1 + int(self.sizes.walls[which[0]])
+        scene = self._scenes[which[0]]
+        n, walls = scene.n, 2 + len(scene.walls)
         carried, count = np.zeros((len(which), n, walls)), self.host["contacts"]["count"][which]
         index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
-        scene, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
-        own = dv[scene, place]
-        wall = wall_of(contact["j"][scene, place] - n, own)
-        carried[scene, contact["i"][scene, place], wall] = np.abs(own)
+        row, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
+        own = dv[row, place]
+        wall = wall_of(contact["j"][row, place] - n, own, scene.has_two_circles)
+        carried[row, contact["i"][row, place], wall] = np.abs(own)
         return carried
 
     def _block(self, k: int) -> Block:

@@ -74,7 +74,7 @@ class SceneMemory:
     def _listed_sides(self) -> IntArray:
         """Return grains and walls of the listed contacts, the annulus as its outer circle, shape (m, 2)."""
         wall = self.listed_walls()[0]
-        wall[:, 1] = wall_of(wall[:, 1], np.zeros(len(wall)))
+        wall[:, 1] = wall_of(wall[:, 1], np.zeros(len(wall)), self._scene.has_two_circles)
         return wall
 
     def corrections(self) -> Corrections:
@@ -82,8 +82,12 @@ class SceneMemory:
         (pair, at_pair), (wall, at_wall) = self.listed_pairs(), self.listed_walls()
         dv, dv_wall = (self.array("contacts.dv")[index] for index in (at_pair, at_wall))
         active, at_side = dv != 0.0, dv_wall != 0.0
-        wall[:, 1] = wall_of(wall[:, 1], dv_wall)
-        return Corrections(pair[active], dv[active], wall[at_side], np.abs(dv_wall[at_side]))
+        wall[:, 1] = wall_of(wall[:, 1], dv_wall, self._scene.has_two_circles)
+        carried = pair[active], dv[active], wall[at_side], np.abs(dv_wall[at_side])
+        if not self._scene.has_friction:
+            return Corrections(*carried)
+        dvt = self.array("contacts.dvt")
+        return Corrections(*carried, dvt[at_pair[active]], dvt[at_wall[at_side]])
 
     def state(self, steps: int) -> State:
         """Return the exact state, after so many steps."""
@@ -96,7 +100,11 @@ class SceneMemory:
             scalar=numbers[6:],
         )
         position, velocity = self.array("grains.position").copy(), self.array("grains.velocity").copy()
-        return State(steps, position, velocity, self.corrections(), lists, self.moment("staggered"))
+        rotation = {}
+        if self._scene.has_friction:
+            rotation = {name: self.array(f"grains.{name}").copy() for name in ("spin", "angle")}
+        staggered = self.moment("staggered")
+        return State(steps, position, velocity, self.corrections(), lists, staggered, **rotation)
 
     def moment(self, name: str) -> bool:
         """Return a flag of the record's scheme, such as "last_staggered"."""
@@ -115,6 +123,11 @@ class SceneMemory:
             self._records.verlet_numbers(self._k)[:] = np.concatenate([lists.frame.ravel(), lists.scalar])
         for name in ("radius", "mass", "contact_mass"):
             self.array(f"grains.{name}")[:] = getattr(self._scene, name)
+        if self._scene.has_friction:
+            self.array("grains.rim_mass")[:] = self._scene.rim_mass
+            for name in ("spin", "angle"):
+                own = getattr(state, name)
+                self.array(f"grains.{name}")[:] = 0.0 if own is None else own
         self.array("grains.velocity")[:] = state.velocity
         for name in ("position", "last_position"):
             self.array(f"grains.{name}")[:] = state.position
@@ -132,15 +145,23 @@ class SceneMemory:
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
         """List pairs in lexicographic order and grains at the walls, with what they carry."""
-        n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 1, 1])
-        carrying, body = (_bodies(*of, n) for of in ((corrections.pair, corrections.wall), (pair, wall)))
-        sign = np.where(corrections.wall[:, 1] == INNER, -1.0, 1.0)
+        n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 2, 1])
+        carrying, body = (self._bodies(*of) for of in ((corrections.pair, corrections.wall), (pair, wall)))
+        one_wall = not self._scene.has_two_circles
+        sign = np.where((corrections.wall[:, 1] == INNER) & one_wall, -1.0, 1.0)
         dv, order = np.zeros(len(body)), np.lexsort(body.T[::-1])
         place = order[np.searchsorted((body @ key)[order], carrying @ key)]
         dv[place] = np.concatenate([corrections.pair_correction, sign * corrections.wall_correction])
         self._records.make_room(self._k, len(body))
         for name in ("dv", "dv_start"):
             self.array(f"contacts.{name}")[: len(body)] = dv
+        if self._scene.has_friction:
+            dvt = np.zeros(len(body))
+            if corrections.pair_friction is not None and corrections.wall_friction is not None:
+                dvt[place] = np.concatenate([corrections.pair_friction, corrections.wall_friction])
+            for name in ("dvt", "dvt_start"):
+                self.array(f"contacts.{name}")[: len(body)] = dvt
+            self.array("workspace.old_dvt")[: len(body)] = dvt[order, np.newaxis]
         contact = self.array("contacts.contact")[: len(body)]
         contact["i"], contact["j"] = body.T
         for rows in ("neighbors", "workspace.old"):
@@ -153,9 +174,16 @@ class SceneMemory:
         self.array("contacts.set_start")[:2] = len(pair), len(body)
         self.record["contacts"]["count"] = len(pair), 0, len(wall), int(len(wall) > 0)
 
+    def _bodies(self, pair: IntArray, wall: IntArray) -> IntArray:
+        """Return contacts as the device has them, shape (m, 2): walls are bodies from n on."""
+        body = self._scene.n + body_of(wall[:, 1], self._scene.has_two_circles)
+        return np.concatenate([pair, np.stack([wall[:, 0], body], axis=1)])
+
     def give_up_step(self) -> None:
         """Take back what an unfinished step did; the next one makes a list anew if this one was about to."""
-        self.array("contacts.dv")[: self.contacts] = self.array("contacts.dv_start")[: self.contacts]
+        for name in ("dv", "dvt"):
+            start = self.array(f"contacts.{name}_start")[: self.contacts]
+            self.array(f"contacts.{name}")[: self.contacts] = start
         control = self.record["control"]
         if control["phase"] == Phase.FULL or control["recoloring"]:
             self.record["control"] = 0
@@ -194,8 +222,3 @@ class SceneMemory:
     def _gap_error(self, residual: float) -> float:
         """Return dt * residual in smallest radii."""
         return self._scene.dt * residual / self._scene.smallest_radius
-
-
-def _bodies(pair: IntArray, wall: IntArray, n: int) -> IntArray:
-    """Return contacts of n grains as the device has them, shape (m, 2): walls are bodies from n on."""
-    return np.concatenate([pair, np.stack([wall[:, 0], n + body_of(wall[:, 1])], axis=1)])

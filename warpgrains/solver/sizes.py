@@ -32,9 +32,9 @@ class Sizes:
     walls : ndarray
         Bodies that are walls (kernels/walls.py).
     weighted : ndarray
-        1 where masses differ, 0 elsewhere.
-    accelerated : int
-        1 where the sweeps are accelerated, 0 elsewhere.
+        1 where grains take unequal parts of corrections (`Scene.has_equal_shares`), 0 elsewhere.
+    accelerated, friction : int
+        1 where the sweeps are accelerated, or there is friction, 0 elsewhere.
     team : int
         CPU threads that share a scene.
     partials : int
@@ -48,23 +48,25 @@ class Sizes:
     walls: Counts
     weighted: Counts
     accelerated: int
+    friction: int
     team: int
     partials: int
     history: int = 0
 
     @classmethod
     def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> Sizes:
-        """Return the sizes that scenes of one method have at first."""
+        """Return the sizes that scenes of one kind have at first."""
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
-        weighted = np.array([not scene.has_equal_masses for scene in scenes], np.int64)
-        walls = np.array([1 + len(scene.walls) for scene in scenes])
+        weighted = np.array([not scene.has_equal_shares for scene in scenes], np.int64)
+        walls = np.array([1 + scene.has_two_circles + len(scene.walls) for scene in scenes])
         return cls(
             n,
             first_pairs(n) + n * walls,
             walls,
             weighted,
             int(scenes[0].method != "gauss-seidel"),
+            int(scenes[0].has_friction),
             team,
             partials,
         )
@@ -92,6 +94,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": contacts}
     search = {"firsts": n, "seconds": n + size.walls, "found": contacts, "by_second": contacts, "total": 1}
+    friction = size.friction
     ahead, dealt = size.accelerated, int(size.is_dealt)
     threads = size.team * dealt
     parts = contacts + contacts // CHUNK + 2 + size.walls
@@ -100,20 +103,26 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
             **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity"), n),
             **dict.fromkeys(("radius", "mass", "contact_mass"), n),
+            **dict.fromkeys(("spin", "last_spin", "angle", "rim_mass"), friction * n),
+            **dict.fromkeys(("free_rim", "next_rim", "rebuilt_rim"), friction * n),
         },
         "contacts": {
             **dict.fromkeys(("contact", "dv", "dv_start"), contacts),
+            **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
             "weights": contacts * size.weighted,
+            "rim_weights": friction * contacts * size.weighted,
             "limits": n * size.walls,
             "set_start": contacts + 2 + size.walls,
         },
-        "walls": {"shape": size.walls - 1},
+        "walls": {"shape": size.walls - 1, "surface": friction * size.walls},
         "verlet": {
             **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
             **dict.fromkeys(("reference_position", "reference_velocity"), n),
         },
         "momentum": {
             "last_dv": ahead * contacts,
+            "last_dvt": ahead * friction * contacts,
+            "last_rim": ahead * friction * n,
             "contact_part": ahead * parts,
             **dict.fromkeys(("last_velocity", "grain_part"), ahead * n),
         },
@@ -133,6 +142,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "old": rows | dict.fromkeys(search, 0),
             **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "color_rank"), contacts),
             **dict.fromkeys(("sweep_index", "group", "sequence"), contacts),
+            "old_dvt": friction * contacts,
             "tile": (1 - ahead) * contacts,
             "tile_end": (1 - ahead) * (contacts + 1),
             "next_tile": (1 - ahead) * n,

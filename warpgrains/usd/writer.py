@@ -1,6 +1,8 @@
 """A USD file out of a log of frames, and back again, with some 28 MB of frames in memory at a time."""
 
+import os
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
@@ -15,6 +17,7 @@ from warpgrains.files import followed, publish
 from warpgrains.frame_log import FrameLog, LogReader
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
+_PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # in every package, so that its bytes repeat
 _SAMPLE = 128  # bytes that a value takes in memory beside its array
 
 
@@ -45,6 +48,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
             if target.suffix == ".usda":
                 Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
             elif target.suffix == ".usdz":
+                os.utime(binary, (_PACKED, _PACKED))
                 UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
             _require_frames(draft, reader.kinds, written if frames is None else frames)
         publish(draft, target)
