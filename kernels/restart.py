@@ -49,6 +49,13 @@ def take_t_on(s: Scene, zeta: f64):
 
 
 @wp.func
+def back_off(s: Scene):
+    """Stop momentum for one sweep, and halve t."""
+    s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.state.t)
+    s.momentum.state.beta = f64(0.0)
+
+
+@wp.func
 def accept_or_reject(s: Scene, zeta: f64):
     """Reject a sweep after which phi has risen; otherwise choose t and beta of the next one."""
     part = wp.vec2d(f64(0.0), f64(0.0))
@@ -65,8 +72,7 @@ def accept_or_reject(s: Scene, zeta: f64):
     if rejected:
         s.momentum.state.relaxation = RELAXATION_BACKOFF * s.momentum.state.relaxation
     if rejected or part[1] > f64(0.0):
-        s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.state.t)
-        s.momentum.state.beta = f64(0.0)
+        back_off(s)
     else:
         take_t_on(s, zeta)
     s.control.rejected = 1 if rejected else 0

@@ -12,6 +12,7 @@ import warp as wp
 
 from . import (
     accelerated,
+    accelerated_friction,
     cells,
     coloring,
     contact_list,
@@ -138,48 +139,65 @@ def plain_sweeps(sweep: wp.Function, rebuild: list[Stage]) -> list[Stage]:
 GAUSS_SEIDEL = plain_sweeps(gauss_seidel.sweep, REBUILD)
 GAUSS_SEIDEL_WITH_FRICTION = plain_sweeps(friction.sweep_with_friction, REBUILD_WITH_FRICTION)
 
-PUT_BACK = [Each(part_count, working_set.put_back)]
 
-CHECK_LIST = [*PUT_BACK, Each(grain_count, working_set.see_skin), Serial(stopping.end_list_check)]
+def accelerated_sweeps(has_friction: bool) -> list[Stage]:
+    """Sweep the working set with momentum."""
+    put_back = [
+        Each(part_count, working_set.put_back),
+        *only(has_friction, [Each(part_count, accelerated_friction.put_back_tangential)]),
+    ]
+    check_list = [*put_back, Each(grain_count, working_set.see_skin), Serial(stopping.end_list_check)]
+    take_rebuilt = [
+        Each(grain_count, restart.take_rebuilt_velocity),
+        *only(has_friction, [Each(grain_count, accelerated_friction.take_rebuilt_rim)]),
+    ]
+    measure = [
+        *put_back,
+        *(REBUILD_WITH_FRICTION if has_friction else REBUILD),
+        If(stopping.is_rebuild_due, take_rebuilt),
+        Serial(stopping.end_measurement),
+    ]
+    scan = [
+        Sets(working_set.select_set),
+        *only(has_friction, [Each(part_count, accelerated_friction.select_tangential)]),
+        Serial(working_set.end_scan),
+    ]
+    return [
+        Shared(accelerated.begin_momentum),
+        *only(
+            has_friction,
+            [
+                Each(grain_count, accelerated_friction.begin_last_rim),
+                Each(contact_count, accelerated_friction.begin_last_dvt),
+            ],
+        ),
+        While(
+            iterating,
+            [
+                If(checking_list, check_list),
+                If(measuring, measure),
+                If(scanning, scan),
+                If(
+                    sweeping, [Shared(restart.extrapolate), *(SWEEP_WITH_FRICTION if has_friction else SWEEP)]
+                ),
+            ],
+        ),
+    ]
 
-MEASURE = [
-    *PUT_BACK,
-    *REBUILD,
-    If(stopping.is_rebuild_due, [Each(grain_count, restart.take_rebuilt_velocity)]),
-    Serial(stopping.end_measurement),
+
+SWEEP = [
+    Sets(accelerated.sweep_ahead),
+    Serial(restart.end_sweep_ahead),
+    If(rejected, [Each(part_count, restart.roll_back), Each(grain_count, restart.roll_back_velocity)]),
 ]
 
-SCAN = [
-    Sets(working_set.select_set),
-    Serial(working_set.end_scan),
+SWEEP_WITH_FRICTION = [
+    Each(grain_count, accelerated_friction.extrapolate_rim),
+    Sets(accelerated_friction.sweep_ahead_with_friction),
+    Serial(accelerated_friction.end_capped_sweep),
 ]
 
-ROLL_BACK = [
-    Each(part_count, restart.roll_back),
-    Each(grain_count, restart.roll_back_velocity),
-]
-
-
-ACCELERATED = [
-    Shared(accelerated.begin_momentum),
-    While(
-        iterating,
-        [
-            If(checking_list, CHECK_LIST),
-            If(measuring, MEASURE),
-            If(scanning, SCAN),
-            If(
-                sweeping,
-                [
-                    Shared(restart.extrapolate),
-                    Sets(accelerated.sweep_ahead),
-                    Serial(restart.end_sweep_ahead),
-                    If(rejected, ROLL_BACK),
-                ],
-            ),
-        ],
-    ),
-]
+ACCELERATED = accelerated_sweeps(False)
 
 CORRECTED = [
     *REBUILD,
@@ -198,6 +216,7 @@ METHODS: dict[Kind, list[Stage]] = {
     ("accelerated", False): ACCELERATED,
     ("exact", False): EXACT,
     ("gauss-seidel", True): GAUSS_SEIDEL_WITH_FRICTION,
+    ("accelerated", True): accelerated_sweeps(True),
 }
 
 

@@ -168,6 +168,7 @@ class MomentumState:
     beta: f64
     relaxation: f64  # by how much a sweep goes too far at beta = 1
     first_zeta: f64  # of the step's first sweep [m/s]
+    change: f64  # of the last sweep with friction, squared and summed in the mass metric [kg m2/s2]
     residual: f64  # when velocities were last rebuilt [m/s] (exact.py)
 
 
@@ -193,6 +194,8 @@ class WorkingSet:
     index: Ints  # among all contacts
     dv: Floats  # [m/s]
     last_dv: Floats  # before the last sweep [m/s]
+    dvt: Floats  # tangential ones [m/s]; empty without friction
+    last_dvt: Floats
     weights: wp.array(dtype=wp.vec3d)  # shares of i and j, and mu_c; empty where all masses are equal
     limits: Vectors  # as in Contacts
     range: wp.array(dtype=wp.vec2i)  # first contact, and end, of every part

@@ -6,7 +6,7 @@ import pytest
 from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation, analysis
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 
 
 def rows(path):
@@ -77,5 +77,5 @@ def test_nothing_else_is_replaced(tmp_path):
 def test_two_do_not_write_one_file(tmp_path):
     with analysis.Series("energy", path=tmp_path / "run.csv"), pytest.raises(OutputError):
         analysis.Series("energy", path=tmp_path / "run.csv")
-    with pytest.raises(SceneError, match="every is 0"):
+    with pytest.raises(InputError, match="every is 0"):
         analysis.Series("energy", every=0)

@@ -11,7 +11,7 @@ from PIL import Image, ImageSequence
 from recordings import make_scene, record
 from walls_seen import View
 
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import Frame, GrainColors
 from warpgrains.pictures.film import Film
@@ -151,6 +151,6 @@ class TestStill:
 )
 def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch, options, complaint):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         Simulation(Scene.load("annulus")).run(steps=1, **options)
     assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from command import exit_code, require_refusal
 
-from warpgrains import Batch, Scene, SceneError, Simulation
+from warpgrains import Batch, InputError, Scene, Simulation
 from warpgrains.scene.state import Corrections, State, VerletList
 from warpgrains.simulation.checkpoint import read_checkpoint
 
@@ -74,7 +74,7 @@ def test_restored_state_is_checked(simulation, change, complaint):
     assert isinstance(good.lists, VerletList)
     batch = Batch([simulation.scene])
     for restore in (simulation.restore, lambda state: batch.restore(0, state)):
-        with pytest.raises(SceneError, match=complaint):
+        with pytest.raises(InputError, match=complaint):
             restore(change(good))
     assert isinstance(simulation.state(), State)
     assert np.array_equal(simulation.position, good.position)
@@ -83,12 +83,12 @@ def test_restored_state_is_checked(simulation, change, complaint):
 @pytest.mark.parametrize("duration", [0, -1, -0.0, float("nan"), float("inf"), "1", None])
 def test_duration(simulation, duration):
     if duration is None:
-        with pytest.raises(SceneError, match="has steps and duration"):
+        with pytest.raises(InputError, match="has steps and duration"):
             simulation.run(steps=1, duration=1.0)
         return
     steps = simulation.steps
     for run in (simulation.run, Batch([simulation.scene]).run):
-        with pytest.raises(SceneError, match="duration is"):
+        with pytest.raises(InputError, match="duration is"):
             run(duration=duration)
     assert simulation.steps == steps
 
@@ -115,7 +115,7 @@ def test_duration(simulation, duration):
     ],
 )
 def test_options_of_a_run(simulation, options, complaint):
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         simulation.run(steps=1, **options)
 
 
@@ -139,7 +139,7 @@ def test_options_without_effect_on_the_command_line(arguments, capfd):
 def test_threads(threads, capfd):
     scene = Scene.load("annulus")
     for kind in (Simulation, lambda scene, **options: Batch([scene], **options)):
-        with pytest.raises(SceneError, match="threads is"):
+        with pytest.raises(InputError, match="threads is"):
             kind(scene, threads=threads)
     if isinstance(threads, int) and not isinstance(threads, bool):
         assert exit_code("run", "annulus", "--steps", 1, "--threads", threads) == 2
@@ -159,7 +159,7 @@ class TestScene:
         masked = np.ma.array(array, mask=np.zeros(array.shape, bool))
         assert np.array_equal(getattr(self.scene(**{field: masked}), field), array)
         masked[0] = np.ma.masked
-        with pytest.raises(SceneError, match=f"{field} holds masked values"):
+        with pytest.raises(InputError, match=f"{field} holds masked values"):
             self.scene(**{field: masked})
 
     @pytest.mark.parametrize(
@@ -187,13 +187,13 @@ class TestScene:
         ],
     )
     def test_fields(self, fields, complaint):
-        with pytest.raises(SceneError, match=complaint):
+        with pytest.raises(InputError, match=complaint):
             self.scene(**fields)
 
     @pytest.mark.parametrize("radius_out", [1e11, 1e13, 1e14, 1e300])
     def test_walls_out_of_all_proportion(self, radius_out):
         """Positions would have no digits for a gap, and a search for neighbours no end."""
-        with pytest.raises(SceneError, match=r"must be less than 1e\+12 radii of grain 1, 0\.1 m"):
+        with pytest.raises(InputError, match=r"must be less than 1e\+12 radii of grain 1, 0\.1 m"):
             self.scene(radius=[0.2, 0.1], radius_out=radius_out)
 
     def test_walls_far_away(self):
@@ -247,7 +247,7 @@ def test_header_of_a_checkpoint(tmp_path, change, complaint, capfd):
     simulation = Simulation(Scene.load("annulus"))
     simulation.run(steps=20, record=tmp_path / "run.usdc", checkpoint=kept)
     rewrite(kept, change)
-    with pytest.raises(SceneError, match=complaint) as refusal:
+    with pytest.raises(InputError, match=complaint) as refusal:
         read_checkpoint(kept)
     assert "\n" not in str(refusal.value)
     assert exit_code("run", "--resume", kept) == 2

@@ -12,7 +12,7 @@ import pytest
 from command import exit_code, require_refusal
 from recordings import make_frames, make_scene, record
 
-from warpgrains import Scene, SceneError, Simulation, locks
+from warpgrains import InputError, Scene, Simulation, locks
 from warpgrains.errors import OutputError
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -181,7 +181,7 @@ class TestPython:
     def test_failed_beginning_leaves_no_lock(self, tmp_path):
         log_of(tmp_path / "run.usdc").touch()
         for _ in range(2):
-            with pytest.raises(SceneError, match="holds frames of another run"):
+            with pytest.raises(InputError, match="holds frames of another run"):
                 Recorder(tmp_path / "run.usdc", make_scene(), 60)
 
 

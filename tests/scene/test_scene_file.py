@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from warpgrains import Scene, SceneError
+from warpgrains import InputError, Scene
 from warpgrains.scene.document import shipped_scenes
 
 FILE = """
@@ -124,7 +124,7 @@ BAD_FILES = [
 def test_bad_file_is_one_line(write, good, bad, message):
     assert good in FILE
     path = write(FILE.replace(good, bad))
-    with pytest.raises(SceneError) as caught:
+    with pytest.raises(InputError) as caught:
         Scene.load(path)
     assert str(caught.value).removeprefix(f"{path.parent}/").startswith(message)
     assert "\n" not in str(caught.value)
@@ -154,7 +154,7 @@ def test_bad_grain_file_is_one_line(write, tmp_path, name, content, message):
     else:
         (tmp_path / name).write_text(content)
     path = write(f'domain.radius_out = 1.0\n[grains]\nfile = "{name}"\nradius = 0.1\nmass = 2.0\n')
-    with pytest.raises(SceneError, match=re.escape(message)) as caught:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         Scene.load(path)
     assert "\n" not in str(caught.value)
 
@@ -172,15 +172,15 @@ def test_bad_grain_file_is_one_line(write, tmp_path, name, content, message):
     ],
 )
 def test_bad_override(override, message):
-    with pytest.raises(SceneError, match=re.escape(message)):
+    with pytest.raises(InputError, match=re.escape(message)):
         Scene.load("annulus", [override])
 
 
 def test_scene_that_is_not_there_or_no_text(tmp_path):
-    with pytest.raises(SceneError, match=r"'anulus': did you mean 'annulus'\? Known: annulus, bidisperse, "):
+    with pytest.raises(InputError, match=r"'anulus': did you mean 'annulus'\? Known: annulus, bidisperse, "):
         Scene.load("anulus")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SceneError, match=r"binary\.toml cannot be read"):
+    with pytest.raises(InputError, match=r"binary\.toml cannot be read"):
         Scene.load(tmp_path / "binary.toml")
 
 

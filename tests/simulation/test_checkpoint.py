@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from same_bits import contents
 
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.scene.state import first_state
 from warpgrains.simulation.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.solver.statistics import RunStatistics
@@ -112,7 +112,7 @@ class TestFile:
     def test_bad_place(self, simulation, tmp_path, name):
         (tmp_path / "folder.npz").mkdir()
         for write in (simulation.save, lambda path: simulation.run(steps=1, checkpoint=path)):
-            with pytest.raises(SceneError, match=r"must end in \.npz|cannot be written|is a folder"):
+            with pytest.raises(InputError, match=r"must end in \.npz|cannot be written|is a folder"):
                 write(tmp_path / name)
         assert list(tmp_path.iterdir()) == [tmp_path / "folder.npz"]
 
@@ -122,7 +122,7 @@ class TestFile:
         np.savez(grains, position=simulation.position)
         before = grains.read_bytes()
         for write in (simulation.save, lambda path: simulation.run(steps=1, checkpoint=path)):
-            with pytest.raises(SceneError, match="is no checkpoint: it is not replaced"):
+            with pytest.raises(InputError, match="is no checkpoint: it is not replaced"):
                 write(grains)
         assert grains.read_bytes() == before
 
@@ -144,7 +144,7 @@ def rewrite(path, header=None, **arrays):
 
 class TestBadFile:
     def require_refusal(self, path, match):
-        with pytest.raises(SceneError, match=match) as refusal:
+        with pytest.raises(InputError, match=match) as refusal:
             Simulation.load(path)
         assert "\n" not in str(refusal.value)
         assert str(path) in str(refusal.value)
@@ -206,7 +206,7 @@ class TestBadFile:
                 saved.write_bytes(content)
                 try:
                     assert contents(read_checkpoint(saved)) == good
-                except SceneError:
+                except InputError:
                     refused += 1
         assert refused > 250
 
@@ -235,5 +235,5 @@ class TestBadFile:
         self.require_refusal(saved, re.escape(complaint))
 
     def test_state_of_other_grains_is_not_restored(self, simulation):
-        with pytest.raises(SceneError, match="position of the state"):
+        with pytest.raises(InputError, match="position of the state"):
             Simulation(Scene.load("column")).restore(simulation.state())

@@ -9,7 +9,7 @@ import pytest
 from command import require_refusal
 from sweeps import SMALL, batch, results, write
 
-from warpgrains import SceneError
+from warpgrains import InputError
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.plot import SweepPlot
 from warpgrains.sweep.sweep import Sweep
@@ -35,7 +35,7 @@ AXES = 'scene = "annulus"\n[axes]\n'
     ],
 )
 def test_axis(axis, complaint):
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(InputError) as error:
         axis_values("a.b", axis)
     assert complaint in str(error.value)
 
@@ -71,7 +71,7 @@ def test_axis(axis, complaint):
 def test_sweep_file(tmp_path, text, complaint):
     (tmp_path / "piped").mkdir()
     os.mkfifo(tmp_path / "piped" / "scene.toml")  # to which nobody may ever write
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(InputError) as error:
         Sweep.load(write(tmp_path, text))
     assert complaint in str(error.value)
     assert "\n" not in str(error.value)
@@ -161,7 +161,7 @@ def test_output_of_another_sweep(tmp_path, request, capfd, output, change, optio
     ],
 )
 def test_picture(text, complaint):
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         SweepPlot.parse(text)
 
 
@@ -176,5 +176,5 @@ def test_picture(text, complaint):
 def test_table_to_draw(tmp_path, text, complaint):
     if text is not None:
         (tmp_path / "results.csv").write_text(text)
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         SweepPlot.parse("x=a,y=c").draw(tmp_path / "results.csv")

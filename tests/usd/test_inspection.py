@@ -3,7 +3,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
 from recordings import GRAINS, grains_of, make_frames, record
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.usd.check import inspect_recording
 
 
@@ -202,15 +202,15 @@ def test_spheres_are_inspected_too(tmp_path):
 
 
 def test_refuses_what_is_not_usd(tmp_path):
-    with pytest.raises(SceneError, match=r"absent\.usdc' does not exist"):
+    with pytest.raises(InputError, match=r"absent\.usdc' does not exist"):
         inspect_recording(tmp_path / "absent.usdc")
     for name in ("text.usdc", "text.obj"):
         (tmp_path / name).write_text("not a stage")
-        with pytest.raises(SceneError, match=f"{name}' is not a USD file"):
+        with pytest.raises(InputError, match=f"{name}' is not a USD file"):
             inspect_recording(tmp_path / name)
 
 
 def test_refuses_half_a_file(recording):
     recording.write_bytes(recording.read_bytes()[:-200])
-    with pytest.raises(SceneError, match="is not a USD file"):
+    with pytest.raises(InputError, match="is not a USD file"):
         inspect_recording(recording)

@@ -1,4 +1,4 @@
-"""Numbers of a state, by name: for series of a run, and for the tables of sweeps."""
+"""Named scalar quantities of a state, for the series of a run and the tables of sweeps."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -17,31 +17,34 @@ from warpgrains.solver.ends import Grains
 
 
 class Quantity(NamedTuple):
-    """A number that a snapshot has: a part of what a function returns, which is called once for all parts."""
+    """A scalar quantity of a snapshot.
+
+    It is one element of the result of a function, which is called once for all its elements.
+    """
 
     unit: str
-    """Empty for a pure number."""
+    """Unit; empty for a dimensionless number."""
     function: Callable[[Snapshot], Any]
     part: Callable[[Any], float] = float
     of_runs: Callable[[Grains], FloatArray] | None = None
-    """The same of many runs at once, shape (m,), where it is a column of every sweep's results."""
+    """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
 
-    def of(self, moment: Snapshot) -> float:
-        """Return it alone."""
-        return self.part(self.function(moment))
+    def of(self, now: Snapshot) -> float:
+        """Return the quantity of one snapshot."""
+        return self.part(self.function(now))
 
 
 def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray]) -> Quantity:
-    return Quantity(unit, lambda moment: of_runs(moment.grains).item(), of_runs=of_runs)
+    return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs)
 
 
 def _stress(a: int, b: int) -> Quantity:
     return Quantity("N/m", contacts.mean_stress, lambda found: float(found[a, b]))
 
 
-def _powers(moment: Snapshot) -> EnergyBalance:
-    """Return what a step loses, over its time [W]."""
-    return EnergyBalance(*(energy / moment.scene.dt for energy in step_energy_balance(moment)))
+def _powers(now: Snapshot) -> EnergyBalance:
+    """Return the energy balance of the last step divided by its duration [W]."""
+    return EnergyBalance(*(energy / now.scene.dt for energy in step_energy_balance(now)))
 
 
 QUANTITIES = {
@@ -66,7 +69,7 @@ QUANTITIES = {
     "largest_speed": Quantity("m/s", energy.largest_speed),
     "granular_temperature": Quantity("m2/s2", energy.granular_temperature),
 }
-"""All of them; powers and forces are those of the last step."""
+"""All quantities by name; powers and forces are those of the last step."""
 
 GROUPS = {
     "energy": ("kinetic_energy", "potential_energy", "contact_power", "drag_power"),
@@ -77,19 +80,19 @@ GROUPS = {
     "force": ("mean_force", "largest_force", "force_deviation"),
     "speed": ("mean_speed", "largest_speed", "granular_temperature"),
 }
-"""Names for several."""
+"""Names of groups of quantities."""
 
-OF_A_SWEEP = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
-"""Those that every run of a sweep has in its result, of many runs at once."""
+SWEEP_QUANTITIES = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
+"""Quantities that are columns of every sweep's results, as functions of many runs."""
 
 
 def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
-    """Return the quantities of some names and groups, each once, in the given order.
+    """Return the quantities that names and groups denote, without duplicates, in the given order.
 
     Raises
     ------
-    SceneError
-        A name is that of no quantity and of no group, or there is none.
+    InputError
+        A name is neither a quantity nor a group, or no name is given.
     """
     found: dict[str, None] = {}
     for name in wanted:
@@ -99,7 +102,7 @@ def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
 
 
 def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)) -> dict[str, float]:
-    """Return some quantities by name, in the units of `QUANTITIES`.
+    """Return quantities by name, in the units of `QUANTITIES`.
 
     Parameters
     ----------
@@ -109,7 +112,7 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
 
     Raises
     ------
-    SceneError
+    InputError
         A name is unknown.
 
     Examples
@@ -117,7 +120,7 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
     >>> analysis.quantities(simulation, ["rattlers", "packing_fraction"])["rattlers"]
     3.0
     """
-    moment = snapshot(of)
+    now = snapshot(of)
     wanted = {name: QUANTITIES[name] for name in names_of(names)}
-    found = {function: function(moment) for function in {one.function for one in wanted.values()}}
+    found = {function: function(now) for function in {one.function for one in wanted.values()}}
     return {name: one.part(found[one.function]) for name, one in wanted.items()}

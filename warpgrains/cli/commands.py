@@ -1,4 +1,4 @@
-"""The commands: a line a command in `COMMANDS`, its options, and where it is."""
+"""The table of commands, with one entry per command (`COMMANDS`), and the options of each command."""
 
 import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from warpgrains.console import interrupts_end_at_once
+from warpgrains.console import exit_on_interrupt
 from warpgrains.simulation.options import FLAGS, OPTIONS
 
 
@@ -14,17 +14,17 @@ class Command(NamedTuple):
     """A command of the command line."""
 
     home: str
-    """Module of this package, and the function that does it: it returns whether it failed, or a code."""
+    """Module of this package and its function, which returns whether the command failed, or an exit code."""
     add_options: Callable[[ArgumentParser], None]
     help: str
     description: str
 
     def do(self, arguments: Namespace) -> int:
-        """Carry it out, and return the exit code; what is heavy is imported only now."""
+        """Execute the command and return the exit code. The command's module is imported only here."""
         module, _, function = self.home.partition(".")
         if getattr(arguments, "check_bounds", False):
             os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"  # read when the kernels are imported
-        with interrupts_end_at_once():
+        with exit_on_interrupt():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
         return int(do(arguments))
 
@@ -54,17 +54,17 @@ def _add_run(parser: ArgumentParser) -> None:
 
 
 def _add_outputs(parser: ArgumentParser) -> None:
-    """Add the options of `RunOptions`, by what they need."""
+    """Add the options of `RunOptions`, grouped by the options that they need."""
     titles = {"record": "recording", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
     groups: dict[str, Any] = {title: parser.add_argument_group(title) for title in titles.values()}
     for name, flag in FLAGS.items():
-        default, told = OPTIONS[name].default, OPTIONS[name].metadata
-        group = groups.get(titles.get(told["needs"] or name, ""), parser)
-        given: dict[str, Any] = {"dest": name, "help": told["meaning"][0].lower() + told["meaning"][1:-1]}
+        default, option = OPTIONS[name].default, OPTIONS[name].metadata
+        group = groups.get(titles.get(option["needs"] or name, ""), parser)
+        given: dict[str, Any] = {"dest": name, "help": option["meaning"][0].lower() + option["meaning"][1:-1]}
         if default is False:
             given["action"] = "store_true"
         else:
-            given["metavar"] = told["metavar"]
+            given["metavar"] = option["metavar"]
         if default:
             given |= {"type": type(default), "help": f"{given['help']} (default: {default})"}
         if name == "every":
@@ -80,7 +80,6 @@ def _add_outputs(parser: ArgumentParser) -> None:
 
 
 def _add_set(parser: ArgumentParser) -> None:
-    """Add the option that changes a scene."""
     parser.add_argument(
         "--set",
         action="append",

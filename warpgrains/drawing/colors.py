@@ -1,4 +1,4 @@
-"""Colors of grains, and the range of numbers that they represent."""
+"""Colors of grains, and the ranges of values that they represent."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
 
 UNITS = {"radius": "m", "speed": "m/s", "pressure": "N/m"}
-"""The quantities that grains are colored by."""
+"""Quantities by which grains are colored, and their units."""
 COLORMAPS = {"radius": "plasma", "speed": "viridis", "pressure": "cividis"}
 COLORINGS = ("palette", *UNITS)
 LEVELS = 64
-"""Colors between the ends of a scale."""
+"""Number of colors of a scale."""
 
-# Matplotlib's perceptually uniform colormaps, safe for color-blind eyes, at 32 shares of the range, for where
-# it is missing. Colors between are interpolated in sRGB; tests/usd/test_appearance.py bounds the error.
+# Matplotlib's perceptually uniform colormaps, safe for color-blind readers, at 32 points of the range, for
+# use without Matplotlib. Colors between are interpolated in sRGB; tests/usd/test_appearance.py bounds
+# the error.
 _COLORS = {
     "viridis": """
         440154 470d60 48186a 482374 472e7c 453882 424186 3e4a89 3a548c 365d8d 32658e 2e6d8e 2b758e 287d8e
@@ -59,18 +60,18 @@ PALETTE: FloatArray = np.array(
 
 @dataclass(frozen=True)
 class Frame:
-    """One moment of a run, as it is drawn."""
+    """State of a run at the time of one frame, as it is drawn."""
 
     position: FloatArray
     """[m], shape (n, 2)."""
     velocity: FloatArray
     """[m/s], shape (n, 2)."""
     contacts: PairContacts | None = None
-    """Forces between grains; None, as those with walls, where nothing that is drawn needs them."""
+    """Contacts between grains; None, like those with walls, if nothing that is drawn needs forces."""
     wall_contacts: WallContacts | None = None
 
     def forces(self) -> tuple[PairContacts, WallContacts]:
-        """Return the contacts between grains and with the walls; ValueError where they are missing."""
+        """Return the contacts between grains and with walls. Raises ValueError if they are missing."""
         if self.contacts is None or self.wall_contacts is None:
             raise ValueError("a frame drawn with forces or pressure needs contacts and wall_contacts")
         return self.contacts, self.wall_contacts
@@ -78,14 +79,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class ColorScale:
-    """Colors of a quantity: one colormap a quantity, in recordings, pictures, films and windows."""
+    """Colors of a quantity, with the same colormap in recordings, pictures, films and windows."""
 
     quantity: str
     """One of `UNITS`."""
     low: float
-    """The value of the first color; all below it have it too."""
+    """Value of the first color; smaller values have it too."""
     high: float
-    """The value of the last color; all beyond it have it too."""
+    """Value of the last color; larger values have it too."""
 
     @property
     def label(self) -> str:
@@ -98,52 +99,52 @@ class ColorScale:
         return COLORMAPS[self.quantity]
 
     def described(self) -> dict[str, str | float]:
-        """Return what a recording says of it."""
+        """Return the scale as a recording stores it."""
         unit = {"unit": UNITS[self.quantity], "colormap": self.colormap}
         return {"quantity": self.quantity, **unit, "low": self.low, "high": self.high}
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Self:
-        """Return the scale that a recording describes."""
+        """Return the scale that a recording stores."""
         return cls(described["quantity"], described["low"], described["high"])
 
     def levels(self, values: FloatArray) -> IndexArray:
-        """Return which of the `colors` each value has, shape (n,)."""
+        """Return the index into `colors` of each value, shape (n,)."""
         reach = self.high - self.low
         share = np.clip((values - self.low) / reach, 0.0, 1.0) if reach > 0.0 else np.zeros_like(values)
         return np.rint(share * (LEVELS - 1)).astype(np.int64)
 
     def colors(self) -> FloatArray:
-        """Return its colors from low to high (sRGB), shape (64, 3)."""
+        """Colors from low to high (sRGB), shape (64, 3)."""
         return colormap(self.colormap, np.linspace(0.0, 1.0, LEVELS))
 
 
 class GrainColors:
-    """Colors of the grains of a scene, by a quantity.
+    """Colors of the grains of a scene by a quantity.
 
-    Scales are fixed by the scene, so that a color means the same in every frame and after a restart:
-    speed against `speed_scale`, pressure against `pressure_scale`, radius between smallest and largest.
+    Scales depend only on the scene, so that a color means the same in every frame and after a restart. The
+    largest value is `speed_scale` or `pressure_scale`; radii range from the smallest to the largest.
 
     Parameters
     ----------
     scene : Scene
-        What is drawn.
+        The scene that is drawn.
     color_by : str
-        "speed", "pressure", "radius", or "palette": colors that mean nothing and tell neighbours apart.
+        "speed", "pressure", "radius", or "palette": arbitrary colors that distinguish neighbors.
 
     Attributes
     ----------
     scale : ColorScale or None
         Range of the colors; None for the palette.
     colors : ndarray
-        All there are (sRGB), shape (k, 3).
+        All colors (sRGB), shape (k, 3).
     still : ndarray or None
-        Which of them each grain has in every frame, shape (n,); None if each frame has its own.
+        Index of the color of each grain, shape (n,), if it is constant; None if it changes between frames.
 
     Raises
     ------
-    SceneError
-        If `color_by` is none of these.
+    InputError
+        `color_by` is unknown.
     """
 
     def __init__(self, scene: Scene, color_by: str) -> None:
@@ -163,7 +164,7 @@ class GrainColors:
         self.colors = self.scale.colors()
 
     def levels(self, frame: Frame) -> IndexArray:
-        """Return which of the colors each grain has in a frame, shape (n,)."""
+        """Return the index of the color of each grain in a frame, shape (n,)."""
         if self.scale is None or self.still is not None:
             assert self.still is not None
             return self.still
@@ -171,24 +172,24 @@ class GrainColors:
         return self.scale.levels(np.hypot(*frame.velocity.T) if is_speed else pressure(frame, self._radius))
 
     def of(self, frame: Frame) -> FloatArray:
-        """Return the colors of a frame (sRGB), shape (n, 3)."""
+        """Return the colors of the grains in a frame (sRGB), shape (n, 3)."""
         return self.colors[self.levels(frame)]
 
 
 def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
-    """Return the sum of the forces on each grain over its circumference [N/m], shape (n,).
+    """Return the sum of the forces on each grain divided by its circumference [N/m], shape (n,).
 
     It is the mean of the two principal stresses that the contacts exert on the disc.
     """
     contacts, wall_contacts = frame.forces()
     grain = np.concatenate([*contacts.pair.T, wall_contacts.wall[:, 0]])
     force = np.concatenate([contacts.force, contacts.force, wall_contacts.force])
-    total = np.bincount(grain, force, len(radius)).astype(np.float64)  # of no contacts it is of integers
+    total = np.bincount(grain, force, len(radius)).astype(np.float64)  # integers without contacts
     return total / (2.0 * np.pi * radius)
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return the speed [m/s] a grain can be expected to reach: falling across, or as thrown at the start."""
+    """Return a speed [m/s] that grains may reach: by falling across the domain, or at the start."""
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
     falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
@@ -198,10 +199,10 @@ def speed_scale(scene: Scene) -> float:
 
 
 def pressure_scale(scene: Scene) -> float:
-    """Return a large pressure [N/m]: all grains' weight resting on a quarter of the outer wall's width.
+    """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
 
-    Without gravity: a mean grain stopped within one step from the scene's speed, or else from its own
-    radius a step.
+    Without gravity, it is the pressure on a mean grain that is stopped within one step from the scene's
+    largest speed, or if that is zero, from a speed of one radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
     if weight > 0.0:
@@ -219,12 +220,12 @@ def colormap(name: str, share: FloatArray) -> FloatArray:
 
 
 def linear(encoded: FloatArray) -> NDArray[np.float32]:
-    """Return the linear values of sRGB colors, which is what displayColor holds."""
+    """Return the linear values of sRGB colors, as displayColor holds them."""
     values = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return values.astype(np.float32)
 
 
 def encoded(linear: FloatArray) -> FloatArray:
-    """Return the sRGB colors of linear values, as screens take them."""
+    """Return the sRGB colors of linear values, as screens need them."""
     clipped = np.clip(linear, 0.0, 1.0)
     return np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1.0 / 2.4) - 0.055)

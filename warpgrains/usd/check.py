@@ -1,4 +1,4 @@
-"""Checks of a recording that no USD validator makes."""
+"""Checks of a recording beyond those of USD validators."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,19 +8,19 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.usd.forces import FORCES
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS
-from warpgrains.usd.reader import Values, open_recording, refusing_foreign_content, values_of
+from warpgrains.usd.reader import Values, open_recording, refusing_untrusted_content, values_of
 
 
 def inspect_recording(path: str | Path) -> list[str]:
-    """Return what is wrong with a recording, one line a problem; an empty list means nothing is.
+    """Return the problems of a recording, one line each; the list is empty if there are none.
 
     Raises
     ------
-    SceneError
-        If the file is missing, is not USD, or holds what no recording does. A file that crashes USD or has no
-        end is refused by the command ``warpgrains check`` only.
+    InputError
+        The file is missing, is not USD, or has content that recordings do not have. Only the command
+        ``warpgrains check`` is safe against files that crash USD or never end.
     """
-    with refusing_foreign_content(path):
+    with refusing_untrusted_content(path):
         return _problems(open_recording(Path(path)))
 
 
@@ -73,7 +73,7 @@ def _code_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
 
 
 def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float]) -> Iterator[str]:
-    """Yield each problem once, with the first frame that has it and the number of others."""
+    """Yield each problem once, with its first frame and the number of other frames."""
     found: dict[str, list[float]] = {}
     for code in codes:
         for problem in problems_of(code):
@@ -84,9 +84,9 @@ def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float])
 
 
 class GrainsInspector:
-    """Checks the grains, be they `UsdGeom.Points` or a `UsdGeom.PointInstancer`.
+    """Checks of the grains, which are `UsdGeom.Points` or a `UsdGeom.PointInstancer`.
 
-    All that is `animated` must have the time codes of their `position`.
+    All `animated` attributes must have the time codes of `position`.
     """
 
     def __init__(self, prim: Usd.Prim) -> None:
@@ -107,7 +107,7 @@ class GrainsInspector:
         self.animated = [self._extent, *changing]
 
     def static_problems(self) -> Iterator[str]:
-        """Yield what is wrong with what no frame may change."""
+        """Yield the problems of attributes that are the same in all frames."""
         ids, size = values_of(self._ids), values_of(self._size)
         if ids is not None and len(np.unique(ids)) != len(ids):
             yield f"ids are not unique: {len(ids) - len(np.unique(ids))} of {len(ids)} repeat another"
@@ -118,7 +118,7 @@ class GrainsInspector:
                 yield f"{attribute.GetName()} change with time"
 
     def frame_problems(self, code: float) -> Iterator[str]:
-        """Yield what is wrong with the frame at time code `code`."""
+        """Yield the problems of the frame at time code `code`."""
         position = values_of(self.position, code)
         if position is None or len(position) == 0:
             yield f"{self.position.GetName()} are empty"
@@ -147,14 +147,14 @@ class GrainsInspector:
 
 
 class ForcesInspector:
-    """Checks the force chains, a mesh of bands, all `animated` with the grains."""
+    """Checks of the force chains, a mesh of bands whose `animated` attributes have the grains' time codes."""
 
     def __init__(self, prim: Usd.Prim) -> None:
         names = ("points", "faceVertexCounts", "faceVertexIndices", "primvars:force", "extent")
         self.animated = [prim.GetAttribute(name) for name in names]
 
     def frame_problems(self, code: float) -> Iterator[str]:
-        """Yield what is wrong with the frame at time code `code`."""
+        """Yield the problems of the frame at time code `code`."""
         points, _, indices, force, extent = self.animated
         corners, vertices, numbers, _, _ = (values_of(attribute, code) for attribute in self.animated)
         if corners is None or vertices is None or numbers is None:

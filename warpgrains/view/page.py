@@ -1,4 +1,4 @@
-"""The page: keys and buttons, sliders, numbers and curves next to the grains, and the loop that plays."""
+"""The page: keys and buttons, sliders, numbers and curves next to the grains, and the playback loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.pictures.shots import Setting
 from warpgrains.view.players import AXES, Live, Player, Recorded
 from warpgrains.view.server import HOST, serve_page
@@ -29,15 +29,16 @@ _MOST_SPEED = 10.0
 
 
 class Page:
-    """A page for this machine alone, whose actions `run` performs in one thread, between two steps.
+    """Page for this machine alone. `run` performs its actions in one thread, between two steps.
 
-    The threads of the server receive keys and queue actions, so that the page answers however slow a step is.
+    The threads of the server receive keys and queue actions, so that the page responds even if a step is
+    slow.
 
     Parameters
     ----------
     player : Player
     port : int
-        Where it is; if that is taken, the next one that is not.
+        Port of the page; if it is in use, the next free one.
     """
 
     def __init__(self, player: Player, port: int) -> None:
@@ -60,7 +61,7 @@ class Page:
         return f"http://{HOST}:{self._server.get_port()}"
 
     def run(self, announce: Callable[[str], None] = lambda url: None) -> None:
-        """Say where the page is, and play until `close`, or an exception such as Ctrl-C."""
+        """Announce the address of the page, and play until `close` or an exception such as Ctrl-C."""
         try:
             announce(self.url)
             while True:
@@ -76,10 +77,10 @@ class Page:
                 self._server.stop()
 
     def _play(self) -> None:
-        """Advance by a frame, and wait for the rest of its time."""
+        """Advance by a frame, and wait until it is time for the next one."""
         start = time.perf_counter()
         self._player.advance(max(1, round(self._speed / _FRAMES / self._player.dt)))
-        self.is_playing = not self._player.is_over
+        self.is_playing = not self._player.has_ended
         self._show(texts=not self.is_playing or start - self._texts_at > 1.0 / _TEXTS)
         time.sleep(max(0.0, 1.0 / _FRAMES - (time.perf_counter() - start)))
 
@@ -90,18 +91,18 @@ class Page:
         return self
 
     def close(self) -> None:
-        """End the page."""
+        """Stop playing and close the server."""
         self._asked.put(None)
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.url}" width="100%" height="600"></iframe>'
 
     def _ask(self, what: Callable[[], None]) -> Callable[[Any], None]:
-        """Return the callback of a key: it queues `what`."""
+        """Return the callback of a key, which queues the action `what`."""
         return lambda _: self._asked.put(what)
 
     def _resume(self) -> None:
-        self.is_playing = not self._player.is_over
+        self.is_playing = not self._player.has_ended
 
     def _pause(self, then: Callable[[], None] = lambda: None) -> None:
         self.is_playing = False
@@ -115,13 +116,13 @@ class Page:
 
     def _set_style(self, **style: Any) -> None:
         self._style |= style
-        with suppress(SceneError):  # a coloring that does not exist
+        with suppress(InputError):  # a coloring that does not exist
             self._player.set_style(**self._style)
         self._show(texts=True)
 
     def _change(self, field: str, value: Any) -> None:
         assert isinstance(self._player, Live)
-        with suppress(SceneError):  # such as a drag that is too large for the time step
+        with suppress(InputError):  # for example, a drag that is too large for the time step
             self._player.change(**{field: value})
             self._set_style()
 
@@ -173,11 +174,11 @@ class Page:
         if isinstance(player, Recorded):
             frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
             frame.on_update(self._ask(lambda: self._go_to(round(_value(frame)))))
-        self._legend = gui.add_html("")  # below the sliders, which stay where they are when it grows
+        self._legend = gui.add_html("")  # below the sliders, so that they do not move when it grows
         self._curves = {title: self._add_curve(title) for title in player.curves()}
 
     def _add_physics(self, player: Live) -> None:
-        """Add sliders of drag, gravity and tolerance; each begins at the scene's value."""
+        """Add sliders of drag, gravity and tolerance, which start at the scene's values."""
         gui, scene = self._server.gui, player.scene
         size, angle = float(np.hypot(*scene.gravity)), float(np.degrees(np.arctan2(*scene.gravity[::-1])))
         most_drag = 0.9 * float(scene.mass.min()) / scene.dt
@@ -198,7 +199,7 @@ class Page:
         tolerance.on_update(on("tolerance", lambda: 10.0 ** _value(tolerance)))
 
     def _add_curve(self, title: str) -> viser.GuiUplotHandle:
-        """Add a chart, which is shown as soon as there is a curve."""
+        """Add a chart, which is shown as soon as it has a curve."""
         x, y = AXES[title]
         series = (uplot.Series(label=x), uplot.Series(label=y, stroke="black", width=1))
         return self._server.gui.add_uplot(
@@ -213,7 +214,7 @@ class Page:
 
 
 def _value(slider: viser.GuiInputHandle[Any]) -> float:
-    """Return the value of a slider, within its range whatever the browser sends."""
+    """Return the value of a slider, limited to its range, because a browser may send any number."""
     low, high = slider.min, slider.max  # type: ignore[attr-defined]
     return float(np.clip(np.nan_to_num(float(slider.value), nan=low), low, high))
 
@@ -224,7 +225,7 @@ def _vector(size: float, degrees: float) -> tuple[float, float]:
 
 
 def _table(rows: dict[str, str]) -> str:
-    """Return names and values as a table; a value's element has the class "value" and its name as data."""
+    """Return names and values as an HTML table; a value has the class "value" and its name as data."""
     cells = (
         f'<tr><td style="width: 50%">{escape(name)}</td>'
         f'<td class="value" data-name="{escape(name)}">{escape(value)}</td></tr>'
@@ -234,7 +235,7 @@ def _table(rows: dict[str, str]) -> str:
 
 
 def _legend(setting: Setting, error: str | None = None) -> str:
-    """Return why the run has ended, the colors with range and unit, and the force of the widest chains."""
+    """Return the reason of the end, the color range with its unit, and the force of the widest chains."""
     lines = [] if error is None else [f'<div style="color: #c00000">{escape(error)}</div>']
     if setting.scale is not None:
         scale = setting.scale

@@ -1,4 +1,4 @@
-"""The drawing of the page: walls, grains as discs of their true radii, force chains."""
+"""Drawing of the page: walls, grains as discs of their true radii, and force chains."""
 
 import numpy as np
 import viser
@@ -27,7 +27,7 @@ class Stage:
         server.initial_camera.fov = _FIELD_OF_VIEW
         self._scene.configure_default_lights(False)
         self._scene.configure_environment_map(None)
-        self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors as they are
+        self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors unchanged
         for number, ring in enumerate(setting.walls):
             wall = ring.shape()
             self._add_mesh(f"/walls/{number}", wall.points, wall.corners, WALL_COLOR)
@@ -49,7 +49,7 @@ class Stage:
         self._has_chains = False
 
     def show(self, shot: Shot) -> None:
-        """Draw a shot in the place of the last one."""
+        """Draw a shot, replacing the last one."""
         places = np.zeros((len(shot.position), 3), dtype=np.float32)
         places[:, :2] = shot.position
         self._grains.batched_positions = places
@@ -84,7 +84,7 @@ class Stage:
 
 
 def _disc() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """Return corners and triangles of a disc of radius 1."""
+    """Return the corners and triangles of a disc of radius 1."""
     angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
     corners = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
     number = np.arange(1, _SEGMENTS - 1)
