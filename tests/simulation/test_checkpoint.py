@@ -84,7 +84,7 @@ class TestFile:
         vectors = "scene.position scene.velocity state.position state.velocity corrections.pair lists.pair"
         vectors += " corrections.wall lists.wall"
         vectors += " lists.built_position lists.built_velocity lists.frame"
-        numbers = "header scene.radius scene.mass scene.spin"
+        numbers = "header scene.radius scene.mass"
         numbers += " corrections.pair_correction corrections.wall_correction"
         numbers += " lists.reach lists.recent lists.scalar"
         assert found == dict.fromkeys(vectors.split(), (2,)) | dict.fromkeys(numbers.split(), ())

@@ -95,7 +95,7 @@ class Reference:
         self._arrays["speedDiscs"] = np.zeros(len(discs))
         self._arrays["speedDiscs"][: len(circles)] = -scene.radius_in * scene.angular_velocity_in
         rotating = (
-            scene.spin.copy(),
+            scene.spin_at_start.copy(),
             *np.zeros((2, n)),
             *map(np.zeros, (n * (n - 1) // 2, n, n * len(discs))),
         )

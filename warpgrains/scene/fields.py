@@ -258,7 +258,7 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
         "velocity": velocity,
         "radius": checks.positive_per_grain("radius", scene.radius, n),
         "mass": checks.positive_per_grain("mass", scene.mass, n),
-        "spin": checks.per_grain("spin", 0.0 if scene.spin is None else scene.spin, n),
+        "spin": None if scene.spin is None else checks.per_grain("spin", scene.spin, n),
         **Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict(),
     }
 
@@ -321,12 +321,12 @@ def _require_friction(scene: "Scene") -> None:
                 f' {float(inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
             )
         with np.errstate(over="ignore"):
-            too_fast = ~np.isfinite(scene.spin * scene.radius)
+            too_fast = ~np.isfinite(scene.spin_at_start * scene.radius)
         if too_fast.any():
-            grain = checks.of_grain("spin", scene.spin, too_fast)
+            grain = checks.of_grain("spin", scene.spin_at_start, too_fast)
             raise InputError(f"{grain}: the speed of its rim is not finite")
         return
-    if scene.spin.any():
+    if scene.spin is not None and scene.spin.any():
         raise InputError(
             f"{checks.of_grain('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
         )

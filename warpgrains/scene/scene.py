@@ -182,6 +182,11 @@ class Scene(SceneFields, Shown):
         return self.friction if self.wall_friction is None else self.wall_friction
 
     @property
+    def spin_at_start(self) -> FloatArray:
+        """Angular velocities at the start [rad/s], shape (n,): `spin`, or 0."""
+        return np.zeros(self.n) if self.spin is None else self.spin
+
+    @property
     def has_two_circles(self) -> bool:
         """True if the circles are two bodies on the device, as with friction, instead of one."""
         return self.has_friction and self.radius_in > 0.0

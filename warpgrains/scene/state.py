@@ -131,7 +131,9 @@ def first_state(scene: Scene) -> State:
     corrections = Corrections(nobody, nothing, nobody, nothing)
     if not scene.has_friction:
         return State(0, scene.position, scene.velocity, corrections)
-    return State(0, scene.position, scene.velocity, corrections, spin=scene.spin, angle=np.zeros(scene.n))
+    return State(
+        0, scene.position, scene.velocity, corrections, spin=scene.spin_at_start, angle=np.zeros(scene.n)
+    )
 
 
 def require_state(state: State, scene: Scene) -> None:
