@@ -122,7 +122,7 @@ REBUILD_WITH_FRICTION = [
 
 
 def plain_sweeps(sweep: wp.Function, rebuild: list[Stage]) -> list[Stage]:
-    """Sweep all contacts until the changes, or the residual, are small."""
+    """Return the stages that sweep all contacts until the changes, or the residual, are small."""
     return [
         While(
             sweeping,

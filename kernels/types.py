@@ -82,7 +82,7 @@ class Contacts:
     dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
     dvt_start: Floats  # those with which a step starts
     rim_weights: wp.array(dtype=wp.vec3d)  # 1 / W, and parts for the rims of i and j (eq. 22); as `weights`
-    set_start: Ints  # first contact of every set that `Sets` passes to a stage; and the end of the last
+    set_start: Ints  # first contact of every set of `stages.Sets`, and the end of the last
     count: ContactCount
 
 

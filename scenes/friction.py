@@ -15,6 +15,7 @@ from warpgrains import analysis
 from warpgrains.analysis import Snapshot
 from warpgrains.scenes import closed_forms
 from warpgrains.scenes.exhibits import Numbers, draw_exhibits
+from warpgrains.scenes.style import WIDTH
 
 FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 """Coefficients of friction of the packings."""
@@ -26,7 +27,7 @@ def draw_closed_forms(path: Path) -> Numbers:
     """Draw four closed forms and what comes out, and return the errors."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.7, 6.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained")
     (roll, impact), (slope, swing) = figure.subplots(2, 2)
     numbers: Numbers = {}
     for friction in (0.05, 0.3, 2.0):
@@ -74,8 +75,8 @@ def draw_closed_forms(path: Path) -> Numbers:
     numbers["pendulum: relative error of the period at dt 0.01 s"] = float(errors[0])
     numbers["pendulum: order in dt"] = float(np.log2(errors[-2] / errors[-1]))
     for axes in (roll, impact, slope, swing):
-        axes.legend(fontsize="small")
-    figure.savefig(path, dpi=90)
+        axes.legend()
+    figure.savefig(path)
     for friction in (0.265, 0.27):
         fallen = closed_forms.three_discs(friction)[1]
         numbers[f"three discs, mu {friction:g}: fallen in 1 s [m]"] = fallen
@@ -92,7 +93,7 @@ def draw_heap(path: Path) -> Numbers:
     scene = wg.Scene.load("heap")
     needed = closed_forms.heap_friction(np.arcsin(scene.radius[0] / (scene.radius_out - scene.radius[0])))
     numbers = {"friction that the heap needs": needed}
-    figure = Figure(figsize=(9.7, 3.0), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
     shown = figure.subplots(1, 3)
     for axes, friction in zip(shown, (scene.friction, 1.01 * needed, 0.99 * needed), strict=True):
         simulation = wg.Simulation(scene.replace(friction=friction))
@@ -102,7 +103,7 @@ def draw_heap(path: Path) -> Numbers:
         axes.set(xlim=(-0.25, 0.25), ylim=(-1.1, -0.78), title=f"friction {friction:.4f}")
         fallen = scene.position[2, 1] - simulation.position[2, 1]
         numbers[f"fallen at {friction:.4f} [m]"] = float(fallen)
-    figure.savefig(path, dpi=90)
+    figure.savefig(path)
     return numbers
 
 
@@ -147,18 +148,15 @@ def draw_packings(path: Path) -> Numbers:
     batch = wg.Batch(scenes)
     batch.run()
     found = [packed(analysis.snapshot(scene, batch.state(k))) for k, scene in enumerate(scenes)]
-    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     contacts, packing = figure.subplots(1, 2)
-    contacts.plot(FRICTIONS, [one["contacts a grain"] for one in found], "o-", label="contacts a grain")
-    sliding = [3.0 + one["sliding contacts a grain"] for one in found[1:]]
-    contacts.plot(FRICTIONS[1:], sliding, "s--", label="3 + sliding contacts a grain")
+    contacts.plot(FRICTIONS, [one["contacts a grain"] for one in found], "o-")
     for isostatic in (3.0, 4.0):
         contacts.axhline(isostatic, color="0.6", linestyle=":")
-    contacts.set(xlabel="friction", ylabel="number")
-    contacts.legend(fontsize="small")
+    contacts.set(xlabel="friction", ylabel="contacts a grain")
     packing.plot(FRICTIONS, [one["packing fraction"] for one in found], "o-")
     packing.set(xlabel="friction", ylabel="packing fraction of the bulk")
-    figure.savefig(path, dpi=90)
+    figure.savefig(path)
     return {
         f"mu {friction:g}: {name}": value
         for friction, one in zip(FRICTIONS, found, strict=True)
@@ -195,7 +193,7 @@ def draw_repose(path: Path) -> Numbers:
         )
     slope = np.transpose(angles)
     mean, deviation = slope[:, time > settled].mean(axis=1), slope[:, time > settled].std(axis=1)
-    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     over_time, over_friction = figure.subplots(1, 2)
     for friction, angle in zip(REPOSE, slope[:-1], strict=True):
         over_time.plot(time, angle, label=f"friction {friction:g}")
@@ -205,8 +203,8 @@ def draw_repose(path: Path) -> Numbers:
     over_friction.errorbar(REPOSE, mean[:-1], deviation[:-1], fmt="o-", capsize=3.0, label=fast)
     over_friction.errorbar(scene.friction, mean[-1], deviation[-1], fmt="s", capsize=3.0, label=slow)
     over_friction.set(xlabel="friction between grains", ylabel="slope of the surface [degrees]")
-    over_friction.legend(fontsize="small")
-    figure.savefig(path, dpi=90)
+    over_friction.legend()
+    figure.savefig(path)
     numbers = {f"mu {mu:g}: slope [degrees]": float(one) for mu, one in zip(REPOSE, mean, strict=False)}
     return numbers | {f"mu {scene.friction:g}, {slow}: slope [degrees]": float(mean[-1])}
 
@@ -237,7 +235,7 @@ def draw_couette(path: Path) -> Numbers:
     fitted = (away > 1.0) & (away < 5.0)
     decay = np.polynomial.Polynomial.fit(away[fitted], np.log(along[fitted]), 1)
     length = -1.0 / float(decay.convert().coef[1])
-    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     velocity, rotation = figure.subplots(1, 2)
     velocity.semilogy(away, along / wall, "o", label="grains")
     fit = np.exp(decay(away[fitted])) / wall
@@ -247,8 +245,8 @@ def draw_couette(path: Path) -> Numbers:
     rotation.plot(away, half_vorticity, "k:", label="half the vorticity")
     rotation.set(xlabel="distance from the wall [diameters]", ylabel="[rad/s]")
     for axes in (velocity, rotation):
-        axes.legend(fontsize="small")
-    figure.savefig(path, dpi=90)
+        axes.legend()
+    figure.savefig(path)
     return {
         "grains": scene.n,
         "velocity of the first layer / wall": float(along[0] / wall),

@@ -15,6 +15,7 @@ import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.scenes import bowl, drum, friction
 from warpgrains.scenes.exhibits import Numbers, draw_exhibits
+from warpgrains.scenes.style import WIDTH
 from warpgrains.solver.statistics import RunStatistics
 
 COUNT = 1000
@@ -45,7 +46,7 @@ class Row:
         if self._shown == len(self._axes):
             if painter.setting.scale is not None:
                 add_color_bar(self._figure, self._axes, painter.setting.scale)
-            self._figure.savefig(self._path, dpi=90)
+            self._figure.savefig(self._path)
 
 
 def moments(path: Path, scene: wg.Scene, times: Sequence[float]) -> tuple[wg.Simulation, wg.Summary]:
@@ -74,7 +75,7 @@ def column(path: Path) -> Numbers:
 
     scene = wg.Scene.load("column")
     simulation = wg.Simulation(scene)
-    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     axes = figure.subplots()
     for time in (0.02, 0.03, 0.04, 0.07, 1.0):  # after 0.1 s nothing changes
         simulation.run(duration=time - simulation.time)
@@ -83,8 +84,8 @@ def column(path: Path) -> Numbers:
     weight = scene.mass[0] * np.hypot(*scene.gravity)
     above = weight * (scene.n - 1 - contacts.pair[:, 0])
     axes.set(xlabel="contact, from the lowest", ylabel="force [N]", ylim=(0.0, 1.3 * above.max()))
-    axes.legend(fontsize="small")
-    figure.savefig(path, dpi=90)
+    axes.legend()
+    figure.savefig(path)
     return {
         "contacts between grains": len(contacts.force),
         "their weights above, at most [N]": float(above.max()),
@@ -162,7 +163,7 @@ def batch(path: Path) -> Numbers:
     ends = [analysis.snapshot(one, many.state(k)) for k, one in enumerate(scenes)]
     x, y = np.concatenate([end.position for end in ends]).T
     largest = np.array([end.force.max() for end in ends])
-    figure = Figure(figsize=(9.7, 6.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained")
     places, forces = figure.subplots(2, 1, height_ratios=(3, 2))
     left, right, low, high = -1.2, 1.2, -2.02, -1.32
     bins = (round((right - left) / BIN), round((high - low) / BIN))
@@ -176,11 +177,11 @@ def batch(path: Path) -> Numbers:
     for circle, label in ((wall, "outer wall"), (reached, "centers of grains that touch it")):
         circle.set_label(label)
         places.add_patch(circle)
-    places.legend(handles=[wall, reached], fontsize="small", loc="upper center", ncols=2)
+    places.legend(handles=[wall, reached], loc="upper center", ncols=2)
     places.set(xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]", aspect="equal")
     forces.hist(largest, bins=40)
     forces.set(xlabel="largest force between two grains [N]", ylabel="scenes")
-    figure.savefig(path, dpi=90)
+    figure.savefig(path)
     return {
         "scenes": len(scenes),
         "mean of the largest forces [N]": float(largest.mean()),
@@ -208,7 +209,7 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
-    """Draw what is asked for, by default all, and print the numbers."""
+    """Draw the named pictures, by default all, and print their numbers."""
     return draw_exhibits(EXHIBITS, __doc__, "gallery", arguments)
 
 

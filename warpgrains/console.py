@@ -181,7 +181,7 @@ def _start_warp() -> None:
         except OSError as error:
             raise OSError(
                 f"the cache of compiled kernels cannot be written ({error}):"
-                " set WARP_CACHE_PATH to a folder that can"
+                " set WARP_CACHE_PATH to a writable folder"
             ) from error
         remarks.seek(0)
         for remark in remarks.read().decode(errors="replace").splitlines():

@@ -28,7 +28,7 @@ class OutputError(InputError):
     >>> simulation.run(steps=1, record="notes.usdc")
     Traceback (most recent call last):
         ...
-    warpgrains.errors.OutputError: 'notes.usdc' is there and is no recording of warpgrains: it is not replaced
+    warpgrains.errors.OutputError: refusing to overwrite 'notes.usdc': not a recording of warpgrains
     """
 
 

@@ -37,7 +37,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
     require_writable_folder(folder)
 
 
@@ -129,7 +129,7 @@ def write_atomically(path: Path, content: bytes | memoryview, writer: str = "") 
     with draft_of(path, writer) as draft:
         draft.write_bytes(content)
         if draft.read_bytes() != content:
-            raise OSError(f"'{path}' is not read back as it was written")
+            raise OSError(f"'{path}' reads back different from what was written: check the disk")
 
 
 def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -218,7 +218,7 @@ def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]
 @contextmanager
 def _opened(path: Path) -> Iterator[Iterable[str]]:
     if not path.is_file():
-        raise InputError(f"'{path}' cannot be read: it is no file")
+        raise InputError(f"'{path}' cannot be read: it is not a regular file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
             yield lines

@@ -69,14 +69,19 @@ class FrameLog:
         """
         reader = LogReader(self.path)
         if reader.constants != self._constants:
-            raise InputError(f"'{self.path}' holds no frames of this scene, drawn as now asked for")
+            raise InputError(
+                f"'{self.path}' holds frames of another scene or of other drawing"
+                " options: use those of the first run, or delete it"
+            )
         end, held = reader.end, 0
         for _ in reader:
             held, end = held + 1, reader.end
             if held == frames:
                 break
         if held != frames:
-            raise InputError(f"'{self.path}' holds {held} of the {frames} frames to continue from")
+            raise InputError(
+                f"'{self.path}' holds {held} of the {frames} frames that the checkpoint continues from"
+            )
         self._kinds, self.frames = reader.kinds, frames
         self._open(end)
 
@@ -167,7 +172,7 @@ class LogReader:
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            raise InputError(f"'{path}' holds no frames: there is no such file")
+            raise InputError(f"'{path}' does not exist")
         with path.open("rb") as file:
             content = _read(file) if file.read(len(_MAGIC)) == _MAGIC else None
             self._start = self.end = file.tell()

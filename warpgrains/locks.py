@@ -84,7 +84,7 @@ def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
     lock = Lock(path)
     if path.exists() and not is_own(path):
         lock.release()
-        raise OutputError(f"'{path}' is there and is no {kind}: it is not replaced")
+        raise OutputError(f"refusing to overwrite '{path}': not a {kind}")
     return lock
 
 
@@ -162,7 +162,7 @@ def _is_locked(lock: Callable[[], None], path: Path) -> bool:
         if error.errno not in _WITHOUT_LOCKS:
             raise
     warn(
-        f"the file system of '{path}' has no locks: nothing keeps two processes from writing it at once",
+        f"the file system of '{path}' does not support locks: make sure that only one process writes it",
         stacklevel=4,
     )
     return True

@@ -38,7 +38,7 @@ class ExclusiveUse:
             self._refuse("another thread")
         try:
             if self._is_advancing:
-                self._refuse("the call that this callback belongs to")
+                self._refuse("the call that runs this callback")
             yield
         finally:
             self._lock.release()
@@ -55,6 +55,6 @@ class ExclusiveUse:
 
     def _refuse(self, by: str) -> None:
         raise SimulationError(
-            f"this {self._what} is being advanced by {by}: wait until that has ended,"
-            f" or give each thread a {self._what} of its own"
+            f"this {self._what} is being advanced by {by}: wait until it has ended,"
+            f" or use one {self._what} per thread"
         )

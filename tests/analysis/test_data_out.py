@@ -68,7 +68,7 @@ def test_what_is_not_recorded_is_not_made_up(tmp_path):
     with pytest.raises(InputError, match="holds no contacts"):
         found.frame(0)
     assert analysis.kinetic_energy(found.frame(0, contacts=False)) == 0.0
-    with pytest.raises(InputError, match="there is no frame 99"):
+    with pytest.raises(InputError, match="frame 99 does not exist"):
         found.frame(99)
     assert "contact" not in found.to_xarray().sizes
 

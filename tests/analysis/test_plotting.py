@@ -123,7 +123,9 @@ class TestStrip:
 
     @pytest.mark.parametrize("frame", [3, -4])
     def test_frames_that_are_not_there(self, recording, tmp_path, frame):
-        with pytest.raises(InputError, match=f"no frame {frame}: the recording has 3, from 0 to 2"):
+        with pytest.raises(
+            InputError, match=f"frame {frame} does not exist: the recording has 3 frames, 0 to 2"
+        ):
             plot(recording, tmp_path / "run.png", [0, frame])
 
 

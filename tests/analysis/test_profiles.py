@@ -127,8 +127,8 @@ def test_share_of_a_circle_is_that_of_points_on_it():
     [
         ({"z": (0.0, 1.0)}, "unknown key of region 'z'"),
         ({"y": (0.5, -0.5)}, "region.y is"),
-        ({"y": (1.5, 2.0)}, "there is no space between the walls"),
-        ({"distance": (0.3, 0.304)}, "no space for centres of grains of radius 0.0058272 m in the region"),
+        ({"y": (1.5, 2.0)}, "no point between the walls"),
+        ({"distance": (0.3, 0.304)}, "no point for the center of a grain of radius 0.0058272 m"),
     ],
 )
 def test_bad_region_is_refused(region, complaint):

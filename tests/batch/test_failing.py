@@ -119,7 +119,7 @@ def test_what_is_no_batch() -> None:
         Batch([])
     with pytest.raises(InputError, match="threads"):
         Batch([scene], threads=0)
-    with pytest.raises(InputError, match="device 'gpu' is unknown"):
+    with pytest.raises(InputError, match="device 'gpu' does not exist"):
         Batch([scene], device="gpu")
     with pytest.raises(InputError, match="steps"):
         Batch([scene]).run(steps=-1)

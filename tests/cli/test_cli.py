@@ -232,7 +232,7 @@ def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, stop_at):
     stop_at(7)
     assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
     frames = tmp_path / "out.usdc.frames"
-    advice = f"warpgrains: error: interrupted; for the frames so far: warpgrains recover {frames}"
+    advice = f"warpgrains: error: interrupted; to recover the frames so far: warpgrains recover {frames}"
     require_last_line(*capfd.readouterr(), advice)
     assert set(tmp_path.iterdir()) == {scene, frames}
 
@@ -277,7 +277,7 @@ def test_check_passes_a_recording_and_names_what_is_wrong(scene, tmp_path, capfd
     assert exit_code("run", scene, "-o", output) == 0
     capfd.readouterr()
     assert exit_code("check", output) == 0
-    assert capfd.readouterr().out == f"{output}: nothing is wrong\n"
+    assert capfd.readouterr().out == f"{output}: OK: 3 frames, 2 grains\n"
     layer = Sdf.Layer.FindOrOpen(str(output))
     layer.GetPrimAtPath("/World/Grains").properties["ids"].default = np.array([1, 1])
     layer.Save()

@@ -213,7 +213,7 @@ def test_functions_that_spoil_each_other(grade: Grade) -> None:
         text.replace("zeta = seen = 0.1;", "zeta = 0.0; seen = 0.1;").replace("fx * dt", "(fx + seen) * dt")
     )
     assert statuses(verdict) == ["right", "right", "wrong"]
-    assert parts(verdict)[BOTH].remark.startswith("each is right alone")
+    assert parts(verdict)[BOTH].remark.startswith("each function is right alone")
 
 
 def test_one_function_that_is_missing_or_does_not_compile(grade: Grade) -> None:

@@ -101,7 +101,7 @@ def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    with pytest.raises(ValueError, match="nothing was drawn"), Film(path, scene, 50, painter):
+    with pytest.raises(ValueError, match="no frame was drawn"), Film(path, scene, 50, painter):
         pass
     assert path.read_bytes() == b"earlier"
     assert list(tmp_path.iterdir()) == [path]
@@ -142,8 +142,8 @@ class TestStill:
     [
         ({"record": "run.png", "fps": 30.0}, "fps has no effect on a still"),
         ({"record": "run.mp4", "draw_as": "spheres"}, "draw_as has no effect on a film"),
-        ({"record": "run.gif", "checkpoint": "run.npz"}, "cannot continue a film"),
-        ({"record": "run.png", "checkpoint": "run.npz"}, "cannot continue a still"),
+        ({"record": "run.gif", "checkpoint": "run.npz"}, "run.gif' cannot be continued from a checkpoint"),
+        ({"record": "run.png", "checkpoint": "run.npz"}, "run.png' cannot be continued from a checkpoint"),
         ({"record": "run.mp4", "color_by": "mood"}, "unknown color_by 'mood': known: palette"),
         ({"record": "no/run.mp4"}, "cannot be written"),
         ({"record": "no/run.png"}, "cannot be written"),

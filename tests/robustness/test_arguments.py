@@ -78,7 +78,7 @@ CALLS = {
     "restore scene k": (lambda s, b: b.restore(2, b.state(0)), "k is 2"),
     "drag": (lambda s, b: s.scene.replace(drag=MATRIX), r"drag is array\(.* \.\.\.: it must be a number"),
     "gravity": (lambda s, b: s.scene.replace(gravity=MATRIX), "gravity is array.*: it must be two numbers"),
-    "name": (lambda s, b: s.scene.replace(name=MATRIX), "name is array.*: it must be a text"),
+    "name": (lambda s, b: s.scene.replace(name=MATRIX), "name is array.*: it must be a string"),
     "order": (lambda s, b: s.scene.replace(order=MATRIX), "unknown order array.* known: color, sequential"),
     "port": (lambda s, b: s.view(port=-1), "port is -1: it must be between 1 and 65535"),
     "steps": (lambda s, b: s.run(MATRIX), "steps is array.*: it must be a whole number"),

@@ -74,7 +74,7 @@ class TestLock:
             raise OSError(errno.ENOLCK, "No locks available")
 
         monkeypatch.setattr(locks, "flock", refuse)
-        with pytest.warns(UserWarning, match=r"run\.npz' has no locks"):
+        with pytest.warns(UserWarning, match=r"run\.npz' does not support locks"):
             Lock(tmp_path / "run.npz").release()
 
     def test_place_that_cannot_be_locked(self):
@@ -215,5 +215,5 @@ class TestRunLocks:
             raise OSError(errno.ENOLCK, "no locks")
 
         monkeypatch.setattr(locks, "lockf", none)
-        with pytest.warns(UserWarning, match="has no locks"):
+        with pytest.warns(UserWarning, match="does not support locks"):
             assert RunLocks(tmp_path / "claims").acquire([1]) == [1]

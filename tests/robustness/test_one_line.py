@@ -84,7 +84,7 @@ def test_archives_that_claim_more_than_there_is(tmp_path, capfd):
     require_refusal(capfd, "grains.npz' cannot be read")
     immense_npz(tmp_path / "run.npz", "header")
     assert exit_code("run", "--resume", tmp_path / "run.npz") == 2
-    require_refusal(capfd, "is no checkpoint")
+    require_refusal(capfd, "is not a checkpoint")
 
 
 def test_checkpoint_that_unpacks_to_more_than_it_is(tmp_path):
@@ -92,7 +92,7 @@ def test_checkpoint_that_unpacks_to_more_than_it_is(tmp_path):
     simulation.save(tmp_path / "run.npz")
     with np.load(tmp_path / "run.npz") as entries:
         np.savez_compressed(tmp_path / "run.npz", **dict(entries))
-    with pytest.raises(InputError, match="is no checkpoint"):
+    with pytest.raises(InputError, match="is not a checkpoint"):
         read_checkpoint(tmp_path / "run.npz")
 
 
@@ -137,7 +137,7 @@ def test_home_that_cannot_be_written():
     )
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
-    assert "set WARP_CACHE_PATH to a folder that can" in done.stderr
+    assert "set WARP_CACHE_PATH to a writable folder" in done.stderr
 
 
 class TestNames:
@@ -152,7 +152,7 @@ class TestNames:
         assert "\n" not in toml_value(name)
 
     def test_that_are_no_text(self):
-        with pytest.raises(InputError, match="is no text"):
+        with pytest.raises(InputError, match="is not valid text"):
             toml_value("\udcff")
 
     @pytest.mark.parametrize("name", ["\U0001f980", "line\n[physics]\ndrag = 9.0\n#", "=cmd()+1", "-1"])

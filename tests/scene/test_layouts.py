@@ -136,14 +136,18 @@ def test_column_stands_a_little_apart_on_the_outer_wall():
         (rows, {"count": 5, "radius": 0.1, "spacing": 0}, "grains.spacing is 0.0"),
         (lattice, {"radius": 0.1, "spacing": 1e-9}, "grains.spacing is 1e-09 radii: it must be at least 0.1"),
         (rows, {"count": 5, "radius": 0.1, "height": "1"}, "grains.height is '1': it must be a number"),
-        (rows, {"count": 50, "radius": 0.1}, "grains.count is 50: the rows have room for 5 grains only"),
+        (rows, {"count": 50, "radius": 0.1}, "grains.count is 50: only 5 grains fit in the rows"),
         (lattice, {"count": 500, "radius": 0.1}, "grains.count is 500: only"),
         (
             lattice,
             {"radius": 1e-6},
-            "grains.radius is 1e-06 m: the lattice would have more than 10000000 places",
+            "grains.radius is 1e-06 m: the lattice would have more than 10000000 sites",
         ),
-        (random, {"count": 5, "radius": [0.1]}, "grains.radius is a list of 1: that is how many"),
+        (
+            random,
+            {"count": 5, "radius": [0.1]},
+            "grains.radius is a list of 1: its length is the number of grains",
+        ),
         (
             random,
             {"count": 5, "radius": [0.2, 0.1]},

@@ -88,15 +88,15 @@ BAD_VALUES = [
     ),
     (
         {"position": [[0.7, 0.0], [0.0, 0.0]], "radius_in": 0.0},
-        "position of grain 1 is (0.0, 0.0): the origin",
+        "position of grain 1 is (0.0, 0.0): a grain cannot be at the origin",
     ),
     (
         {"position": [[0.7, 0.0], [0.0, 0.7], [0.0, 0.8], [0.7, 0.0]]},
-        "position of grain 3 is (0.7, 0.0): grain 0 has the same centre",
+        "position of grain 3 is (0.7, 0.0): grain 0 has the same center",
     ),
     ({"radius": [0.1, 0.1]}, "radius has shape (2,): there are 3 grains"),
     ({"mass": [0.1] * 4}, "mass has shape (4,): there are 3 grains"),
-    ({"velocity": np.zeros((2, 2))}, "velocity has shape (2, 2): position has shape (3, 2)"),
+    ({"velocity": np.zeros((2, 2))}, "velocity has shape (2, 2): it must be that of position, (3, 2)"),
     ({"velocity": np.zeros(2)}, "velocity has shape (2,): it must be (n, 2)"),
     ({"position": [0.7, 0.0]}, "position has shape (2,): it must be (n, 2)"),
     ({"position": [[0.7, 0.0, 0.0]]}, "position has shape (1, 3): it must be (n, 2)"),
@@ -125,7 +125,7 @@ BAD_VALUES = [
     ({"order": "colour"}, "unknown order 'colour': did you mean 'color'? Known: color, sequential"),
     (
         {"drag": 5.0, "mass": [0.2, 0.1, 0.3], "dt": 0.02},
-        "dt is 0.02 s: in one step, drag 5.0 kg/s would turn round grain 1 of mass 0.1 kg;"
+        "dt is 0.02 s: in one step, drag 5.0 kg/s would reverse grain 1 of mass 0.1 kg;"
         " dt must be less than 0.02 s",
     ),
 ]
@@ -183,7 +183,7 @@ def test_same_grains_with_other_settings():
     assert changed.position is before.position
     with pytest.raises(InputError, match=r"^drag is -1.0: it must be 0 or more"):
         before.with_settings(drag=-1.0)
-    with pytest.raises(InputError, match="would turn round grain 0"):
+    with pytest.raises(InputError, match="would reverse grain 0"):
         before.with_settings(drag=50.0)
     with pytest.raises(InputError, match="method 'exact' stops on the residual"):
         before.with_settings(method="exact", stop="zeta")

@@ -53,7 +53,7 @@ def test_a_callable_is_asked():
 
 def test_what_is_not_met_is_told():
     simulation = Simulation(Scene.load("annulus"))
-    with pytest.warns(UserWarning, match="rest was not met within 0.2 s"):
+    with pytest.warns(UserWarning, match="rest was not reached within 0.2 s"):
         summary = simulation.run(until="rest", steps=20)
     assert not summary.met
     assert summary.steps == 20
@@ -67,7 +67,7 @@ def test_without_gravity_bounds_must_be_given():
 
 
 def test_a_callable_cannot_go_into_a_checkpoint(tmp_path):
-    with pytest.raises(InputError, match="no checkpoint can hold"):
+    with pytest.raises(InputError, match="a checkpoint cannot hold"):
         Simulation(Scene.load("annulus")).run(until=lambda _: True, checkpoint=tmp_path / "kept.npz")
     assert not list(tmp_path.iterdir())
 
@@ -95,7 +95,7 @@ def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
         ("rst", "did you mean 'rest'"),
         ("rest,sped=1", "did you mean 'speed'"),
         ("rest,speed=0", "until: speed is 0.0"),
-        ("rest,speed", "'speed' is no number"),
+        ("rest,speed", "'speed' is not a number"),
         ("rest,time=nan", "until: time is nan"),
         ("", "unknown until ''"),
     ],

@@ -128,5 +128,5 @@ class TestText:
         assert tomllib.loads(toml_text(document)) == document
 
     def test_what_no_scene_holds(self):
-        with pytest.raises(InputError, match="is a date: no scene holds one"):
+        with pytest.raises(InputError, match="is a date: a scene file cannot hold it"):
             toml_text(tomllib.loads("[a]\nb = 2024-01-01"))

@@ -180,7 +180,7 @@ class TestRecord:
         recorder = Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="points")
         with pytest.raises(ValueError, match=re.escape("(5, 2), not (4, 2)")):
             recorder.record(np.zeros((4, 2)), np.zeros((5, 2)))
-        with pytest.raises(ValueError, match="nothing was recorded"):
+        with pytest.raises(ValueError, match="no frame was recorded"):
             recorder.close()
         assert list(tmp_path.iterdir()) == []
 

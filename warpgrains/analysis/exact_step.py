@@ -145,7 +145,7 @@ def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, floa
             gap = np.sum((y + rows.T @ z) ** 2) + 2.0 * z @ (slack + rounding)
             return y, float(np.sqrt(gap))
         tightening += 2.0 * short
-    raise SimulationError("the exact velocities were not found: no answer satisfies every gap")
+    raise SimulationError("the exact velocities were not found: no solution satisfies every gap")
 
 
 def _solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]:

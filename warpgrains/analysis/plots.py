@@ -70,7 +70,9 @@ def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
         return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
     for frame in frames:
         if not -count <= frame < count:
-            raise InputError(f"there is no frame {frame}: the recording has {count}, from 0 to {count - 1}")
+            raise InputError(
+                f"frame {frame} does not exist: the recording has {count} frames, 0 to {count - 1}"
+            )
     return [frame % count for frame in frames]
 
 
@@ -169,5 +171,5 @@ def _columns(table: Path) -> list[FloatArray]:
     except (KeyError, TypeError, ValueError):
         columns = []
     if not columns or not len(rows) or not all(np.isfinite(column).all() for column in columns):
-        raise InputError(f"'{table}' is no history of `warpgrains run --step-by-step --history`")
+        raise InputError(f"'{table}' is not a history: `warpgrains run --step-by-step --history` writes one")
     return columns

@@ -195,7 +195,7 @@ def _region_of_centers(region: Region, now: Snapshot) -> Region:
     left = region._replace(ring=Annulus(near, far))
     if near >= far or left.area <= 0.0:
         raise InputError(
-            f"there is no space for centres of grains of radius {smallest:g} m in the region:"
+            f"the region has no point for the center of a grain of radius {smallest:g} m:"
             " give a larger one, such as region={}"
         )
     return left

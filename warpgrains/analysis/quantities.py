@@ -28,21 +28,30 @@ class Quantity(NamedTuple):
     part: Callable[[Any], float] = float
     of_runs: Callable[[Grains], FloatArray] | None = None
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
+    meaning: str = ""
 
     def of(self, now: Snapshot) -> float:
         """Return the quantity of one snapshot."""
         return self.part(self.function(now))
 
 
-def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray]) -> Quantity:
-    return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs)
+def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray], meaning: str) -> Quantity:
+    return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs, meaning=meaning)
 
 
 def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
     """Return a component of the symmetric part of the stress, or of the antisymmetric part with sign -1."""
+    part = "component" if sign > 0.0 else "antisymmetric part"
     return Quantity(
-        "N/m", contacts.mean_stress, lambda found: float(0.5 * (found[a, b] + sign * found[b, a]))
+        "N/m",
+        contacts.mean_stress,
+        lambda found: float(0.5 * (found[a, b] + sign * found[b, a])),
+        meaning=f"{part} of the mean stress, compression positive",
     )
+
+
+def _force(part: str, meaning: str) -> Quantity:
+    return Quantity("N", contacts.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
 
 
 def _powers(now: Snapshot) -> EnergyBalance:
@@ -51,27 +60,48 @@ def _powers(now: Snapshot) -> EnergyBalance:
 
 
 QUANTITIES = {
-    "kinetic_energy": _of_runs("J", energy.kinetic_energies),
-    "potential_energy": _of_runs("J", energy.potential_energies),
-    "contact_power": Quantity("W", _powers, attrgetter("contact_loss")),
-    "drag_power": Quantity("W", _powers, attrgetter("drag_loss")),
-    "outer_wall_force": _of_runs("N", partial(contacts.wall_force_sums, wall=OUTER)),
-    "inner_wall_force": _of_runs("N", partial(contacts.wall_force_sums, wall=INNER)),
-    "pile_height": _of_runs("m", packing.pile_heights),
-    "packing_fraction": _of_runs("", packing.packing_fractions),
-    "coordination_number": Quantity("", contacts.coordination_number),
-    "rattlers": Quantity("", contacts.rattlers, lambda found: float(np.count_nonzero(found))),
-    "pressure": Quantity("N/m", contacts.pressure),
+    "kinetic_energy": _of_runs("J", energy.kinetic_energies, "sum of m v^2 / 2"),
+    "potential_energy": _of_runs("J", energy.potential_energies, "sum of -m g . x, 0 at the origin"),
+    "contact_power": Quantity(
+        "W", _powers, attrgetter("contact_loss"), meaning="power that contacts dissipate, in the last step"
+    ),
+    "drag_power": Quantity(
+        "W", _powers, attrgetter("drag_loss"), meaning="power that drag dissipates, in the last step"
+    ),
+    "outer_wall_force": _of_runs(
+        "N", partial(contacts.wall_force_sums, wall=OUTER), "sum of the contact forces on the outer wall"
+    ),
+    "inner_wall_force": _of_runs(
+        "N", partial(contacts.wall_force_sums, wall=INNER), "sum of the contact forces on the inner wall"
+    ),
+    "pile_height": _of_runs(
+        "m", packing.pile_heights, "highest point of a grain above the lowest point of the walls"
+    ),
+    "packing_fraction": _of_runs(
+        "", packing.packing_fractions, "share of the space below the mean height that grains fill"
+    ),
+    "coordination_number": Quantity(
+        "", contacts.coordination_number, meaning="mean number of contacts of a grain, walls included"
+    ),
+    "rattlers": Quantity(
+        "",
+        contacts.rattlers,
+        lambda found: float(np.count_nonzero(found)),
+        meaning="number of grains that their contacts do not hold",
+    ),
+    "pressure": Quantity("N/m", contacts.pressure, meaning="half the trace of the mean stress"),
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
     "stress_yy": _stress(1, 1),
     "stress_antisymmetric": _stress(0, 1, -1.0),
-    "mean_force": Quantity("N", contacts.force_statistics, attrgetter("mean")),
-    "largest_force": Quantity("N", contacts.force_statistics, attrgetter("largest")),
-    "force_deviation": Quantity("N", contacts.force_statistics, attrgetter("deviation")),
-    "mean_speed": Quantity("m/s", energy.mean_speed),
-    "largest_speed": Quantity("m/s", energy.largest_speed),
-    "granular_temperature": Quantity("m2/s2", energy.granular_temperature),
+    "mean_force": _force("mean", "mean of the forces"),
+    "largest_force": _force("largest", "largest force"),
+    "force_deviation": _force("deviation", "standard deviation of the forces"),
+    "mean_speed": Quantity("m/s", energy.mean_speed, meaning="mean speed of the grains"),
+    "largest_speed": Quantity("m/s", energy.largest_speed, meaning="speed of the fastest grain"),
+    "granular_temperature": Quantity(
+        "m2/s2", energy.granular_temperature, meaning="mean square of a component of v - <v>"
+    ),
 }
 """All quantities by name; powers and forces are those of the last step."""
 

@@ -115,7 +115,7 @@ class Recording(Shown):
             The frame does not exist, or contacts were not recorded.
         """
         if not -len(self) <= k < len(self):
-            raise InputError(f"there is no frame {k}: '{self.path}' has {len(self)}")
+            raise InputError(f"frame {k} does not exist: '{self.path}' has {len(self)} frames")
         if contacts and not self.has_forces:
             raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)

@@ -138,17 +138,19 @@ class Series:
         else:
             rows = read_table(path)
             if not rows or tuple(rows[0])[:2] != FIRST:
-                raise OutputError(f"'{path}' is there and is no series: it is not replaced")
+                raise OutputError(f"refusing to overwrite '{path}': not a series of warpgrains")
         if resume_at is None:
             return
         if rows and tuple(rows[0]) != (*FIRST, *self.names):
-            raise InputError(f"'{path}' is a series of other quantities")
+            raise InputError(
+                f"'{path}' has other columns than --measure: choose another --series, or the same --measure"
+            )
         try:
             kept = [row for row in rows if int(row["step"]) <= resume_at]
             self.rows = [{name: float(cell) for name, cell in row.items()} for row in kept]
         except (ValueError, TypeError):
-            raise InputError(f"'{path}' holds what is no number") from None
+            raise InputError(f"'{path}' holds a value that is not a number") from None
         for row in self.rows:
             row["step"] = int(row["step"])
         if not self.rows or self.rows[-1]["step"] <= resume_at - self.every:
-            raise InputError(f"'{path}' does not hold the rows before step {resume_at}, to continue from")
+            raise InputError(f"'{path}' lacks rows before step {resume_at}: the series cannot be continued")

@@ -66,7 +66,7 @@ def export(recording: str | Path, output: str | Path) -> int:
         writer.SetFileName(str(draft))
         writer.SetWriteAllTimeSteps(True)
         if not writer.Write():
-            raise OSError(f"'{output}' cannot be written")
+            raise OSError(f"'{output}' cannot be written: check its folder and the free space")
     return len(source)
 
 

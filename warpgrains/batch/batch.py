@@ -174,7 +174,7 @@ class Batch(Shown):
         each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
         if len(each) != len(self):
             raise InputError(
-                f"steps are {len(each)} numbers: a batch of {len(self)} scenes needs one of each"
+                f"steps has {len(each)} numbers: it must have one for each of the {len(self)} scenes"
             )
         wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
         criteria = [criterion(until, scene) for scene in self.scenes]

@@ -35,7 +35,7 @@ def run(arguments: Namespace) -> bool:
     path, plot = Path(arguments.output), _plot(arguments)
     if arguments.sweep is None:
         if plot is None:
-            raise InputError("SWEEP is missing, or --plot to draw the results that are there")
+            raise InputError("SWEEP is missing: give a sweep, or --plot to draw existing results")
         print(plot.draw(path / RESULTS))
         return False
     sweep = Sweep.load(arguments.sweep)
@@ -50,7 +50,7 @@ def run(arguments: Namespace) -> bool:
         with stdout_to_stderr():
             reasons = _finish(folder, sweep, left, len(share), arguments)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("to go on: the same command with --resume") from None
+        raise KeyboardInterrupt("to continue: the same command with --resume") from None
     finally:
         tables = folder.write_tables(sweep)
     rows = _summary(share, left, tables, reasons, perf_counter() - start)
@@ -92,7 +92,7 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
     """Return the runs of this process: all, or every `--count`-th one from `--index`."""
     index, count = arguments.index, arguments.count
     if (index is None) != (count is None):
-        raise InputError("--index and --count go together")
+        raise InputError("--index and --count must be given together")
     if count is None:
         return sweep.runs
     count = checks.whole_number("--count", count)
@@ -146,8 +146,8 @@ def _summary(
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
-        "not finished": f"{len(missing)}{' (--resume goes on)' if missing else ''}{_first(missing)}",
-        "not converged": f"some step of {len(own & tables.unconverged)} runs",
+        "not finished": f"{len(missing)}{' (continue with --resume)' if missing else ''}{_first(missing)}",
+        "not converged": f"{len(own & tables.unconverged)} runs, in one step or more",
     }
     if tables.unmet is not None:
         rows["not at rest"] = f"{len(own & tables.unmet)} runs"

@@ -39,18 +39,22 @@ def grade(arguments: Namespace) -> int:
     if arguments.template is not None:
         others = ("homework", "output", "json", "strict", "html")
         if any(getattr(arguments, name) for name in others):
-            raise InputError("--template goes alone: it writes an empty homework")
+            raise InputError(
+                "--template takes no other option and no HOMEWORK: it only writes an empty homework"
+            )
         print("\n".join(map(str, write_template(Path(arguments.template)))))
         return RIGHT
     if arguments.homework is None:
-        raise InputError("HOMEWORK is missing, or --template to write an empty one")
+        raise InputError(
+            "HOMEWORK is missing: give a file or a folder, or --template to write an empty homework"
+        )
     path = Path(arguments.homework)
     return _grade_folder(path, arguments) if path.is_dir() else _grade_one(path, arguments)
 
 
 def _grade_one(path: Path, arguments: Namespace) -> int:
     if arguments.output is not None:
-        raise InputError("-o needs a folder of homeworks; --json prints the verdict on one")
+        raise InputError("-o needs a folder of homeworks: for one homework, use --json")
     if arguments.html is not None:
         _require_pages(Path(arguments.html))
     verdict = _grade_all([path], arguments.strict)[0]
@@ -140,7 +144,7 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
 def _require_table(output: Path) -> None:
     """Raise OutputError if the file exists and is no table of grades."""
     if output.exists() and not {"file", "status", "mistakes"} <= set((read_table(output) or [{}])[0]):
-        raise OutputError(f"'{output}' is there, and no table of grades: it is left as it is")
+        raise OutputError(f"refusing to overwrite '{output}': not a table of grades")
 
 
 def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str:

@@ -59,9 +59,9 @@ def run(arguments: Namespace) -> bool:
 def _step_by_step(arguments: Namespace) -> bool:
     """Run a scene interactively, one step per key press."""
     if arguments.scene is None:
-        raise InputError("SCENE is missing")
+        raise InputError("SCENE is missing: give a file or a name, listed by `warpgrains scenes`")
     for name in _given(arguments, *FLAGS, "resume", "json"):
-        raise InputError(f"{FLAGS.get(name, f'--{name}')} cannot go with --step-by-step")
+        raise InputError(f"{FLAGS.get(name, f'--{name}')} cannot be combined with --step-by-step")
     scene = _scene(arguments)
     step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
     return False
@@ -93,15 +93,15 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
 def _commands_to_continue(options: RunOptions) -> Iterator[str]:
     """Yield the commands that continue an interrupted run, or recover its frames."""
     if options.checkpoint is not None and Path(options.checkpoint).exists():
-        yield f"to go on: warpgrains run --resume {shlex.quote(options.checkpoint)}"
+        yield f"to continue: warpgrains run --resume {shlex.quote(options.checkpoint)}"
     if options.record is not None and Path(f"{options.record}.frames").exists():
-        yield f"for the frames so far: warpgrains recover {shlex.quote(options.record + '.frames')}"
+        yield f"to recover the frames so far: warpgrains recover {shlex.quote(options.record + '.frames')}"
 
 
 def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
     """Return the initial checkpoint and the options of a new run, after locking its checkpoint."""
     if arguments.scene is None:
-        raise InputError("SCENE is missing, or --resume FILE")
+        raise InputError("SCENE is missing: give a scene, or --resume FILE to continue a run")
     given = _given(arguments, *FLAGS)
     _require_needed(given)
     scene = _scene(arguments)
@@ -120,7 +120,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     Locks that checkpoint and the one that the run will write.
     """
     for name in _given(arguments, *KEPT):
-        raise InputError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
+        raise InputError(f"{KEPT[name]} cannot be combined with --resume: a resumed run keeps its options")
     kept, other = Path(arguments.resume), arguments.checkpoint
     start = read_checkpoint(kept)
     if start.options is not None:
@@ -132,7 +132,9 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     planned = start.scene.steps if start.options is None else begun_at + start.options.steps
     end = _steps(start.scene, arguments) or planned
     if end < start.state.steps:
-        raise InputError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
+        raise InputError(
+            f"the run cannot end at step {end}: its checkpoint is already at step {start.state.steps}"
+        )
     options = start.options or RunOptions(steps=planned)
     spacing = _spacing(arguments.every, options.checkpoint or other, options.series)
     return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint"), **spacing)
@@ -145,7 +147,7 @@ def _require_needed(given: dict[str, Any]) -> None:
         if name == "every" or needed is None or needed in given:
             continue
         if OPTIONS[needed].metadata["needs"] == name:
-            raise InputError("--measure and --series go together")
+            raise InputError("--measure and --series must be given together")
         raise InputError(f"{FLAGS[name]} needs {FLAGS[needed]}")
 
 
@@ -189,7 +191,9 @@ def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arg
 
     simulation = continued(Simulation, start.scene, start.state, arguments.device, arguments.threads)
     if not simulation.is_compiled:
-        print("compiling kernels for such a scene, this first time only ...", file=sys.stderr, flush=True)
+        print(
+            "compiling kernels for this kind of scene, the first time only ...", file=sys.stderr, flush=True
+        )
     simulation.compile()
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning  # type: ignore[assignment]

@@ -30,7 +30,7 @@ _BAD_INPUT, _NOT_WRITTEN = 2, 3
 
 
 def run_sandboxed(function: str, path: str, **arguments: Any) -> Any:
-    """Call a function, such as "usd.check.inspect_recording", with a recording, in a subprocess.
+    """Call a function, such as "usd.check.report_on_recording", with a recording, in a subprocess.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def run_sandboxed(function: str, path: str, **arguments: Any) -> Any:
                 command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=remarks, timeout=seconds
             )
         except subprocess.TimeoutExpired:
-            raise InputError(f"recording '{path}' is not read within {seconds:.0f} s") from None
+            raise InputError(f"recording '{path}' could not be read within {seconds:.0f} s") from None
         if done.returncode == _BAD_INPUT:
             raise InputError(json.loads(done.stdout))
         if done.returncode == _NOT_WRITTEN:

@@ -34,9 +34,9 @@ def init(arguments: Namespace) -> bool:
     """Write a new scene file in which every key is explained."""
     path = Path(arguments.file)
     if path.exists():
-        raise OutputError(f"'{path}' is there: it is not replaced")
+        raise OutputError(f"refusing to overwrite '{path}': choose another name, or delete it")
     require_writable_path("scene", path, ".toml")
-    text = f"# A scene to begin with, made from {arguments.base}. Try: warpgrains run {path}\n"
+    text = f"# A scene to start from, made from {arguments.base}. Try: warpgrains run {path}\n"
     write_atomically(path, (text + commented(read_document(arguments.base))).encode())
     print(path)
     return False

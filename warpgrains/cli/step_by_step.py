@@ -52,7 +52,7 @@ def step_by_step(scene: Scene, steps: int, arguments: Namespace) -> None:
 def _require_history(output: Path) -> None:
     """Raise InputError if the file exists and is no history."""
     if output.exists() and not output.read_bytes().startswith(",".join(_HISTORY).encode()):
-        raise InputError(f"'{output}' is there, and no history: it is left as it is")
+        raise InputError(f"refusing to overwrite '{output}': not a history of warpgrains")
 
 
 def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[str, Any]]:

@@ -11,11 +11,11 @@ from warpgrains.pictures.kinds import FILMS, require_drawing
 
 
 def check(arguments: Namespace) -> bool:
-    """Print the problems of a recording, one per line."""
-    problems = run_sandboxed("usd.check.inspect_recording", arguments.file)
-    for problem in problems or ["nothing is wrong"]:
-        print(f"{arguments.file}: {problem}")
-    return bool(problems)
+    """Print each problem of a recording on one line, or its size if it has none."""
+    lines = run_sandboxed("usd.check.report_on_recording", arguments.file)
+    for line in lines:
+        print(f"{arguments.file}: {line}")
+    return not lines[0].startswith("OK: ")
 
 
 def recover(arguments: Namespace) -> bool:

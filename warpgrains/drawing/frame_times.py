@@ -41,7 +41,7 @@ class FrameTimes:
             The rate is not a positive finite number.
         """
         if not 0 < wanted < float("inf"):
-            raise InputError(f"frames per second must be a positive number, not {wanted}")
+            raise InputError(f"frames per second is {wanted}: it must be greater than 0")
         return cls(dt, min(float(wanted), float(1 / _as_written(dt))))
 
     def step(self, k: int) -> int:

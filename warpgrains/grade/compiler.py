@@ -50,7 +50,7 @@ def read_homework(source: Path) -> bytes:
     except OSError as error:
         raise InputError(f"'{source}' cannot be read: {error.strerror}") from None
     if len(text) > _LONGEST:
-        raise InputError(f"'{source}' is no homework: it has more than {_LONGEST} bytes")
+        raise InputError(f"'{source}' is too large for a homework: it has more than {_LONGEST} bytes")
     return text
 
 
@@ -87,7 +87,7 @@ class Compiler:
         try:
             self._run(["cc", *_FLAGS, str(_HERE / "fence.c"), "-o", str(self._fence)], folder)
         except CompileError as error:
-            raise InputError(f"the C compiler fails: {error}") from None
+            raise InputError(f"the C compiler failed: {error}") from None
         self._readable = [str(path) for path in (self._headers, *toolchain_paths())]
         self.is_fenced = self._has_fence(folder / "trial")
 
@@ -163,11 +163,11 @@ class Compiler:
                     stderr=output,
                 )
             except FileNotFoundError:
-                raise InputError("a C compiler called `cc` is needed, and there is none") from None
+                raise InputError("no C compiler was found: install one as `cc`") from None
             try:
                 code = process.wait(seconds)
             except subprocess.TimeoutExpired:
-                raise CompileError(f"error: the compiler does not end within {seconds:.0f} s") from None
+                raise CompileError(f"error: the compiler did not finish within {seconds:.0f} s") from None
             finally:
                 self._processes.end(process)
             output.seek(0)

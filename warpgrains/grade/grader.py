@@ -24,7 +24,7 @@ from warpgrains.grade.words import Words
 from warpgrains.reference.reference import SOURCE
 
 _UNCONFINED = "filter of system calls: homeworks can open files and start processes"
-_UNFENCED = "fence around the compiler: homeworks can include any file that you can read"
+_UNFENCED = "Landlock for the compiler: homeworks can include any file that you can read"
 _UNKNOWN = "no known mistake explains it"
 _UNGUARDED = (
     "the lines #ifndef NOUPDATE, #ifndef NOCONTACTITERATE and #endif around the two functions are missing or "
@@ -146,7 +146,10 @@ class Grader:
         parts = [self._part(part, libraries, until) for part in (UPDATE, CONTACT)]
         both = self._part(BOTH, libraries, until, all(part.ended is None for part in parts))
         if both.status == "wrong" and all(part.status == "right" for part in parts):
-            both = replace(both, remark=Words("each is right alone: do they keep something between calls?"))
+            both = replace(
+                both,
+                remark=Words("each function is right alone: does one of the two keep a value between calls?"),
+            )
         parts.append(both)
         warnings = tuple(dict.fromkeys(warning for part in parts for warning in part.warnings))
         wrong = b"".join(part.values for part in parts)

@@ -65,7 +65,9 @@ class Pages:
         parts.append(f"<h2>{self._say(Words('Mistakes'))}</h2>")
         parts.append(self._table([Words("mistake"), Words("homeworks")], names.most_common()))
         parts.append(f"<h2>{self._say(Words('The same wrong values, to the last bit'))}</h2>")
-        parts.append(f"<p>{self._say(Words('A common mistake in a common style does so as well.'))}</p>")
+        parts.append(
+            f"<p>{self._say(Words('A common mistake in a common style gives the same values, too.'))}</p>"
+        )
         parts += [f"<p>{', '.join(files)}</p>" for files in groups] or [f"<p>{self._say(Words('none'))}</p>"]
         parts.append(f"<h2>{self._say(Words('All homeworks'))}</h2>")
         heads = ("file", "verdict", "mistakes", "time [s]")

@@ -40,21 +40,21 @@ _FORBIDDEN = (
     "opens or changes a file",
     "starts a process or a thread",
     "opens a network connection",
-    "takes more memory than it may",
+    "uses more memory than allowed",
     "aborts (a failed assert, or memory freed twice or written beyond its end)",
     "reads the keyboard or asks for a terminal (getchar, scanf, isatty)",
     "waits (sleep, usleep)",
     "sends a signal (kill)",
 )
 _CRASHES = {
-    "SIGSEGV": "crashes: reads or writes where there is no memory, or calls itself without end (SIGSEGV)",
+    "SIGSEGV": "crashes: reads or writes outside of its memory, or calls itself without end (SIGSEGV)",
     "SIGFPE": "crashes: divides a whole number by zero (SIGFPE)",
 }
 _EXITS = {
     "SIGXFSZ": "prints more than a megabyte",
     "SIGXCPU": "computes for too long",
     "SIGKILL": "computes for too long",
-    "SIGSYS": "makes a system call that it may not, such as starting a program",
+    "SIGSYS": "makes a system call that is not allowed, such as starting a program",
 }
 
 
@@ -286,7 +286,7 @@ class Child:
         if kind == _CALLED:
             known = 0 <= what < len(_FORBIDDEN)
             raise EndedError(
-                _FORBIDDEN[what] if known else "makes system call {where}, which it may not", where=where
+                _FORBIDDEN[what] if known else "makes system call {where}, which is not allowed", where=where
             )
         if kind == _CRASHED:
             raise _crash(what)
@@ -301,7 +301,7 @@ class Child:
                 "does not end within {seconds} s: an endless loop", seconds=f"{self._limits.seconds:g}"
             )
         if kind != _ANSWERED:
-            raise EndedError("sends something that is no answer")
+            raise EndedError("sends an invalid answer")
         return what, calls, zeta
 
     def _receive_numbers(self, count: int) -> FloatArray:
@@ -337,7 +337,9 @@ class Child:
         if not ready.poll(1e3 * self._left()):
             if self._call_until == self._until:
                 limit = f"{self._limits.total:g}"
-                raise EndedError("takes more than {seconds} s, compiled and run in all scenes", seconds=limit)
+                raise EndedError(
+                    "takes more than {seconds} s to compile and run in all scenes", seconds=limit
+                )
             raise EndedError("does not answer within {seconds} s", seconds=f"{self._limits.patience:g}")
 
     def _left(self) -> float:

@@ -23,7 +23,7 @@ def write_template(folder: Path) -> list[Path]:
     targets = [folder / source.name for source in _SOURCES]
     for target in targets:
         if target.exists():
-            raise OutputError(f"'{target}' is there: it is left as it is, and nothing is written")
+            raise OutputError(f"refusing to overwrite '{target}': nothing was written")
     for source, target in zip(_SOURCES, targets, strict=True):
         write_atomically(target, source.read_bytes())
     return targets

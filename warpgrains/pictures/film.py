@@ -160,7 +160,7 @@ class FilmWriter:
 
     def _finish(self) -> None:
         if self._encoder is None:
-            raise ValueError(f"nothing was drawn for '{self._path}'")
+            raise ValueError(f"no frame was drawn for '{self._path}'")
         self._encoder.finish()
         if self._encoded != self._path:
             palette = self._encoded.with_name("palette.png")

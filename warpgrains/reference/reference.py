@@ -51,7 +51,9 @@ def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
     try:
         subprocess.run(command, check=True, capture_output=True, text=True)
     except FileNotFoundError as error:
-        raise RuntimeError("the C reference needs a C compiler called `cc`, and there is none") from error
+        raise RuntimeError(
+            "the C reference needs a C compiler, and none was found: install one as `cc`"
+        ) from error
     except subprocess.CalledProcessError as error:
         raise RuntimeError(f"`{' '.join(command)}` failed:\n{error.stderr}") from error
     built = ctypes.CDLL(str(library))
@@ -93,7 +95,7 @@ class Reference:
         self._arrays["speedDiscs"] = np.zeros(len(discs))
         self._arrays["speedDiscs"][: len(circles)] = -scene.radius_in * scene.angular_velocity_in
         rotating = (
-            scene.spin.copy(),
+            scene.spin_at_start.copy(),
             *np.zeros((2, n)),
             *map(np.zeros, (n * (n - 1) // 2, n, n * len(discs))),
         )

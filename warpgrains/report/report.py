@@ -39,9 +39,9 @@ than {longest} s is timed once, and no more iterations are tried. C reference: {
 
 The error of a step is the largest difference of a velocity component from the exact solution of the step's
 convex problem, found by clarabel. A step is solved with 1, 3, 10, 30, ... iterations, and by the exact method
-to ever smaller residuals, where iterations are sweeps and factorizations; the tables give the first of these
-whose error is below a thousandth and a millionth of that of the free velocities (of a step without contacts),
-and the wall time of the step. The rows are in steps.csv, trajectories.csv and
+to ever smaller residuals, where iterations are sweeps and factorizations. The tables give the first number of
+iterations whose error is below 1e-3 and 1e-6 of that of the free velocities (of a step without contacts), and
+the wall time of the step. The rows are in steps.csv, trajectories.csv and
 frontier.csv, all in m, s and m/s.
 """
 
@@ -85,11 +85,14 @@ def _prepare(scenes: Sequence[Scene], folder: Path) -> None:
     names = [scene.name for scene in scenes]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"two scenes are called '{name}': a report tells scenes apart by their names")
+            raise InputError(
+                f"two scenes have the name '{name}': rename one, because a"
+                " report identifies scenes by their names"
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
     require_writable_folder(folder)
 
 
@@ -170,8 +173,8 @@ def _path_text(paths: Sequence[PathRow]) -> str:
         fit = "no error to fit an order to" if order is None else f"error of order {order:.2f} in dt"
         fits.append(f"{scheme}: {fit}, {shortest.error:.1e} m at dt {shortest.dt:.2g} s")
     return (
-        f"Trajectories over {paths[0].horizon:.3g} s from the first contact (four of the scene's own"
-        " steps, and on while two of fine steps stay within 1 % of the smallest radius of each other)."
+        f"Trajectories cover {paths[0].horizon:.3g} s from the first contact: four steps of the scene, and"
+        " more while two trajectories with fine steps differ by less than 1 % of the smallest radius."
         f" {'; '.join(fits)}."
     )
 

@@ -85,7 +85,9 @@ def follow_history(scene: Scene, longest: int) -> History:
             most_iterations = report.iterations
             hardest = HistoryStep("hardest", state, report.contacts)
     if not records:
-        raise InputError(f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps")
+        raise InputError(
+            f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps: choose one with contacts"
+        )
     onset = next(record for record in records if 2 * record.contacts >= records[-1].contacts)
     by_step = {snapshot.state.steps: snapshot for snapshot in (end, hardest, onset) if snapshot.contacts}
     return History(records[0].state, hardest.state, [by_step[step] for step in sorted(by_step)])

@@ -65,7 +65,7 @@ def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHO
         raise InputError(f"{field} is {shown(value)}: it must be a whole number")
     converted = int(value)
     if not least <= converted <= most:
-        found = str(converted) if abs(converted) < 10**30 else "an immense number"
+        found = str(converted) if abs(converted) < 10**30 else "a number of more than 30 digits"
         raise InputError(f"{field} is {found}: it must be between {least} and {most}")
     return converted
 
@@ -78,7 +78,7 @@ def thread_count(field: str, value: Any) -> int:
 def text(field: str, value: Any) -> str:
     """Return `value` if it is a str."""
     if not isinstance(value, str):
-        raise InputError(f"{field} is {shown(value)}: it must be a text")
+        raise InputError(f"{field} is {shown(value)}: it must be a string")
     return value
 
 
@@ -115,8 +115,8 @@ def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
     known = list(known)
     found = [name for name in known if name in given]
     if len(found) != 1:
-        has = " and ".join(found) or "none of them"
-        raise InputError(f"{what} has {has}: it needs one of {', '.join(known)}")
+        has = " and ".join(found) or "none"
+        raise InputError(f"{what} needs exactly one of {', '.join(known)}: it has {has}")
     return found[0]
 
 
@@ -198,7 +198,7 @@ def _floats(field: str, value: Any) -> FloatArray:
     try:
         array = np.asarray(value)
     except ValueError:
-        raise InputError(f"{field} is ragged: every grain must have as many numbers") from None
+        raise InputError(f"{field} is ragged: every grain must have the same number of values") from None
     if array.dtype.kind not in "iuf" and array.size > 0:
         raise InputError(f"{field} holds {array.dtype.name} values: it must hold real numbers")
     return np.array(array, dtype=np.float64, order="C")

@@ -145,7 +145,7 @@ def toml_value(value: Any) -> str:
         case dict():
             pairs = (f"{_key(key)} = {toml_value(item)}" for key, item in value.items())
             return f"{{{', '.join(pairs)}}}"
-    raise InputError(f"{value!r} is a {type(value).__name__}: no scene holds one")
+    raise InputError(f"{value!r} is a {type(value).__name__}: a scene file cannot hold it")
 
 
 def require_toml_numbers(value: Any) -> None:
@@ -171,6 +171,6 @@ def _key(key: str) -> str:
 def _quoted(text: str) -> str:
     """Return a text in quotes on one line, with all but ASCII escaped."""
     if any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise InputError(f"{text!r} is no text: it cannot be written")
+        raise InputError(f"{text!r} is not valid text: it cannot be written")
     letters = (f"\\U{ord(letter):08x}" if letter > "\uffff" else json.dumps(letter)[1:-1] for letter in text)
     return f'"{"".join(letters)}"'.replace("\x7f", "\\u007f")

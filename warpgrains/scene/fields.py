@@ -92,8 +92,8 @@ class SceneFields:
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
     radius_out: float = _key("Radius of the outer wall [m].", "domain")
     wall: str = _key(
-        'Model of the outer wall within a step: its "tangent", the text\'s, on which a sliding grain ends'
-        ' (v dt)^2 / (2 radius_out) outside the circle, or "round", the circle itself.',
+        'Outer wall in a step: "tangent", the tangent at the grain, as in the course text, on which a grain'
+        ' leaves the circle by (v dt)^2 / (2 radius_out); or "round", the circle itself.',
         "domain",
         default="tangent",
     )
@@ -110,7 +110,7 @@ class SceneFields:
         default=0.0,
     )
     walls: Walls = _key(
-        'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
+        'Obstacles inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
         " `Disc(center, radius)`: fixed discs that grains touch from outside.",
         check=lambda field, value: checked_walls(field, value),
         default=(),
@@ -140,20 +140,20 @@ class SceneFields:
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)
     duration: float = _key("Simulated time of a whole run [s].", "time", checks.positive, default=1.0)
     scheme: str = _key(
-        'Time scheme: "text", of first order in dt, or "leapfrog", of second order, whose velocities belong'
-        " to the middle of a step (see `State`).",
+        'Time integration: "text", of first order in dt, or "leapfrog", of second order, whose'
+        " velocities are those of the middle of a step (see `State`).",
         "time",
         SCHEMES,
         default="text",
     )
     tolerance: float = _key(
-        "The contact iteration stops when no correction changes by more than this [m/s] ...",
+        "Bound at which the contact iteration stops [m/s], see `stop`.",
         "solver",
         checks.not_negative,
         default=1e-6,
     )
     max_iterations: int = _key(
-        "... or after this number of iterations.", "solver", checks.whole_number, default=10_000
+        "Largest number of iterations in a step.", "solver", checks.whole_number, default=10_000
     )
     order: str = _key(
         'Order in which an iteration visits the contacts: "sequential" or "color".',
@@ -162,23 +162,22 @@ class SceneFields:
         default="sequential",
     )
     method: str = _key(
-        'Method of the contact iteration: "gauss-seidel", the text\'s; "accelerated", with momentum; or'
-        ' "exact", which also solves slow steps by an interior point method, with the extra ``[exact]``.',
+        'Method of the contact iteration: "gauss-seidel", as in the course text; "accelerated", the same with'
+        ' momentum; or "exact", which solves steps directly where sweeps are slow (extra ``[exact]``).',
         "solver",
         METHODS,
         default="gauss-seidel",
     )
     stop: str = _key(
-        'Quantity that tolerance bounds: "zeta", the text\'s, or "residual", the error (see `StepReport`). By'
-        ' default it is zeta for "gauss-seidel" and the residual for the others; for "exact" it is always the'
-        " residual.",
+        'Quantity that the tolerance bounds: "zeta", the last change of a correction, or "residual", an error'
+        ' bound. The default is zeta for "gauss-seidel" and the residual for the others.',
         "solver",
         STOPS,
         default="default",
     )
     on_unconverged: str = _key(
-        'Action if a step misses its tolerance after `max_iterations`: "report" it and continue, or "raise"'
-        " `SimulationError` and keep the state before the step.",
+        'Reaction to a step above its tolerance after `max_iterations`: "report" it and continue, or'
+        ' "raise" `SimulationError` and leave the state as it was before the step.',
         "solver",
         UNCONVERGED,
         default="report",
@@ -251,13 +250,15 @@ def checked_grains(scene: SceneFields) -> dict[str, Any]:
     velocity = checks.vectors("velocity", velocity)
     n = len(position)
     if len(velocity) != n:
-        raise InputError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
+        raise InputError(
+            f"velocity has shape {velocity.shape}: it must be that of position, {position.shape}"
+        )
     return {
         "position": position,
         "velocity": velocity,
         "radius": checks.positive_per_grain("radius", scene.radius, n),
         "mass": checks.positive_per_grain("mass", scene.mass, n),
-        "spin": checks.per_grain("spin", 0.0 if scene.spin is None else scene.spin, n),
+        "spin": None if scene.spin is None else checks.per_grain("spin", scene.spin, n),
         **Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict(),
     }
 
@@ -280,7 +281,8 @@ def _require_size(scene: "Scene") -> None:
     if scene.radius_out / MOST_RADII >= smallest:
         raise InputError(
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
-            f" grain {int(np.argmin(scene.radius))}, {smallest} m, for positions to have digits for a gap"
+            f" grain {int(np.argmin(scene.radius))}, {smallest} m, because"
+            " float64 positions could not resolve gaps"
         )
     scene.annulus.require_size()
 
@@ -319,12 +321,12 @@ def _require_friction(scene: "Scene") -> None:
                 f' {float(inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
             )
         with np.errstate(over="ignore"):
-            too_fast = ~np.isfinite(scene.spin * scene.radius)
+            too_fast = ~np.isfinite(scene.spin_at_start * scene.radius)
         if too_fast.any():
-            grain = checks.of_grain("spin", scene.spin, too_fast)
+            grain = checks.of_grain("spin", scene.spin_at_start, too_fast)
             raise InputError(f"{grain}: the speed of its rim is not finite")
         return
-    if scene.spin.any():
+    if scene.spin is not None and scene.spin.any():
         raise InputError(
             f"{checks.of_grain('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
         )
@@ -340,11 +342,11 @@ def _require_short_step(scene: "Scene") -> None:
     lightest = int(np.argmin(scene.mass))
     if scene.scheme == "text":
         raise InputError(
-            f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would turn round grain {lightest}"
+            f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
             f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
         )
     if not isfinite(lost):
         raise InputError(
-            f"drag is {scene.drag} kg/s: times dt, {scene.dt} s, it is no number in masses of"
-            f" grain {lightest}, {mass} kg"
+            f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {scene.dt} s and"
+            f" grain {lightest} of mass {mass} kg"
         )

@@ -29,7 +29,7 @@ def require_distinct(field: str, position: FloatArray) -> None:
     if same.any():
         first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
         place = tuple(position[second].tolist())
-        raise InputError(f"{field} of grain {second} is {place}: grain {first} has the same centre")
+        raise InputError(f"{field} of grain {second} is {place}: grain {first} has the same center")
 
 
 def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) -> FloatArray:

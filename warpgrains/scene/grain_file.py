@@ -30,7 +30,9 @@ def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
     """
     grains = _read(folder, name)
     if "position" not in grains:
-        raise InputError(f"grains.file {name!r} has no positions")
+        raise InputError(
+            f"grains.file {name!r} has no positions: it needs an array position, or columns x and y"
+        )
     return grains
 
 
@@ -43,7 +45,7 @@ def read_radii(folder: Path, table: dict[str, Any]) -> list[float]:
         The file cannot be read or holds no radii.
     """
     if len(table) > 1:
-        raise InputError(f"grains.radius is {table!r}: with file it has no other keys")
+        raise InputError(f"grains.radius is {table!r}: next to file it takes no other key")
     grains = _read(folder, table["file"])
     if "radius" not in grains:
         raise InputError(f"grains.radius: file {table['file']!r} has no radii")

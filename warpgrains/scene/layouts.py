@@ -25,7 +25,7 @@ MOST_ADDED = 0.54  # largest packing fraction of random sequential addition here
 COMMON = {
     "count": "Number of grains.",
     "radius": "Radius of every grain [m].",
-    "spacing": "Distance of neighbours, centre to centre, in radii.",
+    "spacing": "Distance of neighbors, center to center, in radii.",
 }
 """Keys that several layouts share, and their meanings."""
 
@@ -83,9 +83,7 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     reach = walls.radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
     if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
-        raise InputError(
-            f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} places"
-        )
+        raise InputError(f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} sites")
     row = np.arange(floor(2 * reach / rise) + 1)[:, np.newaxis]
     half = floor(reach / pitch) + 1
     column = np.arange(-half, half + 1)
@@ -159,7 +157,10 @@ def _random_radii(
     given = listed_radii(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
-            raise InputError(f"grains.radius is a list of {len(given)}: that is how many grains there are")
+            raise InputError(
+                f"grains.radius is a list of {len(given)}: its length is the number of"
+                " grains, so omit grains.count and grains.packing_fraction"
+            )
         return given
     if (count is None) == (fraction is None):
         raise InputError("layout 'random' needs one of grains.count and grains.packing_fraction")
@@ -230,6 +231,6 @@ def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> An
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch
         if abs(y) > reach:
-            raise InputError(f"grains.count is {count}: the rows have room for {count - missing} grains only")
+            raise InputError(f"grains.count is {count}: only {count - missing} grains fit in the rows")
         widths.append(1 + floor(min(MOST_GRAINS, 2.0 * sqrt(reach * reach - y * y) / pitch)))
     return np.array(widths)

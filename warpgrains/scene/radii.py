@@ -104,7 +104,10 @@ def _bounded(
             radius[bad] = draw(*parameters, len(bad))
             rounds += 1
             if rounds > 1.0 / LEAST_KEPT:
-                raise InputError(f"grains.radius: hardly a radius drawn is between {low} and {high} m")
+                raise InputError(
+                    f"grains.radius: less than {LEAST_KEPT:.1%} of the radii drawn"
+                    f" are between {low} and {high} m"
+                )
         return radius
 
     return drawn

@@ -21,8 +21,8 @@ from warpgrains.scene.walls import Annulus
 
 SOURCES = {
     "layout": f"Where grains start: the name of a layout, one of {', '.join(LAYOUTS)}. Or:",
-    "position": "centres of the grains [m], a list of pairs; or:",
-    "file": "name of an .npz or .csv file of grains, beside the scene.",
+    "position": "centers of the grains [m], a list of pairs; or:",
+    "file": "name of an .npz or .csv file of grains, relative to the scene file.",
 }
 """Keys that give the positions of the grains; a scene file has exactly one of them."""
 PROPERTIES = {
@@ -107,7 +107,7 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
         raise InputError("grains.radius is missing")
     _set_once(grains, _with_mass(table, grains), "mass")
     if "mass" not in grains:
-        raise InputError("grains.mass or grains.density is missing")
+        raise InputError("grains.mass or grains.density is missing: give one of them")
     return grains
 
 
@@ -134,7 +134,7 @@ def _with_mass(table: Table, grains: Table) -> Table:
     if "density" not in table:
         return table
     if "mass" in table:
-        raise InputError("[grains] has mass and density: it needs one of them")
+        raise InputError("[grains] has mass and density: give only one")
     radius = checks.positive_per_grain("radius", grains["radius"], len(grains["position"]))
     return {"mass": checks.positive("grains.density", table["density"]) * np.pi * radius**2}
 
@@ -142,7 +142,7 @@ def _with_mass(table: Table, grains: Table) -> Table:
 def _set_once(grains: Table, table: Table, key: str) -> None:
     if key in table:
         if key in grains:
-            raise InputError(f"grains.{key} is given twice: in the scene and in its file")
+            raise InputError(f"grains.{key} is given twice, in the scene and in its file: remove one")
         grains[key] = table[key]
 
 

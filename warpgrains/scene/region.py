@@ -75,7 +75,7 @@ def region_of(walls: Annulus, given: Any, field: str = "grains.region") -> Regio
     x, y = (ranges.get(key, (-np.inf, np.inf)) for key in ("x", "y"))
     region = Region(Annulus(near, far), (x[0], y[0]), (x[1], y[1]))
     if not (region.box[0] < region.box[1]).all() or region.area <= 0.0:
-        raise InputError(f"{field} is {given!r}: there is no space between the walls in it")
+        raise InputError(f"{field} is {given!r}: no point between the walls lies in it")
     return region
 
 

@@ -98,7 +98,7 @@ class Scene(SceneFields, Shown):
             overrides = (overrides,)
         elif not np.iterable(overrides) or isinstance(overrides, Mapping):
             given = checks.shown(overrides)
-            raise InputError(f"overrides is {given}: it must be texts such as 'physics.drag=0.1'")
+            raise InputError(f"overrides is {given}: it must be strings such as 'physics.drag=0.1'")
         texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
         path = Path(checks.path("scene", name_or_path))
         return cls(**scene_fields(read_text(path, "scene"), path, texts))
@@ -180,6 +180,11 @@ class Scene(SceneFields, Shown):
     def friction_at_walls(self) -> float:
         """Coefficient of friction between grains and walls."""
         return self.friction if self.wall_friction is None else self.wall_friction
+
+    @property
+    def spin_at_start(self) -> FloatArray:
+        """Angular velocities at the start [rad/s], shape (n,): `spin`, or 0."""
+        return np.zeros(self.n) if self.spin is None else self.spin
 
     @property
     def has_two_circles(self) -> bool:

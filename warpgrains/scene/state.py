@@ -131,7 +131,9 @@ def first_state(scene: Scene) -> State:
     corrections = Corrections(nobody, nothing, nobody, nothing)
     if not scene.has_friction:
         return State(0, scene.position, scene.velocity, corrections)
-    return State(0, scene.position, scene.velocity, corrections, spin=scene.spin, angle=np.zeros(scene.n))
+    return State(
+        0, scene.position, scene.velocity, corrections, spin=scene.spin_at_start, angle=np.zeros(scene.n)
+    )
 
 
 def require_state(state: State, scene: Scene) -> None:
@@ -183,7 +185,7 @@ def _require_lists(lists: VerletList, n: int, walls: Sequence[int]) -> None:
     for name, shape in shapes.items():
         _require_array(name, getattr(lists, name), np.float64, shape)
         if np.isnan(getattr(lists, name)).any():
-            raise InputError(f"{name} of the state holds what is no number")
+            raise InputError(f"{name} of the state holds NaN")
 
 
 def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_circles: bool) -> None:
@@ -191,14 +193,14 @@ def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_cir
     body, listed = (body_of(of.wall[:, 1], two_circles) for of in (corrections, lists))
     walls = np.isin(corrections.wall[:, 0] + n * body, lists.wall[:, 0] + n * listed)
     if not (pairs.all() and walls.all()):
-        raise InputError("a contact of the state carries a correction and is not listed")
+        raise InputError("a contact of the state carries a correction but is not in the list of contacts")
 
 
 def _require_pairs(name: str, pair: IntArray, n: int) -> None:
     _require_array(name, pair, np.int32, (_length(pair), 2))
     i, j = pair.T
     if not ((i >= 0) & (i < j) & (j < n)).all():
-        raise InputError(f"{name} of the state is not of grains i < j of {n}")
+        raise InputError(f"{name} of the state must name grains i < j below {n}")
     _require_ascending(name, _keys(pair, n), n * n)
 
 
@@ -206,7 +208,7 @@ def _require_walls(name: str, wall: IntArray, n: int, walls: Sequence[int]) -> N
     _require_array(name, wall, np.int32, (_length(wall), 2))
     grain, number = wall.T
     if not ((grain >= 0) & (grain < n) & np.isin(number, walls)).all():
-        raise InputError(f"{name} of the state is not of a grain of {n} and a wall that the scene has")
+        raise InputError(f"{name} of the state must name a grain below {n} and a wall of the scene")
     most = max(walls) + 1
     _require_ascending(name, grain.astype(np.int64) * most + number, n * most)
 
@@ -215,7 +217,7 @@ def _require_ascending(name: str, values: np.ndarray[Any, Any], end: int) -> Non
     """Raise InputError unless values ascend strictly within [0, end)."""
     bounded = np.concatenate([[-1], values, [end]])
     if not (np.diff(bounded) > 0).all():
-        raise InputError(f"{name} of the state is not in ascending order")
+        raise InputError(f"{name} of the state must be in ascending order")
 
 
 def _length(array: Any) -> int:

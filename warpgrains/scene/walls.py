@@ -121,7 +121,7 @@ class Annulus(NamedTuple):
             grain = checks.of_grain("radius", radius, too_large)
             raise InputError(f"{grain}: at most {self.largest_radius} m fit between the walls")
         demands = (
-            (rho == 0.0, "the origin is no place for a grain: the walls have no direction there"),
+            (rho == 0.0, "a grain cannot be at the origin: the normal of the walls is undefined there"),
             (rho > self.radius_out, f"it is outside the outer wall, radius_out {self.radius_out} m"),
             (rho < self.radius_in, f"it is inside the inner wall, radius_in {self.radius_in} m"),
         )

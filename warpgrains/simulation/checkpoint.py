@@ -100,7 +100,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
     try:
         header, arrays = _read(path)
     except _DAMAGE:
-        raise InputError(f"'{path}' is no checkpoint of warpgrains, or it is damaged") from None
+        raise InputError(f"'{path}' is not a checkpoint of warpgrains, or it is damaged") from None
     if header["version"] != VERSION:
         raise InputError(
             f"checkpoint '{path}' has version {header['version']}, of warpgrains {header.get('warpgrains')};"
@@ -109,7 +109,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
     try:
         return _checkpoint(header, arrays, path)
     except _DAMAGE as error:
-        raise InputError(f"checkpoint '{path}' holds no state of a scene: {error}") from None
+        raise InputError(f"checkpoint '{path}' holds an invalid state: {error}") from None
 
 
 def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:

@@ -65,14 +65,14 @@ class RunOptions:
         flag="--output",
     )
     fps: float = _option(
-        "Frames per second of simulated time [1/s], exactly; at most one a step.",
+        "Frames per second of simulated time [1/s], exactly; at most one per step.",
         checks.positive,
         "F",
         default=DEFAULT_RATE,
         needs="record",
     )
     color_by: str = _option(
-        "Color of the grains: speed, pressure, radius, or palette, which tells neighbors apart.",
+        "Color of the grains: speed, pressure, radius, or palette (a different color for neighbors).",
         checks.text,
         "WHAT",
         default="speed",
@@ -80,7 +80,7 @@ class RunOptions:
     )
     forces: bool = _option("Draw force chains.", checks.boolean, default=False, needs="record")
     draw_as: str = _option(
-        "What grains of a USD file are: points, discs or spheres.",
+        "Form of the grains in a USD file: points, discs or spheres.",
         checks.text,
         "FORM",
         flag="--as",
@@ -91,14 +91,14 @@ class RunOptions:
         "An .npz file to save the run to as it goes, from which it can be resumed.", _file, "FILE"
     )
     every: int = _option(
-        "Steps between two checkpoints; a run begins and ends with one anyway.",
+        "Steps between two checkpoints; the first and the last state are always saved.",
         checks.whole_number,
         "K",
         default=1000,
         needs="checkpoint",
     )
     until: str | None = _option(
-        "What ends the run earlier: rest[,speed=V][,energy=E][,time=T], see simulation/until.py.",
+        "Criterion that ends the run early: rest[,speed=V][,energy=E][,time=T], with bounds in m/s, J and s.",
         checks.text,
         "rest",
     )
@@ -109,7 +109,7 @@ class RunOptions:
         needs="series",
     )
     series: str | None = _option(
-        "A CSV file for what is measured, a row every K steps.", _file, "CSV", needs="measure"
+        "A CSV file for the measured quantities, one row every K steps.", _file, "CSV", needs="measure"
     )
     measure_every: int = _option(
         "Steps between two rows of a series.", checks.whole_number, default=10, needs="series", flag=None
@@ -148,7 +148,9 @@ class RunOptions:
             if getattr(self, name) != getattr(type(self), name):
                 raise InputError(f"{name} has no effect on a {kind}, '{self.record}'")
         if self.checkpoint is not None:
-            raise InputError(f"a run with a checkpoint cannot continue a {kind}: record .usdc, and plot that")
+            raise InputError(
+                f"'{self.record}' cannot be continued from a checkpoint: record a .usdc file, then plot it"
+            )
 
     def checkpoint_after(self, steps: int) -> Path | None:
         """Return the path of the checkpoint that is due after step number `steps`, or None."""
@@ -174,7 +176,7 @@ class RunOptions:
 def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
     """Return the number of steps of a run, from `steps` or a duration [s], by default that of the scene."""
     if steps is not None and duration is not None:
-        raise InputError("a run has steps and duration: it needs one of them")
+        raise InputError("give steps or duration, not both")
     if steps is not None:
         return checks.whole_number("steps", steps, least=0)
     return scene.steps if duration is None else scene.steps_in(duration)
@@ -186,7 +188,7 @@ def _path_relative_to(checkpoint: Path, field: str, stored: Any) -> str | None:
         return None
     name = _file(field, stored)
     if os.path.isabs(name):
-        raise InputError(f"{field} is {name!r}: it must be where it is as seen from the checkpoint")
+        raise InputError(f"{field} is {name!r}: it must be a path relative to the checkpoint")
     return os.path.normpath(checkpoint.parent / name)
 
 

@@ -125,7 +125,10 @@ def carry_out(
         simulation.plot(options.color_by, options.forces).save(options.record)
     statistics.seconds = perf_counter() - start
     if outputs.until is not None and not statistics.met:
-        warn(f"{outputs.until.name} was not met within {simulation.time:g} s", stacklevel=3)
+        warn(
+            f"{outputs.until.name} was not reached within {simulation.time:g} s of simulated time",
+            stacklevel=3,
+        )
 
 
 @contextmanager

@@ -135,7 +135,9 @@ class Simulation(Stepper):
             until=until if isinstance(until, str) else None,
         )
         if checkpoint is not None and callable(until):
-            raise InputError("until is a callable, which no checkpoint can hold")
+            raise InputError(
+                "until is a function, which a checkpoint cannot hold: use a text such as 'rest,speed=0.01'"
+            )
         if observer is not None:
             require_observer(observer)
         ends, statistics = criterion(until, self.scene), RunStatistics()

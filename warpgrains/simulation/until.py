@@ -92,7 +92,7 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
     if not isinstance(until, str):
         if not callable(until):
             raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
-        return Criterion(until, 0, "what was asked for")
+        return Criterion(until, 0, "the criterion")
     return _rest(rest_bounds(until), scene)
 
 
@@ -113,7 +113,7 @@ def rest_bounds(until: str) -> dict[str, float]:
         try:
             given[key] = checks.positive(f"until: {key}", float(value))
         except ValueError as error:
-            wrong = error if isinstance(error, InputError) else f"until: {word!r} is no number"
+            wrong = error if isinstance(error, InputError) else f"until: {word!r} is not a number"
             raise InputError(str(wrong)) from None
     return given
 
@@ -121,7 +121,7 @@ def rest_bounds(until: str) -> dict[str, float]:
 def _rest(given: dict[str, float], scene: Scene) -> Criterion:
     gravity, diameter = hypot(*scene.gravity), 2.0 * float(scene.radius.mean())
     if gravity == 0.0 and not ("time" in given and given.keys() & {"speed", "energy"}):
-        raise InputError("until=rest needs time, and speed or energy, where there is no gravity")
+        raise InputError("until=rest needs time, and speed or energy, in a scene without gravity")
     bounds = dict(given)
     time = bounds.pop("time", None) or REST_TIME * sqrt(diameter / gravity)
     if not bounds:

@@ -273,7 +273,9 @@ class Engine:
         for k in range(len(self.scenes)):
             violation = self._records.violation(k)
             if violation is not None:
-                raise SimulationError(f"step {self._done(k) + 1}: {violation}: please report this scene")
+                raise SimulationError(
+                    f"step {self._done(k) + 1}: {violation}: please report this defect with the scene"
+                )
 
     def _solve_open_steps(self) -> None:
         """Finish the steps during which lists have to grow."""

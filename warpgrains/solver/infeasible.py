@@ -59,7 +59,7 @@ class InfeasibilityProof:
     speed: float
 
     def __str__(self) -> str:
-        return f"no velocities below {self.speed:.1e} m/s part them in one step"
+        return f"no velocities below {self.speed:.1e} m/s separate them in one step"
 
 
 class UnilateralConstraints(StepConstraints):

@@ -151,11 +151,9 @@ class SceneRecords:
             array = self._together(f"grains.{name}")
             array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(array.shape)
         if self.sizes.friction:
-            for name in ("spin", "rim_mass"):
+            for name, own in (("spin", "spin_at_start"), ("rim_mass", "rim_mass")):
                 array = self._together(f"grains.{name}")
-                array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(
-                    array.shape
-                )
+                array[:] = np.stack([getattr(scene, own) for scene in self._scenes])
         self._together("grains.last_position")[:] = self._together("grains.position")
         self._together("verlet.skin")[:] = tuning.NO_SKIN
         self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self._scenes]

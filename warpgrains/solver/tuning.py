@@ -115,4 +115,4 @@ def find_device(name: str) -> wp.Device:
         return wp.get_device(name)
     except (ValueError, RuntimeError) as error:
         known = ", ".join(device.alias for device in wp.get_devices())
-        raise InputError(f"device {name!r} is unknown here; choose {known}") from error
+        raise InputError(f"device {name!r} does not exist: choose one of {known}") from error

@@ -34,7 +34,7 @@ SECONDS_PER_THREAD = (
 BUNDLES_PER_THREAD = 2  # submitted bundles per thread
 FEWEST_THREADS = 16  # assumed at least, because workers connect one by one
 CONNECT_WITHIN = 30.0  # s
-NO_RESULT = "its result is not seen here: all machines must see DIR"
+NO_RESULT = "its result cannot be read here: all machines must share DIR"
 
 _one_at_a_time = Lock()
 

@@ -23,7 +23,7 @@ from warpgrains.sweep.shards import ResultShards
 from warpgrains.sweep.sweep import BaseScene, Run, Sweep, copy_name
 
 RESULTS = "results.csv"
-HOW_TO_CONTINUE = "--resume continues a sweep, or choose another -o"
+HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 
 
 class Tables(NamedTuple):
@@ -106,8 +106,7 @@ class SweepFolder:
             scene = self._scene_file(base)
             if scene.exists() and read_regular(scene) != self._common(base):
                 raise OutputError(
-                    f"'{scene}' is another scene than this sweep starts from, or has another --until:"
-                    " choose another -o"
+                    f"'{scene}' is of a sweep with another scene or another --until: choose another -o"
                 )
         self.shards.refresh(range(len(sweep.runs)))
         for run in sweep.runs:
@@ -120,7 +119,7 @@ class SweepFolder:
             if run.number in begun:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
-                    raise InputError(f"'{folder.path}' is there: {HOW_TO_CONTINUE}")
+                    raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
                 folder.require_no_other()
         finished = self.finished(share)
         return [run for run in share if run.number not in finished]

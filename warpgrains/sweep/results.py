@@ -23,15 +23,27 @@ from warpgrains.solver.statistics import RunStatistics
 UNITS = {
     "grains": "",
     "steps": "",
-    "time": "s",  # simulated
-    "iterations_mean": "",  # per step
+    "time": "s",
+    "iterations_mean": "",
     "iterations_max": "",
-    "unconverged": "",  # steps that did not meet the tolerance
-    "worst_overlap": "m",  # after any step
-    **{name: QUANTITIES[name].unit for name in SWEEP_QUANTITIES},  # at the end of the run
-    "error": "",  # reason of a failure
+    "unconverged": "",
+    "worst_overlap": "m",
+    **{name: QUANTITIES[name].unit for name in SWEEP_QUANTITIES},
+    "error": "",
 }
 """Columns of every sweep in order, and their units."""
+MEANINGS = {
+    "grains": "number of grains",
+    "steps": "number of time steps",
+    "time": "simulated time",
+    "iterations_mean": "iterations of a step, mean",
+    "iterations_max": "iterations of a step, maximum",
+    "unconverged": "number of steps that stopped short of the tolerance",
+    "worst_overlap": "largest overlap after any step",
+    **{name: f"{QUANTITIES[name].meaning}, at the end of the run" for name in SWEEP_QUANTITIES},
+    "error": "reason of the failure, if the run failed",
+}
+"""Meanings of these columns, for the documentation."""
 MET = "met"
 COUNTS = ("grains", "steps", "iterations_max", "unconverged", MET)
 """Columns of integers."""
@@ -114,7 +126,7 @@ def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> Values
 def require_result(rows: list[Row], labels: Row, columns: Sequence[str]) -> Row:
     """Return the only row of a run's table. Raises InputError unless it is a result with these labels."""
     if len(rows) != 1 or list(rows[0]) != [*labels, *columns, SECONDS] or None in rows[0].values():
-        raise InputError("it is not one row of these columns")
+        raise InputError("it does not have one row with the columns of this sweep")
     row = rows[0]
     if any(row[name] != label for name, label in labels.items()):
         raise InputError("it is of another run")

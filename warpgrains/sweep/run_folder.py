@@ -31,7 +31,7 @@ from warpgrains.sweep.sweep import Run
 
 RESULT = "result.csv"
 GRAINS = "grains"
-HOW_TO_REPEAT = "delete the run's folder to do it again"
+HOW_TO_REPEAT = "delete the folder of the run to repeat it"
 
 
 class RunFolder:
@@ -65,13 +65,11 @@ class RunFolder:
         try:
             found = read_regular(self.scene_file).decode()
         except UnicodeDecodeError:
-            raise InputError(f"'{self.scene_file}' is no text: {HOW_TO_REPEAT}") from None
+            raise InputError(f"'{self.scene_file}' is not text: {HOW_TO_REPEAT}") from None
         except InputError as error:
             raise InputError(f"{error}: {HOW_TO_REPEAT}") from None
         if self._belongs_to_another_run(found):
-            raise OutputError(
-                f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
-            )
+            raise OutputError(f"'{self.scene_file}' is the scene of another sweep: choose another -o")
         if found != self._text:
             raise InputError(f"'{self.scene_file}' is damaged: {HOW_TO_REPEAT}")
         if self.result.exists() and self._has_other_columns():

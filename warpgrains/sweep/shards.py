@@ -20,7 +20,7 @@ DIGITS = 16  # hexadecimal digits of a shard's hash
 
 _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
 
-OTHER_COLUMNS = "measures something else: choose another -o, or the same --measure"
+OTHER_COLUMNS = "has other columns: choose another -o, or the same --measure"
 
 
 class ResultShards:
@@ -73,7 +73,7 @@ class ResultShards:
         content = path.read_bytes() if path.is_file() else b""
         if path.name.rpartition("-")[2] != f"{_hash(content)}.csv":
             path.rename(path.with_name(f"{path.name}.damaged"))
-            print(f"'{path}' is damaged: its runs are done again", file=sys.stderr)
+            print(f"'{path}' is damaged: its runs are repeated", file=sys.stderr)
             return
         if not content.startswith(self._head):
             raise InputError(f"'{path}' is of another sweep, or {OTHER_COLUMNS}")
@@ -84,9 +84,7 @@ class ResultShards:
     def require_this_run(self, number: int, labels: Row) -> None:
         """Raise OutputError if the result of run `number` has other labels, that is, of another run."""
         if not self.lines[number].startswith(_cells(labels) + b","):
-            raise OutputError(
-                f"run {number} in '{self.path}' is another than this sweep's: choose another -o"
-            )
+            raise OutputError(f"run {number} in '{self.path}' belongs to another sweep: choose another -o")
 
 
 def _cells(labels: Row) -> bytes:

@@ -3,9 +3,9 @@
 ======== =================== ======================================================================
 section  keys                meaning
 ======== =================== ======================================================================
-(top)    scene               the base scene: a file relative to the sweep file, or the name of a shipped one
-..       or: folder          a folder relative to the sweep file; each of its .toml files is a base scene
-..       combine             "grid" (default): all combinations of the values of all axes;
+(top)    scene               the base scene: a file next to the sweep file, or a shipped scene
+..       or: folder          a folder next to the sweep file: each of its .toml files is a base scene
+..       combine             "grid" (default): all combinations of the values of the axes;
                              "zip": the first values of all axes, then the second ones, ...
 set      section.key         a value that replaces the base scene's in all runs
 axes     section.key         a list of values, one of which each run has, see `axes`
@@ -171,7 +171,7 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
     lengths = {key: len(values) for key, values in lists.items()}
     if len(set(lengths.values())) > 1:
         counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
-        raise InputError(f"combine is 'zip': the axes must have as many values each, not {counts}")
+        raise InputError(f"combine is 'zip': all axes must have the same number of values, not {counts}")
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
 
 
@@ -204,10 +204,10 @@ def _base_paths(document: Table, folder: Path) -> list[Path]:
 
 def _grain_file(folder: Path, name: Any) -> Path:
     if not isinstance(name, str) or "\0" in name or not (folder / name).is_file():
-        raise InputError(f"grains.file is {name!r}: there is no such file in {str(folder)!r}")
+        raise InputError(f"grains.file is {name!r}: it does not exist in {str(folder)!r}")
     if not (folder / name).resolve().is_relative_to(folder.resolve()):
         raise InputError(
-            f"grains.file is {name!r}: results hold a copy, so it must be in the folder of its scene"
+            f"grains.file is {name!r}: it must be in the folder of its scene, because results contain a copy"
         )
     return folder / name
 

@@ -24,11 +24,24 @@ def inspect_recording(path: str | Path) -> list[str]:
         return _problems(open_recording(Path(path)))
 
 
+def report_on_recording(path: str | Path) -> list[str]:
+    """Return the lines that `check` prints: the problems of a recording, or else "OK" and its size."""
+    with refusing_untrusted_content(path):
+        stage = open_recording(Path(path))
+        return _problems(stage) or [_size(stage)]
+
+
+def _size(stage: Usd.Stage) -> str:
+    position = GrainsInspector(stage.GetPrimAtPath(GRAINS)).position
+    codes = position.GetTimeSamples()
+    return f"OK: {len(codes)} frames, {_length(position, codes[0])} grains"
+
+
 def _problems(stage: Usd.Stage) -> list[str]:
     problems = list(_stage_problems(stage))
     prim = stage.GetPrimAtPath(GRAINS)
     if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
-        return [*problems, f"there are no UsdGeom.Points or PointInstancer at {GRAINS}"]
+        return [*problems, f"no UsdGeom.Points or PointInstancer at {GRAINS}"]
     grains = GrainsInspector(prim)
     codes = grains.position.GetTimeSamples()
     problems += [*_code_problems(stage, codes), *grains.static_problems()]
@@ -50,9 +63,9 @@ def _stage_problems(stage: Usd.Stage) -> Iterator[str]:
     if UsdGeom.GetStageMetersPerUnit(stage) != 1.0:
         yield f"metersPerUnit is {UsdGeom.GetStageMetersPerUnit(stage)}, not 1"
     if not UsdPhysics.StageHasAuthoredKilogramsPerUnit(stage):
-        yield "kilogramsPerUnit is not stated"
+        yield "kilogramsPerUnit is missing"
     if not stage.GetDefaultPrim():
-        yield "there is no defaultPrim"
+        yield "defaultPrim is missing"
     if stage.GetTimeCodesPerSecond() != stage.GetFramesPerSecond():
         yield (
             f"timeCodesPerSecond {stage.GetTimeCodesPerSecond():g} differs "
@@ -62,14 +75,14 @@ def _stage_problems(stage: Usd.Stage) -> Iterator[str]:
 
 def _code_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
     if not codes:
-        yield "the grains have no frames"
+        yield "the grains have no time samples"
         return
     if codes != [codes[0] + frame for frame in range(len(codes))] or codes[0] != int(codes[0]):
         yield "the time codes of the grains are not consecutive integers"
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     if (start, end) != (codes[0], codes[-1]):
         frames = f"{codes[0]:g} to {codes[-1]:g}"
-        yield f"startTimeCode and endTimeCode are {start:g} and {end:g}, the frames {frames}"
+        yield f"startTimeCode and endTimeCode are {start:g} and {end:g}, but the frames are {frames}"
 
 
 def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float]) -> Iterator[str]:
@@ -158,7 +171,7 @@ class ForcesInspector:
         points, _, indices, force, extent = self.animated
         corners, vertices, numbers, _, _ = (values_of(attribute, code) for attribute in self.animated)
         if corners is None or vertices is None or numbers is None:
-            yield "force chains lack a value"
+            yield "force chains lack points, faceVertexCounts or faceVertexIndices"
             return
         yield from _length_problem(points, int(vertices.sum()), f"{len(vertices)} bands", code)
         yield from _length_problem(indices, len(corners), f"{len(corners)} corners", code)
@@ -169,8 +182,8 @@ class ForcesInspector:
             yield from _extent_problems(extent, corners, np.zeros(len(corners)), code)
 
 
-def _length(attribute: Usd.Attribute) -> int:
-    values = values_of(attribute)
+def _length(attribute: Usd.Attribute, code: float = 0.0) -> int:
+    values = values_of(attribute, code)
     return 0 if values is None else len(values)
 
 
@@ -196,4 +209,4 @@ def _extent_problems(
         return
     centre, reach = places.astype(np.float64), half_width.astype(np.float64)[:, np.newaxis]
     if ((centre - reach < extent[0]) | (centre + reach > extent[1])).any():
-        yield "extent does not cover what it bounds"
+        yield "extent does not contain all grains or bands"

@@ -31,7 +31,7 @@ def lock_output(path: Path) -> Lock:
     try:
         str(path).encode()
     except UnicodeEncodeError:
-        raise InputError(f"output '{path}' is not UTF-8: USD can write no file of such a name") from None
+        raise InputError(f"output '{path}' is not UTF-8: USD cannot write a file of this name") from None
     return lock_own(path, _is_recording, "recording of warpgrains")
 
 

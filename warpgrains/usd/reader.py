@@ -95,7 +95,7 @@ class RecordingReader:
         data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
         mass = self._prim.GetAttribute("primvars:mass")
         if "parameters" not in data or not mass:
-            raise InputError("the recording does not tell its whole scene: an earlier release has made it")
+            raise InputError("the recording does not contain its complete scene: an earlier release wrote it")
         fields = read_parameters(str(data["parameters"]))
         texts = {"name": str(data["name"]), "text": str(data["scene"])}
         return {**fields, **texts, "mass": _values(mass)}
@@ -131,7 +131,7 @@ def refusing_untrusted_content(path: str | Path) -> Iterator[None]:
         raise
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"recording '{path}' holds what no recording does: {reason}") from error
+        raise InputError(f"recording '{path}' is damaged: {reason}") from error
 
 
 def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:

@@ -182,7 +182,7 @@ class Recorder:
         """
         try:
             if self.frames == 0:
-                raise ValueError(f"nothing was recorded for '{self.path}'")
+                raise ValueError(f"no frame was recorded for '{self.path}'")
             self.flush()
             write_recording(self.log, self.path, self.frames)
             self._frames.remove()

@@ -121,7 +121,7 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
     for name in names:
         found = layer.GetNumTimeSamplesForPath(name)
         if found != frames:
-            raise OSError(f"'{path}' holds {found} frames of {name} after writing {frames}")
+            raise OSError(f"'{path}' reads back {found} frames of {name}, but {frames} were written")
 
 
 @contextmanager

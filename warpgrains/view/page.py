@@ -159,9 +159,7 @@ class Page:
             gui.add_command(name, hotkey=key).on_trigger(self._ask(action))
         self._run = buttons[0]
         self._readout = gui.add_html("")
-        speed = gui.add_slider(
-            "playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time: a second takes a second"
-        )
+        speed = gui.add_slider("playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time")
         speed.on_update(lambda _: setattr(self, "_speed", _value(speed)))
         if player.colorings:
             colors = gui.add_dropdown("color by", player.colorings, initial_value="speed")
@@ -246,5 +244,5 @@ def _legend(setting: Setting, error: str | None = None) -> str:
         lines.append(f'<div style="display: flex; justify-content: space-between">{ends}</div>')
     if setting.chain_scale is not None:
         force, width = setting.chain_scale.force, setting.chain_scale.width
-        lines.append(f"<div>force chains: {force:.2g} N or more is {width:.2g} m wide</div>")
+        lines.append(f"<div>force chains: {width:.2g} m wide at {force:.2g} N or more</div>")
     return f'<div class="legend" style="font-size: 0.8em; margin: 0.4em 1em">{"".join(lines)}</div>'
