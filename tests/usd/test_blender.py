@@ -23,6 +23,7 @@ pytestmark = pytest.mark.blender
 
 HALF_WIDTH = 2.2
 PIXELS = 800
+SMALL = (400, 400)  # enough for the color of a grain
 SCRIPT = Path(__file__).with_name("blender_render.py")
 
 
@@ -100,7 +101,7 @@ class TestAsOpened:
     def pixels_at(self, places, picture):
         """Return the colors at places [m]; a square picture shows 5 % more than the walls."""
         reach = 1.05 * 1.02 * 2.0
-        steps = reach * ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1)
+        steps = reach * ((np.arange(len(picture)) + 0.5) / len(picture) * 2 - 1)
         column = np.abs(steps - places[:, :1]).argmin(axis=1)
         row = np.abs(-steps - places[:, 1:]).argmin(axis=1)
         return picture[row, column, :3]
@@ -114,7 +115,7 @@ class TestAsOpened:
         speed = speed_scale(scene) * np.array([[0.0, 0.1, 0.4, 0.7, 1.0], [1.0, 0.3, 0.2, 0.1, 0.0]])
         frames = [(scene.position, np.stack([one, 0.0 * one], axis=1)) for one in speed]
         path = record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)
-        pictures, imported = rendered(path, [0, 1], "Standard")
+        pictures, imported = rendered(path, [0, 1], "Standard", SMALL)
         assert imported["frames"] == [0, 1]
         colors = GrainColors(scene, color_by)
         for picture, frame in zip(pictures, frames, strict=True):
@@ -123,7 +124,7 @@ class TestAsOpened:
 
     def test_plays_in_real_time(self, tmp_path):
         Simulation(Scene.load("annulus")).run(duration=2.0, record=tmp_path / "run.usdc")
-        _, imported = rendered(tmp_path / "run.usdc", [], "Standard")
+        _, imported = rendered(tmp_path / "run.usdc", [], "Standard", SMALL)
         first, last = imported["frames"]
         assert (last - first) / imported["rate"] == 2.0
 
@@ -132,7 +133,7 @@ class TestAsOpened:
         path = record(
             tmp_path / "run.usdc", [(scene.position, scene.velocity)], color_by="palette", draw_as="discs"
         )
-        (picture,), _ = rendered(path, [0], "AgX")
+        (picture,), _ = rendered(path, [0], "AgX", SMALL)
         hue = [color - color.mean() for color in self.pixels_at(scene.position, picture)]
         meant = [color - color.mean() for color in GrainColors(scene, "palette").colors]
         likeness = [[a @ b / np.linalg.norm(a) / np.linalg.norm(b) for b in meant] for a in hue]
