@@ -115,7 +115,7 @@ class TestAsOpened:
         speed = speed_scale(scene) * np.array([[0.0, 0.1, 0.4, 0.7, 1.0], [1.0, 0.3, 0.2, 0.1, 0.0]])
         frames = [(scene.position, np.stack([one, 0.0 * one], axis=1)) for one in speed]
         path = record(tmp_path / "run.usdc", frames, color_by=color_by, draw_as=draw_as)
-        pictures, imported = rendered(path, [0, 1], "Standard", SMALL)
+        pictures, imported = rendered(path, [0, 1], "Standard")
         assert imported["frames"] == [0, 1]
         colors = GrainColors(scene, color_by)
         for picture, frame in zip(pictures, frames, strict=True):
