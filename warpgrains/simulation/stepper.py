@@ -220,7 +220,7 @@ class Stepper(Shown):
         return pair_contacts(self.scene, last_position, self._engine.corrections(0))
 
     def wall_contacts(self) -> WallContacts:
-        """Return the contacts with the walls of the last step, one entry a grain."""
+        """Return the contacts with the walls of the last step, those that carry a correction."""
         last_position = self._engine.grains(0, "last_position")
         return wall_contacts(self.scene, last_position, self._engine.corrections(0))
 
