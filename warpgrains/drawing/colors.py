@@ -68,6 +68,16 @@ class Frame:
     contacts: PairContacts | None = None
     """Forces between grains; None, as those with walls, where nothing that is drawn needs them."""
     wall_contacts: WallContacts | None = None
+    spin: FloatArray | None = None
+    """Angular velocities [rad/s], shape (n,); None, as the angles, where grains do not rotate."""
+    angle: FloatArray | None = None
+    """Angles by which grains have turned [rad], shape (n,)."""
+
+    def rotation(self) -> tuple[FloatArray, FloatArray]:
+        """Return spin and angle of the grains; ValueError where they are missing."""
+        if self.spin is None or self.angle is None:
+            raise ValueError("a frame of a scene with friction needs spin and angle")
+        return self.spin, self.angle
 
     def forces(self) -> tuple[PairContacts, WallContacts]:
         """Return the contacts between grains and with the walls; ValueError where they are missing."""

@@ -54,16 +54,20 @@ class FrameTimes:
         velocity: FloatArray,
         contacts: PairContacts | None = None,
         wall_contacts: WallContacts | None = None,
+        spin: FloatArray | None = None,
+        angle: FloatArray | None = None,
     ) -> Frame:
         """Return frame k, made of the state after `step(k)`.
 
-        Within a step, grains move straight on with the velocities after it (eq. 3): if the frame lies within
-        the step, the positions are those at its time.
+        Within a step, grains move straight on and turn with the velocities after it (eqs. 3, 24): if the
+        frame lies within the step, positions and angles are those at its time.
         """
         before = self.step(k) - k * self._steps_a_frame
         if before > _NOTHING:
             position = position - float(before) * self.dt * velocity
-        return Frame(position, velocity, contacts, wall_contacts)
+            if spin is not None and angle is not None:
+                angle = angle - float(before) * self.dt * spin
+        return Frame(position, velocity, contacts, wall_contacts, spin, angle)
 
     @cached_property
     def _steps_a_frame(self) -> Fraction:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from warpgrains.arrays import IndexArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colors import Frame, GrainColors, linear, pressure
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 
 GRAINS = Sdf.Path("/World/Grains")
 COLOR_INDICES = "primvars:displayColor:indices"
+ROTATION = ("spin", "angle")
+"""Primvars of grains that rotate: angular velocity [rad/s], and angle since the start [rad]."""
+
+ORIENTATIONS = "orientations"
+"""The attribute of instances that rotate: quaternions of half precision, the real part last in NumPy."""
 
 _MOST_PROTOTYPES = 16
 
@@ -26,8 +32,8 @@ class GrainPoints:
     """Grains as `UsdGeom.Points`; their `widths` are diameters.
 
     They have ids, velocities, colors (an indexed primvar: a table, and the index of each grain's color), and
-    raw values as primvars: mass [kg], speed [m/s], pressure [N/m] if frames have contacts, and the radius [m]
-    if it gives the color.
+    raw values as primvars: mass [kg], speed [m/s], `ROTATION` with friction, pressure [N/m] if frames have
+    contacts, and the radius [m] if it gives the color.
 
     Parameters
     ----------
@@ -46,7 +52,7 @@ class GrainPoints:
         self._radius, self._mass = scene.radius, scene.mass
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
-        self._colors, self._has_contacts = colors, has_contacts
+        self._colors, self._has_contacts, self._rotates = colors, has_contacts, scene.has_friction
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim and all that no frame changes."""
@@ -63,7 +69,7 @@ class GrainPoints:
         color.CreateIndicesAttr()
         mass = primvars.CreatePrimvar("mass", types.DoubleArray, vertex)
         mass.Set(Vt.DoubleArray.FromNumpy(self._mass))
-        for name in ["speed"] + ["pressure"] * self._has_contacts:
+        for name in ["speed"] + ["pressure"] * self._has_contacts + [*ROTATION] * self._rotates:
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         if self._colors.scale is not None and self._colors.scale.quantity == "radius":
             radius = primvars.CreatePrimvar("radius", types.FloatArray, vertex)
@@ -83,6 +89,8 @@ class GrainPoints:
         }
         if self._has_contacts:
             values["primvars:pressure"] = pressure(frame, self._radius).astype(np.float32)
+        if self._rotates:
+            values |= self._rotation(frame)
         if self._colors.still is None:
             values |= self._color(self._colors.levels(frame))
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
@@ -97,13 +105,18 @@ class GrainPoints:
         bind_material(grains.GetPrim())
         return grains.GetPrim()
 
+    def _rotation(self, frame: Frame) -> dict[str, NDArray[np.float32]]:
+        """Return the attributes that give the rotation."""
+        values = zip(ROTATION, frame.rotation(), strict=True)
+        return {f"primvars:{name}": value.astype(np.float32) for name, value in values}
+
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
         """Return the attributes that give the colors, int32, shape (n,)."""
         return {COLOR_INDICES: levels.astype(np.int32)}
 
 
 class GrainInstances(GrainPoints):
-    """Grains as instances of a shape of radius 1, scaled.
+    """Grains as instances of a shape of radius 1, scaled, and with friction turned.
 
     Each also has one of 16 prototypes, whose colors are means of neighbors in the table of colors: Blender
     reads no primvars of an instancer.
@@ -129,7 +142,18 @@ class GrainInstances(GrainPoints):
         grains.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
         grains.CreateProtoIndicesAttr()
         grains.CreatePositionsAttr()
+        if self._rotates:
+            grains.CreateOrientationsAttr()
         return grains.GetPrim()
+
+    def _rotation(self, frame: Frame) -> dict[str, NDArray[np.float32]]:
+        return super()._rotation(frame) | {ORIENTATIONS: quaternions(frame.rotation()[1])}
 
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
         return super()._color(levels) | {"protoIndices": (levels // self._shared).astype(np.int32)}
+
+
+def quaternions(angle: FloatArray) -> NDArray[np.float32]:
+    """Return rotations by angles about z [rad], shape (n,), as x, y, z, w, shape (n, 4)."""
+    half, zero = 0.5 * angle, np.zeros_like(angle)
+    return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=1).astype(np.float32)

@@ -140,6 +140,9 @@ class Recorder:
         velocity: FloatArray,
         contacts: PairContacts | None = None,
         wall_contacts: WallContacts | None = None,
+        *,
+        spin: FloatArray | None = None,
+        angle: FloatArray | None = None,
     ) -> None:
         """Append one frame.
 
@@ -149,19 +152,24 @@ class Recorder:
             [m] and [m/s], shape (n, 2), after step ``times.step(frames)``.
         contacts, wall_contacts
             What `Simulation.contacts` and `Simulation.wall_contacts` return; used where `needs_contacts`.
+        spin, angle : ndarray, optional
+            [rad/s] and [rad], shape (n,); needed with friction, and not used without.
 
         Raises
         ------
         ValueError
-            If a shape is not (n, 2), n being the number of grains of the scene, or contacts are needed
-            and missing.
+            If a shape is not (n, 2) or (n,), n being the number of grains of the scene, or contacts, spin or
+            angle are needed and missing.
         OSError
             If the frame cannot be written; the frames before it are in the log, and it may be tried again.
         """
         if np.shape(position) != self._shape or np.shape(velocity) != self._shape:
             shapes = f"{np.shape(position)} and {np.shape(velocity)}"
             raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
-        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts)
+        for name, value in (("spin", spin), ("angle", angle)):
+            if value is not None and np.shape(value) != self._shape[:1]:
+                raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
+        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts, spin, angle)
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in self._drawings:
             arrays |= drawing.samples(frame)
