@@ -1,5 +1,6 @@
 """Recordings of scenes with friction: spin, angle, orientations and tangential forces."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,10 @@ from recordings import GRAINS, make_frames, make_scene
 
 import warpgrains as wg
 from warpgrains import Scene, Simulation
+from warpgrains.arrays import FloatArray
+from warpgrains.drawing.colors import encoded, mark_color
 from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.shapes import Shape, disc, mark, sphere
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder, recover
@@ -53,6 +57,42 @@ def test_frames_have_spin_and_angle(tmp_path: Path, draw_as: str) -> None:
     angle, radius = simulation.angle, simulation.scene.radius
     expected = radius * np.array([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
     assert_allclose(right, expected.T, rtol=0.0, atol=2e-3 * radius.max())  # half precision
+
+
+@pytest.mark.parametrize("shape", [disc, sphere])
+def test_a_mark_changes_no_shape(shape: Callable[..., Shape]) -> None:
+    plain, marked = shape(), shape(is_marked=True)
+    assert plain.marked is None
+    assert marked.marked is not None
+    assert area(marked).sum(axis=0) == pytest.approx(area(plain).sum(axis=0), abs=1e-12)
+    assert np.hypot(*area(marked).T[:2]).sum() == pytest.approx(np.hypot(*area(plain).T[:2]).sum())
+    first = np.cumsum(marked.counts) - marked.counts
+    middle = np.add.reduceat(marked.points[marked.corners], first) / marked.counts[:, np.newaxis]
+    inside = np.abs(np.arctan2(middle[:, 1], middle[:, 0])) < np.pi / 8
+    assert np.array_equal(marked.marked, inside)
+    assert np.abs(np.arctan2(*mark()[1:].T[::-1])).max() == pytest.approx(np.pi / 8)
+
+
+def area(shape: Shape) -> FloatArray:
+    """Return the area vector of each polygon, shape (p, 3)."""
+    found = []
+    for corners in np.split(shape.corners, np.cumsum(shape.counts)[:-1]):
+        points = shape.points[corners]
+        found.append(0.5 * np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0))
+        assert (np.cross(points[1] - points[0], points[2] - points[0]) @ found[-1]) > 0.0
+    return np.array(found)
+
+
+@pytest.mark.parametrize("draw_as", ["discs", "spheres"])
+def test_instances_have_a_mark(tmp_path: Path, draw_as: str) -> None:
+    record(tmp_path / "run.usdc", draw_as=draw_as)
+    stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+    for prototype in stage.GetPrimAtPath("/World/Prototypes").GetChildren():
+        primvar = UsdGeom.Mesh(prototype).GetDisplayColorPrimvar()
+        assert primvar.GetInterpolation() == "uniform"
+        color, other = encoded(np.array(primvar.Get(), np.float64))
+        assert_allclose(mark_color(color), other, atol=1e-6)
+        assert len(primvar.GetIndices()) == len(UsdGeom.Mesh(prototype).GetFaceVertexCountsAttr().Get())
 
 
 def test_validators_find_nothing(tmp_path: Path) -> None:

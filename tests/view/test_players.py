@@ -170,6 +170,7 @@ def test_recording_ends_with_its_last_frame(tmp_path):
     assert (played.steps, played.is_over) == (3, True)
     played.set_style("speed", forces=False)
     assert played.shot().chains is None
+    assert played.shot().angle is None
     played.restart()
     assert played.readout() == {"time": "0 s", "frame": "0 of 3", "contacts": "5"}
 

@@ -43,6 +43,10 @@ _COLORS = {
     """,
 }
 
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green and blue (ITU-R BT.709)
+_DARK = 0.18  # luminance of what looks half as bright as white
+_CONTRAST = 0.4  # of a mark, in the color or its complement
+
 # Okabe and Ito's colors, which color-blind readers tell apart too.
 PALETTE: FloatArray = np.array(
     [
@@ -226,6 +230,12 @@ def colormap(name: str, share: FloatArray) -> FloatArray:
     known = np.array([[channel / 255.0 for channel in bytes.fromhex(word)] for word in _COLORS[name].split()])
     place = np.clip(share, 0.0, 1.0) * (len(known) - 1.0)
     return np.stack([np.interp(place, np.arange(len(known)), channel) for channel in known.T], axis=1)
+
+
+def mark_color(color: FloatArray) -> FloatArray:
+    """Return the colors (sRGB) of marks on grains of some colors (sRGB), shape (n, 3): darker, or lighter."""
+    is_bright = linear(color) @ _LUMINANCE > _DARK
+    return np.where(is_bright[..., np.newaxis], _CONTRAST * color, 1.0 - _CONTRAST * (1.0 - color))
 
 
 def linear(encoded: FloatArray) -> NDArray[np.float32]:

@@ -26,6 +26,8 @@ class Setting:
     """As they are drawn."""
     scale: ColorScale | None
     chain_scale: ChainScale | None
+    rotates: bool = False
+    """Whether grains rotate, and have marks."""
 
     @property
     def reach(self) -> float:
@@ -44,6 +46,8 @@ class Shot:
     color: FloatArray
     """sRGB, shape (n, 3)."""
     chains: Chains | None
+    angle: FloatArray | None = None
+    """By which grains have turned [rad], shape (n,); None where they do not rotate."""
 
 
 class Painter:
@@ -76,26 +80,32 @@ class Painter:
             if color_by == "pressure":
                 self._colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
         walls = list(rings(scene).values())
-        self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale)
+        self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale, scene.has_friction)
 
     def shot(self, time: float, frame: Frame) -> Shot:
         """Return a shot of a frame at a time [s]."""
         scale = self.setting.chain_scale
         chains = None if scale is None else chains_of(self._scene, scale, frame)
-        return Shot(time, frame.position, self._colors.of(frame), chains)
+        angle = frame.rotation()[1] if self.setting.rotates else None
+        return Shot(time, frame.position, self._colors.of(frame), chains, angle)
 
     def shot_of(self, simulation: Simulation) -> Shot:
         """Return a shot of the present state of a simulation of the scene."""
-        contacts = (simulation.contacts(), simulation.wall_contacts()) if self.needs_contacts else ()
-        return self.shot(simulation.time, Frame(simulation.position, simulation.velocity, *contacts))
+        contacts, wall_contacts = None, None
+        if self.needs_contacts:
+            contacts, wall_contacts = simulation.contacts(), simulation.wall_contacts()
+        moving = simulation.position, simulation.velocity
+        frame = Frame(*moving, contacts, wall_contacts, simulation.spin, simulation.angle)
+        return self.shot(simulation.time, frame)
 
 
 def setting_of(reader: RecordingReader) -> Setting:
     """Return everything that no frame of a recording changes."""
-    return Setting(reader.radius, reader.walls, reader.scale, reader.chain_scale)
+    return Setting(reader.radius, reader.walls, reader.scale, reader.chain_scale, reader.has_rotation)
 
 
 def shot_of(reader: RecordingReader, frame: int) -> Shot:
     """Return a shot of a frame of a recording."""
     chains = None if reader.chain_scale is None else reader.chains(frame)
-    return Shot(float(reader.time[frame]), reader.position(frame), reader.color(frame), chains)
+    angle = reader.rotation(frame)[1] if reader.has_rotation else None
+    return Shot(float(reader.time[frame]), reader.position(frame), reader.color(frame), chains, angle)

@@ -218,7 +218,8 @@ def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool)
     checks.one_of("draw_as", draw_as, DRAWN_AS)
     if draw_as == "points":
         return GrainPoints(scene, colors, has_contacts)
-    return GrainInstances(scene, colors, has_contacts, disc() if draw_as == "discs" else sphere())
+    shape = disc if draw_as == "discs" else sphere
+    return GrainInstances(scene, colors, has_contacts, shape(is_marked=scene.has_friction))
 
 
 def recover(log: str | Path) -> tuple[Path, int]:

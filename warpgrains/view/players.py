@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -153,7 +154,7 @@ class Recorded:
     def shot(self) -> Shot:
         """Return the frame."""
         shot = shot_of(self._reader, self.steps)
-        return shot if self._forces else Shot(shot.time, shot.position, shot.color, None)
+        return shot if self._forces else replace(shot, chains=None)
 
     def readout(self) -> dict[str, str]:
         """Return numbers of the frame."""
