@@ -11,11 +11,13 @@ from pxr import Sdf, Usd, UsdGeom, UsdValidation, Vt
 from recordings import GRAINS, make_frames, make_scene
 
 import warpgrains as wg
-from warpgrains import Scene, Simulation
+from warpgrains import Scene, SceneError, Simulation
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.colors import encoded, mark_color
+from warpgrains.drawing.colors import Frame, GrainColors, encoded, mark_color, spin_scale
 from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.mobilized import mobilized
 from warpgrains.drawing.shapes import Shape, disc, mark, sphere
+from warpgrains.solver.forces import PairContacts, WallContacts
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder, recover
@@ -161,6 +163,64 @@ def test_vtk_has_them(tmp_path: Path) -> None:
         assert not found[frame.n :].any()
     found = vtk_to_numpy(data.GetCellData().GetArray("tangential_force"))[frame.n :]
     assert np.array_equal(found, np.concatenate([frame.tangential_force, frame.wall_tangential_force]))
+
+
+def test_spin_is_colored_by_its_sign() -> None:
+    scene = make_scene(friction=0.3, gravity=(0.0, -10.0))
+    largest = np.sqrt(2.0 * 10.0 * 2.0) / 0.1  # falls across, and rolls; the median radius
+    assert spin_scale(scene) == pytest.approx(largest)
+    assert spin_scale(scene.replace(spin=-1000.0)) == 1000.0
+    assert spin_scale(scene.replace(angular_velocity_out=-1000.0)) == pytest.approx(1000.0 * 2.0 / 0.1)
+    spin = largest * np.array([-7.0, -1.0, 1.0 / 63.0, 1.0 / 3.0, 1.0])
+    frame = Frame(scene.position, scene.velocity, spin=spin, angle=spin)
+    assert GrainColors(scene, "spin").levels(frame).tolist() == [0, 0, 32, 42, 63]
+
+
+def test_mobilized_friction_is_the_largest_of_a_grain() -> None:
+    scene = make_scene(friction=0.5, wall_friction=0.1)
+    none = np.zeros((2, 2))
+    pair = np.array([[0, 1], [1, 2]], np.int32)
+    force, tangential = np.array([2.0, 4.0]), np.array([-1.0, 0.5])
+    contacts = PairContacts(pair, none, none[0], none[0], force, tangential, none[0] > 1)
+    wall = np.array([[2, 0], [3, 1]], np.int32)
+    at_wall = WallContacts(wall, none, none[0], none[0], np.ones(2), np.array([0.04, -0.07]), none[0] > 1)
+    assert_allclose(mobilized(scene, contacts, at_wall), [1.0, 1.0, 0.4, 0.7, 0.0])
+    smooth = scene.replace(wall_friction=0.0)
+    assert_allclose(mobilized(smooth, contacts, at_wall), [1.0, 1.0, 0.25, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("draw_as", FORMS)
+@pytest.mark.parametrize("color_by", ["spin", "mobilized"])
+def test_grains_have_their_colors(tmp_path: Path, color_by: str, draw_as: str) -> None:
+    simulation = record(tmp_path / "run.usdc", color_by=color_by, draw_as=draw_as)
+    frame = Frame(
+        simulation.position,
+        simulation.velocity,
+        simulation.contacts(),
+        simulation.wall_contacts(),
+        simulation.spin,
+        simulation.angle,
+    )
+    reader, colors = RecordingReader(tmp_path / "run.usdc"), GrainColors(simulation.scene, color_by)
+    assert reader.scale == colors.scale
+    assert_allclose(reader.color(STEPS // 2), colors.of(frame), atol=1e-6)
+    assert len(np.unique(colors.levels(frame))) >= 3
+    assert inspect_recording(tmp_path / "run.usdc") == []
+    if color_by == "mobilized":
+        expected = mobilized(simulation.scene, *frame.forces())
+        assert expected.max() == pytest.approx(1.0)
+        stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+        found = stage.GetPrimAtPath(GRAINS).GetAttribute("primvars:mobilized")
+        assert np.array_equal(found.Get(STEPS // 2), expected.astype(np.float32))
+
+
+@pytest.mark.parametrize("color_by", ["spin", "mobilized"])
+@pytest.mark.parametrize("name", ["run.usdc", "run.mp4", "run.png"])
+def test_colors_of_friction_need_it(tmp_path: Path, color_by: str, name: str) -> None:
+    simulation = Simulation(Scene.load("annulus"))
+    with pytest.raises(SceneError, match=f"^color_by is '{color_by}': it needs a scene with friction$"):
+        simulation.run(steps=2, record=tmp_path / name, color_by=color_by)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_chains_are_the_total_forces(tmp_path: Path) -> None:

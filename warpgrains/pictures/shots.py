@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
-from warpgrains.drawing.colors import ColorScale, Frame, GrainColors
+from warpgrains.drawing.colors import OF_CONTACTS, ColorScale, Frame, GrainColors
 from warpgrains.drawing.shapes import Ring, rings
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class Painter:
     def __init__(self, scene: Scene, color_by: str, forces: bool, largest: float | None = None) -> None:
         self._scene = scene
         self._colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or color_by == "pressure"
+        self.needs_contacts = forces or color_by in OF_CONTACTS
         chain_scale = ChainScale.of(scene) if forces else None
         if largest is not None:
             chain_scale = chain_scale and replace(chain_scale, force=largest)

@@ -87,7 +87,7 @@ class FrameArtists:
 def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> None:
     """Draw the colors of a scale next to axes, with its unit and range."""
     mapped = ScalarMappable(Normalize(scale.low, scale.high), ListedColormap(scale.colors()))
-    bar = figure.colorbar(mapped, ax=axes, extend="max" if scale.quantity != "radius" else "neither", **_BAR)
+    bar = figure.colorbar(mapped, ax=axes, extend=scale.extends, **_BAR)
     bar.set_label(scale.label)
     bar.outline.set_linewidth(0.5)
 

@@ -69,7 +69,8 @@ class RunOptions:
         needs="record",
     )
     color_by: str = _option(
-        "Color of the grains: speed, pressure, radius, or palette, which tells neighbors apart.",
+        "Color of the grains: speed, pressure, radius, with friction spin or mobilized, or palette, which"
+        " tells neighbors apart.",
         checks.text,
         "WHAT",
         default="speed",

@@ -10,6 +10,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colors import Frame, GrainColors, linear, pressure
+from warpgrains.drawing.mobilized import mobilized
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
 from warpgrains.usd.stage import PROTOTYPES, bind_material, covering_extent, define_mesh, set_kind, triples
@@ -32,8 +33,8 @@ class GrainPoints:
     """Grains as `UsdGeom.Points`; their `widths` are diameters.
 
     They have ids, velocities, colors (an indexed primvar: a table, and the index of each grain's color), and
-    raw values as primvars: mass [kg], speed [m/s], `ROTATION` with friction, pressure [N/m] if frames have
-    contacts, and the radius [m] if it gives the color.
+    raw values as primvars: mass [kg], speed [m/s], pressure [N/m] if frames have contacts, and the radius [m]
+    if it gives the color; with friction also `ROTATION`, and mobilized friction if frames have contacts.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ class GrainPoints:
     _position = "points"
 
     def __init__(self, scene: Scene, colors: GrainColors, has_contacts: bool) -> None:
-        self._radius, self._mass = scene.radius, scene.mass
+        self._scene = scene
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
         self._colors, self._has_contacts, self._rotates = colors, has_contacts, scene.has_friction
@@ -68,12 +69,13 @@ class GrainPoints:
         color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
         color.CreateIndicesAttr()
         mass = primvars.CreatePrimvar("mass", types.DoubleArray, vertex)
-        mass.Set(Vt.DoubleArray.FromNumpy(self._mass))
-        for name in ["speed"] + ["pressure"] * self._has_contacts + [*ROTATION] * self._rotates:
+        mass.Set(Vt.DoubleArray.FromNumpy(self._scene.mass))
+        carried = ["pressure"] + ["mobilized"] * self._rotates if self._has_contacts else []
+        for name in ["speed", *carried, *(ROTATION if self._rotates else ())]:
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         if self._colors.scale is not None and self._colors.scale.quantity == "radius":
             radius = primvars.CreatePrimvar("radius", types.FloatArray, vertex)
-            radius.Set(self._radius.astype(np.float32))
+            radius.Set(self._scene.radius.astype(np.float32))
         if self._colors.still is not None:
             for name, value in self._color(self._colors.still).items():
                 prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(value))
@@ -88,7 +90,9 @@ class GrainPoints:
             "primvars:speed": np.hypot(*frame.velocity.T).astype(np.float32),
         }
         if self._has_contacts:
-            values["primvars:pressure"] = pressure(frame, self._radius).astype(np.float32)
+            values["primvars:pressure"] = pressure(frame, self._scene.radius).astype(np.float32)
+            if self._rotates:
+                values["primvars:mobilized"] = mobilized(self._scene, *frame.forces()).astype(np.float32)
         if self._rotates:
             values |= self._rotation(frame)
         if self._colors.still is None:

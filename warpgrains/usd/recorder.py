@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import ChainScale
-from warpgrains.drawing.colors import GrainColors
+from warpgrains.drawing.colors import OF_CONTACTS, GrainColors
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import SceneError
@@ -49,7 +49,8 @@ class Recorder:
     frames_per_second : float
         Wanted frames per second of simulated time [1/s], see `FrameTimes`.
     color_by : str
-        Color of the grains: "speed", "pressure", "radius" or "palette", see `GrainColors`.
+        Color of the grains: "speed", "pressure", "radius", "palette" or, with friction, "spin" or
+        "mobilized", see `GrainColors`.
     forces : bool
         Whether to draw force chains, see `ForceChains`.
     draw_as : str
@@ -65,7 +66,7 @@ class Recorder:
     times : FrameTimes
         When the frames are, and the step that each is made of.
     needs_contacts : bool
-        Whether `record` must be given contacts: for force chains and colors by pressure.
+        Whether `record` must be given contacts: for force chains, and colors by `OF_CONTACTS`.
 
     Raises
     ------
@@ -90,7 +91,7 @@ class Recorder:
         self.log = log_of(self.path)
         self.times = FrameTimes.of(scene.dt, frames_per_second)
         colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or color_by == "pressure"
+        self.needs_contacts = forces or color_by in OF_CONTACTS
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains]

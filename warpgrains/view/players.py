@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.colors import COLORINGS
+from warpgrains.drawing.colors import colorings
 from warpgrains.errors import SimulationError
 from warpgrains.pictures.shots import Painter, Shot, setting_of, shot_of
 from warpgrains.scene.scene import Scene
@@ -36,7 +36,6 @@ _LEAST = 1e-16  # zeta that is plotted [m/s]
 class Live:
     """A simulation. What is played is what `Simulation.run` simulates, to the last bit."""
 
-    colorings = COLORINGS
     has_chains = True
 
     def __init__(self, simulation: Simulation) -> None:
@@ -54,6 +53,11 @@ class Live:
     def scene(self) -> Scene:
         """Scene of the simulation."""
         return self._simulation.scene
+
+    @property
+    def colorings(self) -> tuple[str, ...]:
+        """What grains can be colored by."""
+        return colorings(self.scene)
 
     @property
     def steps(self) -> int:
