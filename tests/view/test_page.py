@@ -65,6 +65,38 @@ def test_marks_show_how_far_grains_have_turned(tmp_path):
     page.close()
 
 
+def test_friction_is_switched_on_and_off():
+    simulation = Simulation(Scene.load("annulus"))
+    page = simulation.view(port=8340)
+    with opened(page.url) as tab:
+        for label, value, row, shown in (
+            ("friction", "0.5", "friction", "0.5"),
+            ("outer wall [rad/s]", "2", "rotation of the walls", "2, 0 rad/s"),
+            ("inner wall [rad/s]", "-1", "rotation of the walls", "2, -1 rad/s"),
+            ("friction", "0", "rotation of the walls", "0, 0 rad/s"),
+            ("friction", "0.25", "rotation of the walls", "2, -1 rad/s"),
+        ):
+            field = tab.slider(label)
+            field.click()
+            field.send_keys("\ue009a\ue000" + f"{value}\n")
+            tab.wait_for(lambda row=row, shown=shown: tab.told()[row] == shown)
+        assert simulation.scene.friction == 0.25
+        tab.click("one step")
+        tab.wait_for(lambda: tab.told()["steps"] == "1")
+    page.close()
+
+
+def test_a_change_that_is_refused_says_why():
+    page = Simulation(Scene.load("annulus"), method="accelerated").view(port=8350)
+    with opened(page.url) as tab:
+        field = tab.slider("friction")
+        field.click()
+        field.send_keys("\ue009a\ue000" + "0.5\n")
+        tab.wait_for(lambda: "it solves steps without friction only" in tab.text())
+        assert tab.told()["friction"] == "0"
+    page.close()
+
+
 def test_labels_and_charts_appear_when_there_is_something(tmp_path):
     """And nothing that appears moves the sliders."""
     scene = Scene.load("annulus").replace(max_iterations=5, on_unconverged="raise")  # fails at step 20

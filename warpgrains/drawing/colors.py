@@ -232,8 +232,8 @@ def speed_scale(scene: Scene) -> float:
 
 
 def spin_scale(scene: Scene) -> float:
-    """Return the spin [rad/s] a grain can be expected to reach: rolling at `speed_scale`, or at the start."""
-    return max(float(np.abs(scene.spin).max()), speed_scale(scene) / scene.typical_radius)
+    """Return the spin [rad/s] that many grains reach: rolling at half of `speed_scale`, or at the start."""
+    return max(float(np.abs(scene.spin).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
 
 
 def pressure_scale(scene: Scene) -> float:
