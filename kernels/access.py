@@ -145,6 +145,12 @@ def working_first_of(working: wp.array(dtype=WorkingContact), c: int) -> int:
     ...
 
 
+@wp.func_native(checked("return (int)working.data[c].j / 2;"))
+def working_second_of(working: wp.array(dtype=WorkingContact), c: int) -> int:
+    """Read the second grain, or the wall, of a contact of the working set."""
+    ...
+
+
 @wp.func_native(checked("return working.data[c].n;"))
 def working_normal_of(working: wp.array(dtype=WorkingContact), c: int) -> wp.vec2d:
     """Read the unit normal of a contact of the working set."""

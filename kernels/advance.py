@@ -1,7 +1,7 @@
-"""Many scenes shared out among teams of CPU threads: each takes a free one and advances it for a while.
+"""Many scenes advanced by teams of CPU threads: each team acquires a free scene and advances it for a while.
 
-Scenes are handed out, not split in equal parts: a slow one keeps one team busy, and no other waits for it.
-No result depends on who advances a scene, or when: it reads and writes nothing but its own record.
+Scenes are scheduled dynamically: a slow one keeps one team busy, and no other team waits for it. No result
+depends on which team advances a scene, or when, because a step reads and writes its scene's record alone.
 """
 
 from functools import cache
@@ -9,7 +9,7 @@ from functools import cache
 import warp as wp
 
 from .pace import barrier, count_rest, is_to_grow, join, leave
-from .record import SOLVED, Scene, SceneRecord
+from .record import SOLVED, Phase, Scene, SceneRecord
 from .stages import OPTIONS
 from .threads import Team, TeamRecord, is_member
 from .waiting import seconds
@@ -20,7 +20,7 @@ TIME_SLICE = wp.constant(f64(1.0e-3))  # seconds after which a team looks for an
 
 @wp.struct
 class Queue:
-    """What is left to do, by scene."""
+    """The steps left to do, and the teams' claims, by scene."""
 
     cursor: wp.array(dtype=wp.int64)  # slices begun
     taken: wp.array(dtype=wp.int32)  # whether a team has the scene
@@ -32,31 +32,31 @@ class Queue:
 
 @wp.func_native("return __atomic_fetch_add(cursor.data, 1LL, __ATOMIC_RELAXED);")
 def next_slice(cursor: wp.array(dtype=wp.int64)) -> wp.int64:
-    """Number the slices of all teams."""
+    """Return the number of the next time slice, counted over all teams."""
     ...
 
 
 @wp.func_native("return __atomic_exchange_n(taken.data + k, 1, __ATOMIC_ACQUIRE) == 0;")
 def is_taken_now(taken: wp.array(dtype=wp.int32), k: int) -> bool:
-    """Take scene k, if no other team has it; what that one wrote is seen."""
+    """Acquire scene k; return whether no other team holds it."""
     ...
 
 
 @wp.func_native("__atomic_store_n(taken.data + k, 0, __ATOMIC_RELEASE);")
 def give_back(taken: wp.array(dtype=wp.int32), k: int):
-    """Leave scene k to the next team."""
+    """Release scene k."""
     ...
 
 
 @wp.func
 def has_work(queue: Queue, k: int) -> bool:
-    """Whether scene k is to be advanced."""
+    """Return whether scene k has steps left and does not wait for the host."""
     return queue.left[k] > 0 and queue.outcome[k] == SOLVED
 
 
 @wp.func
 def take(queue: Queue) -> int:
-    """Take a scene that has steps left and that no other team has; -1 if there is none."""
+    """Acquire a scene that has steps left. Returns its number, or -1 if there is none."""
     scenes = queue.left.shape[0]
     found = int(-1)
     if queue.halt[0] == 0:
@@ -77,15 +77,15 @@ def take(queue: Queue) -> int:
 
 @wp.func
 def count_step(s: Scene, queue: Queue, k: int):
-    """Count a step, if it was solved."""
-    if s.control.accepted != 0:
+    """Count a step if it is accepted, and report its outcome."""
+    if s.control.phase == Phase.ACCEPTED:
         queue.left[k] = queue.left[k] - 1
     queue.outcome[k] = s.step.outcome
 
 
 @wp.func
 def slice_goes_on(team: Team, queue: Queue, k: int, begun: f64) -> int:
-    """Whether the team goes on with scene k; what it has spent is counted when not."""
+    """Return 1 if the team continues with scene k; if not, add up the time spent on it."""
     spent = seconds() - begun
     count_rest(team)
     if has_work(queue, k) and queue.halt[0] == 0 and spent < TIME_SLICE and not is_to_grow(team):
@@ -96,7 +96,7 @@ def slice_goes_on(team: Team, queue: Queue, k: int, begun: f64) -> int:
 
 @cache
 def kernel(name: str, solve: wp.Function) -> wp.Kernel:
-    """Return the kernel that advances scenes, in a module of its own: one thread's launch.
+    """Return the kernel that advances scenes, the launch of one thread, in a separate module.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def kernel(name: str, solve: wp.Function) -> wp.Kernel:
 
     @wp.func(inline=False)
     def advance_scene(team: Team, s: Scene, queue: Queue, k: int):
-        """Advance a scene until it is done, cannot go on, or its time is over."""
+        """Advance a scene until its steps are done, it waits for the host, or its time slice is over."""
         begun = seconds()
         going_on = int(1)
         while going_on != 0 and is_member(team):
@@ -124,7 +124,7 @@ def kernel(name: str, solve: wp.Function) -> wp.Kernel:
 
     @wp.kernel(module=module)
     def advance(records: wp.array(dtype=SceneRecord), queue: Queue, team: TeamRecord):
-        """Advance scenes as long as one is free, or until a larger team is to be tried."""
+        """Advance scenes until none is free, or until a larger team is to be tried."""
         join(team)
         k = int(0)
         while k >= 0 and is_member(team):

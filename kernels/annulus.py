@@ -14,7 +14,7 @@ f64 = wp.float64
 
 @wp.struct
 class Annulus:
-    """Where the circles are."""
+    """The circles of the outer and the inner wall."""
 
     radius_in: f64  # [m]; 0: there is no inner circle
     radius_out: f64  # [m]

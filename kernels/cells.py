@@ -1,4 +1,4 @@
-"""Grains by cell of a grid, with what a search for pairs reads of them.
+"""Grains sorted by the cells of a grid, with the numbers that a search for pairs reads.
 
 The grid is wrapped around (cell (cx, cy) shares its bucket with (cx + width, cy)), so that it needs no
 bounds.
@@ -11,24 +11,24 @@ from .record import Scene, grain_count
 from .types import Ints
 
 f64 = wp.float64
-AT_ONCE = wp.constant(8)  # places that a search tests; it may read as many beyond the last grain
+AT_ONCE = wp.constant(8)  # indices tested at once; a search may read 8 indices beyond the last grain
 
 
 @wp.func
 def cell_of(x: f64, inverse_size: f64) -> int:
-    """The cell of a coordinate. Far out, cells grow coarse instead of overflowing."""
+    """Return the cell of a coordinate, at most 1e9 cells from the origin, so that no index overflows."""
     return int(wp.clamp(wp.floor(x * inverse_size), f64(-1.0e9), f64(1.0e9)))
 
 
 @wp.func
 def bucket_of(cx: int, cy: int, width: int) -> int:
-    """The bucket of a cell in the wrapped grid."""
+    """Return the bucket of a cell in the wrapped grid."""
     return (cx & (width - 1)) + width * (cy & (width - 1))
 
 
 @wp.func
 def ends(count: Ints, end: Ints):
-    """Where each part ends, of parts of so many entries."""
+    """Write the inclusive prefix sum: end[k] = count[0] + ... + count[k]."""
     total = int(0)
     k = int(0)
     while k < count.shape[0]:
@@ -39,7 +39,7 @@ def ends(count: Ints, end: Ints):
 
 @wp.func
 def bucket_count(s: Scene) -> int:
-    """How many buckets there are, and one."""
+    """Return the number of buckets plus one."""
     return s.grid.cell_start.shape[0]
 
 
@@ -51,7 +51,7 @@ def clear_cell(s: Scene, b: int):
 
 @wp.func
 def count_in_cell(s: Scene, i: int):
-    """How many grains every bucket holds, in cell_start; no pair is found yet."""
+    """Count a grain in its bucket, in cell_start, and reset its numbers of contacts."""
     x, inverse_size = at(s.grains.position, i), s.grid.inverse_size
     bucket = bucket_of(cell_of(x[0], inverse_size), cell_of(x[1], inverse_size), s.grid.width)
     put(s.grid.bucket, i, bucket)
@@ -62,7 +62,7 @@ def count_in_cell(s: Scene, i: int):
 
 @wp.func
 def end_cells(s: Scene):
-    """Where every bucket ends; no contact with a wall is found yet."""
+    """Find the end of every bucket, and reset the number of contacts found."""
     ends(s.grid.cell_start, s.grid.cell_start)
     put(s.neighbors.total, 0, 0)
     for b in range(grain_count(s), s.neighbors.seconds.shape[0]):

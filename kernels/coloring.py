@@ -1,7 +1,7 @@
-"""In which order the contacts are swept, and which of them may be swept together.
+"""The order in which contacts are swept, and the independent sets that may be swept in parallel.
 
 Every candidate pair (in lexicographic order, as the neighbor list holds them) is given an independent set.
-The sets are swept one after the other; pairs of one set share no grain, so they may be swept together.
+The sets are swept one after the other; pairs of one set share no grain, so they may be swept in parallel.
 Contacts with walls follow, in sets of their own.
 
 - levels: a pair's set is above those of all earlier pairs that share a grain with it. Sweeping by sets gives
@@ -26,7 +26,7 @@ TILES_EACH = wp.constant(8)  # of a thread, at least
 
 @wp.func
 def lowest_free(used: wp.uint64) -> int:
-    """The lowest bit that is not set, or 64."""
+    """Return the lowest bit that is not set, or 64."""
     free = ~used
     if free == wp.uint64(0):
         return int(MASK_COLORS)
@@ -40,7 +40,7 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
     for i in range(n):
         put(next_level, i, 0)
     for i in range(n):
-        own = at(next_level, i)  # no later row looks at it
+        own = at(next_level, i)  # no later row reads it
         k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
             j = at(rows.neighbor, k)
@@ -55,14 +55,14 @@ def levels(rows: NeighborList, next_level: Ints, group: Ints):
 
 @wp.func
 def renumber_extra_colors(s: Scene) -> int:
-    """Number the colors above 64 that are kept without gaps, in their order. Returns the first free one.
+    """Renumber the kept colors above 64 without gaps, in their order. Returns the first free one.
 
     Each belongs to one pair, and with gaps they would grow from list to list. Without, there are never more
     sets than the largest list so far has contacts, for which `set_start` has capacity. A color that is given
     belongs to a list with at least as many other pairs: those of lower colors that keep it from these. A
     color that is kept was given in an earlier list, and renumbering only lowers it.
     """
-    listed, color, rank = listed_count(s), s.workspace.color, s.workspace.group
+    listed, color, rank = listed_count(s), s.workspace.color, s.workspace.color_rank
     old_listed = at(s.workspace.old.start, grain_count(s))
     k = int(0)
     while k < old_listed:
@@ -90,7 +90,7 @@ def renumber_extra_colors(s: Scene) -> int:
 
 @wp.func
 def keep_colors(s: Scene) -> int:
-    """Let pairs of the old list keep their colors; other contacts have -1. Returns the first extra color."""
+    """Copy the colors of pairs of the old list; other contacts get -1. Returns the first extra color."""
     rows, used, color, n = s.neighbors, s.workspace.used_colors, s.workspace.color, grain_count(s)
     extra = int(0)
     for i in range(n):
@@ -117,10 +117,10 @@ def keep_colors(s: Scene) -> int:
 
 @wp.func
 def colors(s: Scene):
-    """First-fit. What does not fit in 64 colors (a grain may touch thousands) is swept pair by pair.
+    """Color pairs by first-fit. A pair that does not fit in 64 colors gets a color that no other pair has.
 
-    Contacts with walls have no color, -1.
-    In the middle of an attempt pairs that stay keep their colors, so that all of it is in one order.
+    Contacts with walls have no color, -1. While an attempt resumes, pairs that stay listed keep their colors,
+    so that all its sweeps have one order.
     """
     rows, used, color = s.neighbors, s.workspace.used_colors, s.workspace.color
     n = grain_count(s)
@@ -131,7 +131,7 @@ def colors(s: Scene):
     if resuming:
         extra = keep_colors(s)
     for i in range(n):
-        own = at(used, i)  # no later row looks at it
+        own = at(used, i)  # no later row reads it
         k, end = at(rows.start, i), at(rows.start, i + 1)
         while k < end:
             j, found = at(rows.neighbor, k), at(color, k)
@@ -154,7 +154,7 @@ def colors(s: Scene):
 
 @wp.func
 def tile_length(s: Scene) -> int:
-    """How many pairs are interleaved. Threads that are dealt tiles get a few each, and all as many."""
+    """Return the number of pairs a tile. Threads that are assigned tiles get equally many tiles each."""
     length = s.tuning.tile
     team = dealt_threads(s)
     if team > 0:
@@ -168,7 +168,7 @@ def tile_length(s: Scene) -> int:
 def place_pairs(s: Scene):
     """Give every pair its index in sweeping order, sorted by set and in lexicographic order within one.
 
-    Where sets are merged, all pairs are one set: a thread sweeps the pairs that it has in order anyway.
+    Where sets are merged, all pairs are one set, because a single thread sweeps them in order anyway.
     """
     listed = listed_count(s)
     start, group, sweep_index = s.contacts.set_start, s.workspace.group, s.workspace.sweep_index
@@ -204,15 +204,20 @@ def place_pairs(s: Scene):
         sets = 1
     s.contacts.count.pairs = pairs
     s.contacts.count.sets = sets
-    s.control.tiled = 1 if s.merge != 0 and pairs > tile_length(s) else 0
+
+
+@wp.func
+def is_tiled(s: Scene) -> bool:
+    """Return whether the list is long enough to be swept tile after tile."""
+    return s.merge != 0 and pair_count(s) > tile_length(s)
 
 
 @wp.func
 def place_walls(s: Scene):
     """Give every contact with a wall its index, after the pairs, and put them in independent sets.
 
-    The first contact of every grain is in the first set, the second one in the second, and so on: this gives
-    every contact what it would find grain by grain.
+    The first contact of every grain is in the first set, the second one in the second, and so on. So every
+    contact reads the velocities that it would read grain by grain.
     """
     rows, listed, first_set = s.neighbors, listed_count(s), s.contacts.count.sets
     place = pair_count(s)
@@ -240,7 +245,7 @@ def group_pairs(s: Scene):
 
 @wp.func
 def gather(s: Scene, i: int):
-    """Write the pairs of grain i, (i, j, place in the neighbor list), where they come in the sweep."""
+    """Write the pairs of grain i in sweeping order, as (i, j, index in the neighbor list)."""
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:
         j = at(s.neighbors.neighbor, k)
@@ -253,17 +258,17 @@ def gather(s: Scene, i: int):
 def tile_pairs(s: Scene):
     """Sweep tile after tile of the rows, each in the order given: close by in time and in memory.
 
-    A pair waits for the tile of every pair before it on its grains, so that it finds what it would have
-    found: the same bits.
+    A pair is in no earlier tile than any pair before it on its grains, so that it reads the same velocities
+    as without tiles: the same bits.
     """
     pairs, length = pair_count(s), tile_length(s)
     tiles = (listed_count(s) + length - 1) // length
-    sequence, next_tile, start = s.workspace.sequence, s.workspace.next_level, s.workspace.group
-    sweep_index = s.workspace.sweep_index
+    sequence, next_tile, tile = s.workspace.sequence, s.workspace.next_tile, s.workspace.tile
+    tile_end = s.workspace.tile_end
     for i in range(grain_count(s)):
         put(next_tile, i, 0)
     for w in range(tiles + 1):
-        put(start, w, 0)
+        put(tile_end, w, 0)
     c = int(0)
     while c < pairs:
         pair = at(sequence, c)
@@ -271,16 +276,15 @@ def tile_pairs(s: Scene):
         w = wp.max(pair[2] // length, earlier)
         put(next_tile, pair[0], w)
         put(next_tile, pair[1], w)
-        put(sweep_index, pair[2], w)
-        put(start, w + 1, at(start, w + 1) + 1)
+        put(tile, c, w)
+        put(tile_end, w + 1, at(tile_end, w + 1) + 1)
         c += 1
     for w in range(tiles):
-        put(start, w + 1, at(start, w + 1) + at(start, w))
+        put(tile_end, w + 1, at(tile_end, w + 1) + at(tile_end, w))
     c = int(0)
     while c < pairs:
-        k = at(sequence, c)[2]
-        w = at(sweep_index, k)
-        place = at(start, w)
-        put(sweep_index, k, place)
-        put(start, w, place + 1)
+        w = at(tile, c)
+        place = at(tile_end, w)
+        put(s.workspace.sweep_index, at(sequence, c)[2], place)
+        put(tile_end, w, place + 1)
         c += 1

@@ -1,119 +1,50 @@
-"""What is to be done next: the conditions of step.py. Each reads the number in `Control` of its own name."""
+"""Conditions of the stages of a step (step.py): the phase that it is in, or a flag."""
 
 import warp as wp
 
-from .record import Scene
+from .record import Phase, Scene
 
 
-@wp.func
-def starting(s: Scene) -> bool:
-    """A step begins."""
-    return s.control.starting != 0
+def in_phase(*phases: Phase) -> wp.Function:
+    """Return the condition that a step is in one of these phases."""
+    bits = sum(1 << phase for phase in phases)
+
+    def holds(s: Scene) -> bool:
+        return (wp.static(bits) >> s.control.phase) & 1 != 0
+
+    holds.__name__ = holds.__qualname__ = "_or_".join(phase.name.lower() for phase in phases)
+    return wp.func(holds)
 
 
-@wp.func
-def unsolved(s: Scene) -> bool:
-    """The step goes on."""
-    return s.control.unsolved != 0
-
-
-@wp.func
-def unlisted(s: Scene) -> bool:
-    """A new list is needed."""
-    return s.control.unlisted != 0
-
-
-@wp.func
-def searching(s: Scene) -> bool:
-    """Pairs are to be searched, with the skins as they are now."""
-    return s.control.searching != 0
-
-
-@wp.func
-def roomy(s: Scene) -> bool:
-    """The pairs found have room."""
-    return s.control.roomy != 0
+unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.ACCEPTED, Phase.FULL})
+beginning = in_phase(Phase.BEGIN)
+searching = in_phase(Phase.SEARCH)
+listed = in_phase(Phase.LISTED)
+starting = in_phase(Phase.START)
+corrected = in_phase(Phase.CORRECTED)
+attempting = in_phase(Phase.START, Phase.CORRECTED)
+sweeping = in_phase(Phase.SWEEP)
+checking_list = in_phase(Phase.CHECK_LIST)
+measuring = in_phase(Phase.MEASURE, Phase.RECORD)
+scanning = in_phase(Phase.SCAN)
+iterating = in_phase(Phase.SWEEP, Phase.CHECK_LIST, Phase.MEASURE, Phase.RECORD, Phase.SCAN)
+accepted = in_phase(Phase.ACCEPTED)
+expired = in_phase(Phase.EXPIRE)
 
 
 @wp.func
 def unordered(s: Scene) -> bool:
-    """The list is not in sweeping order yet."""
+    """Return whether the list is still to be put in sweeping order."""
     return s.control.unordered != 0
 
 
 @wp.func
-def tiled(s: Scene) -> bool:
-    """The list is long enough to be swept tile after tile."""
-    return s.control.tiled != 0
-
-
-@wp.func
-def attempting(s: Scene) -> bool:
-    """There is a list to solve the step with."""
-    return s.control.attempting != 0
-
-
-@wp.func
-def fresh(s: Scene) -> bool:
-    """The step is solved from its warm start, or goes on with another list."""
-    return s.control.fresh != 0
-
-
-@wp.func
-def corrected(s: Scene) -> bool:
-    """The step is solved on from what the host has made of its corrections."""
-    return s.control.corrected != 0
-
-
-@wp.func
-def iterating(s: Scene) -> bool:
-    """The contact iteration goes on."""
-    return s.control.iterating != 0
-
-
-@wp.func
-def looking(s: Scene) -> bool:
-    """All contacts are looked at before the next sweep."""
-    return s.control.looking != 0
-
-
-@wp.func
-def sampling(s: Scene) -> bool:
-    """Velocities that were not monitored are to be looked at."""
-    return s.control.sampling != 0
-
-
-@wp.func
 def rejected(s: Scene) -> bool:
-    """The last sweep is taken back."""
+    """Return whether the last sweep is to be rolled back."""
     return s.control.rejected != 0
 
 
 @wp.func
-def measuring(s: Scene) -> bool:
-    """The residual is asked for."""
-    return s.control.measuring != 0
-
-
-@wp.func
-def rebuilding(s: Scene) -> bool:
-    """The velocities are to be replaced by those that the residual was measured with."""
-    return s.control.rebuilding != 0
-
-
-@wp.func
-def accepted(s: Scene) -> bool:
-    """The step is taken."""
-    return s.control.accepted != 0
-
-
-@wp.func
 def recoloring(s: Scene) -> bool:
-    """Pairs have kept colors that the list alone does not tell."""
+    """Return whether the next step needs new colors."""
     return s.control.recoloring != 0
-
-
-@wp.func
-def sweeping(s: Scene) -> bool:
-    """Sets are left, where every set is a launch of its own."""
-    return s.control.sweeping != 0

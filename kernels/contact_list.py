@@ -1,10 +1,10 @@
-"""A list made anew: the old one set aside, and its corrections carried over (warm-start transfer)."""
+"""A new list of contacts: the old one is saved, and its corrections transferred (warm start)."""
 
 import warp as wp
 
 from . import law
 from .access import at, put, raise_to, set_bodies
-from .record import WITHOUT_ROOM, Scene, amid_sweeps, grain_count, is_accelerated
+from .record import Phase, Scene, amid_sweeps, grain_count, is_accelerated
 from .types import NeighborList
 from .verlet import stayed_silent
 from .walls import wall_body_count
@@ -30,13 +30,13 @@ def pair_end(rows: NeighborList, i: int) -> int:
 
 @wp.func
 def save_row(s: Scene, i: int):
-    """Keep where the contacts of a grain are listed."""
+    """Save where the row of a grain begins."""
     put(s.workspace.old.start, i, at(s.neighbors.start, i))
 
 
 @wp.func
 def save_contact(s: Scene, k: int):
-    """Keep the contact at place k of the list, with its corrections."""
+    """Save contact k of the list, with its corrections and its color."""
     c = at(s.workspace.sweep_index, k)
     last = f64(0.0)
     if is_accelerated(s):
@@ -50,28 +50,22 @@ def save_contact(s: Scene, k: int):
 
 @wp.func
 def expire(s: Scene):
-    """Ask for a new list, in the same step; iterations that were begun go on with it."""
+    """Ask for a new list in the same step; sweeps that have begun resume with it."""
     n = grain_count(s)
     put(s.workspace.old.start, n, at(s.neighbors.start, n))
     s.step.rebuilds = s.step.rebuilds + 1
     s.control.resuming = 1 if s.step.iterations > 0 else 0
-    s.control.unlisted = 1
+    s.control.phase = Phase.SEARCH
     s.verlet.flags.missed = 0
 
 
 @wp.func
 def color_anew(s: Scene):
-    """Ask for the sweeping order that the list alone tells, before the next step."""
+    """Ask for the sweeping order that follows from the list alone, before the next step."""
     n = grain_count(s)
     put(s.workspace.old.start, n, at(s.neighbors.start, n))
     s.control.recoloring = 0
     s.control.unordered = 1
-
-
-@wp.func
-def begin_list(s: Scene):
-    """Search, at least once."""
-    s.control.searching = 1
 
 
 @wp.func
@@ -82,7 +76,7 @@ def is_active(dv: wp.vec3d) -> bool:
 
 @wp.func
 def was_active(s: Scene, i: int, j: int) -> bool:
-    """Return whether grain i was at wall j in the list before, with a correction: it stays listed."""
+    """Return whether the old list has grain i at wall j with a correction; such a contact stays listed."""
     old = s.workspace.old
     k, end = pair_end(old, i), at(old.start, i + 1)
     while k < end and at(old.neighbor, k) < j:
@@ -92,17 +86,17 @@ def was_active(s: Scene, i: int, j: int) -> bool:
 
 @wp.func
 def keep_pair(s: Scene, i: int, j: int, k_old: int):
-    """Search again, with wider skins, where a pair that carries a correction is lost: it stays listed."""
+    """Keep a pair of the old list that carries a correction: widen both skins, and search again."""
     if is_active(at(s.workspace.old_dv, k_old)):
         half = f64(0.5) * wp.length(at(s.grains.position, j) - at(s.grains.position, i))
         raise_to(s.verlet.skin, i, half)
         raise_to(s.verlet.skin, j, half)
-        s.control.searching = 1
+        s.control.phase = Phase.SEARCH
 
 
 @wp.func
 def match_rows(s: Scene, i: int):
-    """Find a grain's contacts in the list before, and those of that list that are lost."""
+    """Find a grain's contacts in the old list, and search again if one that carries a correction is lost."""
     rows, old = s.neighbors, s.workspace.old
     k_old, end_old = at(old.start, i), at(old.start, i + 1)
     k, end = at(rows.start, i), at(rows.start, i + 1)
@@ -123,18 +117,8 @@ def match_rows(s: Scene, i: int):
 
 
 @wp.func
-def end_list(s: Scene):
-    """Go on with the pairs found, or leave the step until there is room for them."""
-    s.control.unlisted = 1 - s.control.roomy
-    s.control.unordered = s.control.roomy
-    if s.control.roomy == 0:
-        s.step.outcome = WITHOUT_ROOM
-        s.control.unsolved = 0
-
-
-@wp.func
 def transfer_warm_start(s: Scene, i: int):
-    """Write a grain's contacts where they are swept, with the corrections of the old list, or zero."""
+    """Write a grain's contacts in sweeping order, with the corrections of the old list, or zero."""
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
     while k < end:
         j = at(s.neighbors.neighbor, k)

@@ -1,16 +1,16 @@
-"""Tiles dealt out to the CPU threads of a team in turn: who sweeps which pairs, and after whom.
+"""Tiles assigned to the CPU threads of a team in turn, and the dependencies between their pairs.
 
-A tile is a stretch of the list's rows (coloring.py). The first thread sweeps the first tile, the second the
+A tile is a range of the list's rows (coloring.py). The first thread sweeps the first tile, the second the
 next, and so on round and round. Pairs wait for those of another tile where the two share a grain, mostly at
 their common border: a thread follows the one before it at some distance, and rarely waits.
 
-A thread sweeps its pairs in the common order, in segments: stretches that it sweeps without a pause. Where
-the last pair before c on one of c's grains is another thread's, a segment begins with c that comes after
-it. So that one wait does for many pairs, it comes after a few more of that thread's, but after none that
+A thread sweeps its pairs in the common order, in segments: ranges that it sweeps without waiting. Where the
+last pair before c on one of c's grains belongs to another thread, a segment begins with c and depends on that
+pair. So that one wait serves many pairs, it depends on a few later pairs of that thread too, but on none that
 comes after c in the common order. The first pair in that order which is not yet swept thus never waits, and
-the threads never block each other for good.
+there is no deadlock.
 
-Who sweeps a pair does not change what it finds: no result depends on it.
+No result depends on which thread sweeps a pair, because each pair reads the same velocities in any case.
 """
 
 import warp as wp
@@ -20,16 +20,16 @@ from .coloring import tile_length
 from .record import Scene, dealt_threads, grain_count, pair_count
 
 LONGEST = wp.constant(2)  # tile that one thread sweeps, in lengths: orders without rows make longer ones
-STRETCHES = wp.constant(4)  # of a tile, one of which is waited for at a time
+STRETCHES = wp.constant(4)  # parts of a tile; a segment waits for the end of a part
 
 
 @wp.func
 def piece_end(s: Scene, begin: int, length: int) -> int:
-    """Where the stretch of the common order ends that a thread is dealt at once."""
+    """Return the end of the range of the common order, from `begin` on, that one thread is assigned."""
     tile = int(0)
-    while at(s.workspace.group, tile) <= begin:
+    while at(s.workspace.tile_end, tile) <= begin:
         tile += 1
-    end = at(s.workspace.group, tile)
+    end = at(s.workspace.tile_end, tile)
     if end - begin > LONGEST * length:
         end = begin + length
     return end
@@ -37,7 +37,7 @@ def piece_end(s: Scene, begin: int, length: int) -> int:
 
 @wp.func
 def begin_dealing(s: Scene, length: int):
-    """Find where the places of every thread begin; nothing is dealt yet, and nobody waits."""
+    """Find the first index of every thread, and reset the cursors and dependencies."""
     team, pairs, first = dealt_threads(s), pair_count(s), s.dealt.first
     for w in range(team + 1):
         put(first, w, 0)
@@ -62,7 +62,7 @@ def begin_dealing(s: Scene, length: int):
 
 @wp.func
 def begin_segment(s: Scene, place: int):
-    """Let a segment begin with the pair at this place, if none does; it waits for nobody yet."""
+    """Begin a segment with the pair at this index, if none begins there; it has no dependencies yet."""
     if at(s.dealt.begins, place) == 0:
         put(s.dealt.begins, place, 1)
         team = dealt_threads(s)
@@ -72,7 +72,7 @@ def begin_segment(s: Scene, place: int):
 
 @wp.func
 def wait_for(s: Scene, w: int, place: int, before: int, stretch: int):
-    """Let the pair at this place, of thread w, come after all of another thread before a place of its."""
+    """Make the pair at `place`, of thread w, depend on another thread's pairs before the index `before`."""
     team, first = dealt_threads(s), s.dealt.first
     other = int(0)
     while before > at(first, other + 1):
@@ -88,7 +88,7 @@ def wait_for(s: Scene, w: int, place: int, before: int, stretch: int):
 
 @wp.func
 def deal(s: Scene, w: int, begin: int, end: int, stretch: int):
-    """Give thread w a stretch of the common order, and mark where it has to wait."""
+    """Assign the pairs [begin, end) of the common order to thread w, with their dependencies."""
     last, first = s.dealt.last, at(s.dealt.first, w)
     place = at(s.dealt.cursor, w)
     c = int(begin)
@@ -107,7 +107,7 @@ def deal(s: Scene, w: int, begin: int, end: int, stretch: int):
 
 @wp.func
 def number_segments(s: Scene):
-    """Number the segments, and tell where each begins, and what it comes after."""
+    """Number the segments, and write the first pair and the dependencies of each."""
     team, first = dealt_threads(s), s.dealt.first
     segments = int(0)
     for w in range(team):
@@ -130,7 +130,7 @@ def number_segments(s: Scene):
 
 @wp.func
 def deal_out(s: Scene):
-    """Deal the pairs of a list out to the threads."""
+    """Assign the pairs of a list to the threads."""
     pairs, length = pair_count(s), tile_length(s)
     begin_dealing(s, length)
     begin, piece = int(0), int(0)

@@ -24,7 +24,7 @@ from .gauss_seidel import in_blocks, note_moment
 from .record import Scene, grain_count, is_accelerated, pair_count
 from .segments import contacts_of
 from .threads import MOMENTS, Team, keep_largest, partial_index, thread_range
-from .types import Contacts, Floats, Vectors
+from .types import Floats, Vectors
 from .verlet import least_monitored_correction, monitor
 from .warm_start import freeze
 
@@ -166,51 +166,47 @@ def measure_with_friction(team: Team, s: Scene):
 def sweeping(weighted: bool) -> wp.Function:
     """Return the function that corrects pairs, as `gauss_seidel.sweeping` does, with their friction."""
 
-    @wp.func
-    def correct(
-        velocity: Vectors, rim: Floats, contacts: Contacts, moments: Vectors, friction: f64, c: int, k: int
-    ) -> f64:
-        """Correct one pair. Returns the larger change of its two corrections."""
-        i, j = first_of(contacts.contact, c), second_of(contacts.contact, c)
-        n = normal_of(contacts.contact, c)
-        weight = wp.vec2d(f64(0.5), f64(0.5))
-        rim_weight = wp.vec3d(THIRD, f64(1.0), f64(1.0))
-        if wp.static(weighted):
-            weight = at(contacts.weights, c)
-            rim_weight = at(contacts.rim_weights, c)
-        vi, vj = at(velocity, i), at(velocity, j)
-        ui, uj = at(rim, i), at(rim, j)
-        dv_before, dvt_before = at(contacts.dv, c), at(contacts.dvt, c)
-        t, difference = law.tangent(n), vi - vj
-        dv = law.pair_correction(wp.dot(difference, n), dv_before, gap_rate_of(contacts.contact, c))
-        vt = wp.dot(difference, t) + ui + uj
-        dv_after = dv_before + dv
-        dvt = law.friction_correction(rim_weight[0] * vt, dvt_before, friction * dv_after)
-        push = dv * n + dvt * t
-        vi = vi - push * weight[0]
-        vj = vj + push * weight[1]
-        put(velocity, i, vi)
-        put(velocity, j, vj)
-        put(rim, i, ui - dvt * rim_weight[1])
-        put(rim, j, uj - dvt * rim_weight[2])
-        put(contacts.dv, c, dv_after)
-        put(contacts.dvt, c, dvt_before + dvt)
-        note_moment(moments, k, vi, vj)
-        return larger(wp.abs(dv), wp.abs(dvt))
-
     @wp.func(inline=False)
     def correct_block(s: Scene, begin: int, end: int, k: int):
         """Correct a block of pairs. Returns the largest change, and bits of the large ones."""
         velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
         rim = s.grains.next_rim
-        contacts = s.contacts
+        contact = s.contacts.contact
+        dvs = s.contacts.dv
+        dvts = s.contacts.dvt
+        weights = s.contacts.weights
+        rim_weights = s.contacts.rim_weights
         moments = s.partial.moments
-        friction = s.friction
+        friction = f64(s.friction)
         large = least_monitored_correction(s)
+        weight = wp.vec2d(f64(0.5), f64(0.5))
+        rim_weight = wp.vec3d(THIRD, f64(1.0), f64(1.0))
         zeta, bits = f64(0.0), wp.uint64(0)
         c = int(begin)
         while c < end:
-            change = correct(velocity, rim, contacts, moments, friction, c, k + 2 * (c - begin))
+            i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
+            if wp.static(weighted):
+                weight = at(weights, c)
+                rim_weight = at(rim_weights, c)
+            vi, vj = at(velocity, i), at(velocity, j)
+            ui, uj = at(rim, i), at(rim, j)
+            dv_before, dvt_before = at(dvs, c), at(dvts, c)
+            t, difference = law.tangent(n), vi - vj
+            dv = law.pair_correction(wp.dot(difference, n), dv_before, gap_rate_of(contact, c))
+            vt = wp.dot(difference, t) + ui + uj
+            dv_after = dv_before + dv
+            dvt = law.friction_correction(rim_weight[0] * vt, dvt_before, friction * dv_after)
+            push = dv * n + dvt * t
+            vi = vi - push * weight[0]
+            vj = vj + push * weight[1]
+            put(velocity, i, vi)
+            put(velocity, j, vj)
+            put(rim, i, ui - dvt * rim_weight[1])
+            put(rim, j, uj - dvt * rim_weight[2])
+            put(dvs, c, dv_after)
+            put(dvts, c, dvt_before + dvt)
+            note_moment(moments, k + 2 * (c - begin), vi, vj)
+            change = larger(wp.abs(dv), wp.abs(dvt))
             zeta = larger(zeta, change)
             bits = (bits << wp.uint64(1)) | wp.where(change > large, wp.uint64(1), wp.uint64(0))
             c += 1

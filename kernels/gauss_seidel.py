@@ -21,7 +21,7 @@ from .access import (
 from .contacts import gap_rates_now, is_wall_set
 from .record import Scene
 from .segments import contacts_of
-from .stopping import decide_to_stop, gathered
+from .stopping import count_iteration, gathered, phase_after_sweep
 from .threads import BLOCK, MOMENTS, Team, keep_largest, partial_index
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
@@ -175,7 +175,8 @@ def sweep(team: Team, s: Scene, k: int):
 
 
 @wp.func
-def decide(s: Scene):
-    """What follows on a sweep."""
-    decide_to_stop(s, gathered(s.partial.zeta))
+def end_sweep(s: Scene):
+    """Count a sweep, and choose what follows."""
+    count_iteration(s, gathered(s.partial.zeta))
     add_unmonitored(s)
+    s.control.phase = phase_after_sweep(s)

@@ -1,4 +1,4 @@
-"""Stages launched on a GPU: each is a launch of its own, loops and conditions are nodes of the graph.
+"""Stages launched on a GPU: each is a separate launch, and loops and conditions are nodes of the graph.
 
 The stages are those of the CPU's kernel, wrapped the same way; the end of a launch is the barrier.
 """
@@ -9,7 +9,6 @@ from functools import cache
 
 import warp as wp
 
-from .conditions import sweeping
 from .contacts import set_count
 from .record import Scene, SceneRecord
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
@@ -21,20 +20,29 @@ GPU_THREADS = 1 << 16
 @wp.func
 def begin_sets(s: Scene):
     """Begin with the first set."""
-    s.control.set = 0
-    s.control.sweeping = 1 if set_count(s) > 0 else 0
+    s.control.sets_left = set_count(s)
 
 
 @wp.func
 def next_set(s: Scene):
     """Go on with the next set."""
-    s.control.set = s.control.set + 1
-    s.control.sweeping = 1 if s.control.set < set_count(s) else 0
+    s.control.sets_left = s.control.sets_left - 1
+
+
+@cache
+def test(condition: wp.Function) -> wp.Function:
+    """Return the stage that writes whether a condition holds where a node of the graph reads it."""
+
+    def tested(s: Scene):
+        s.control.holds = 1 if condition(s) else 0
+
+    tested.__name__ = tested.__qualname__ = f"test_{condition.func.__name__}"
+    return wp.func(tested)
 
 
 @cache
 def stage_kernel(stage: Serial | Each | Shared | Sets, module: wp.Module) -> wp.Kernel:
-    """Return the kernel of one stage; of a set, it is the one that `Control` names."""
+    """Return the kernel of one stage; of a set, it is the next one that is left."""
     run = _one_set(stage.stage) if isinstance(stage, Sets) else fuse([stage])
 
     def launched(records: wp.array(dtype=SceneRecord), k: int, team: TeamRecord):
@@ -48,18 +56,18 @@ def stage_kernel(stage: Serial | Each | Shared | Sets, module: wp.Module) -> wp.
 def _one_set(stage: wp.Function) -> wp.Function:
     @wp.func
     def one_set(team: wp.ref[TeamRecord], s: Scene):
-        stage(team, s, s.control.set)
+        stage(team, s, set_count(s) - s.control.sets_left)
 
     return one_set
 
 
 def leaves(stages: Sequence[Stage]) -> list[Serial | Each | Shared | Sets]:
-    """Return all that is launched, as a GPU does it: elements that add up may do so side by side there."""
+    """Return all stages to launch. Stages that add up run in parallel, because a GPU has atomics."""
     found: list[Serial | Each | Shared | Sets] = []
     for stage in stages:
         match stage:
-            case If(_, inner) | While(_, inner):
-                found += leaves(inner)
+            case If(condition, inner) | While(condition, inner):
+                found += [Serial(test(condition)), *leaves(inner)]
             case Each():
                 found.append(replace(stage, adds_up=False))
             case Sets():
@@ -103,9 +111,12 @@ class Launcher:
         for stage in stages:
             match stage:
                 case If(condition, inner):
-                    wp.capture_if(self._control(condition), self._later(inner))
+                    self._launch(Serial(test(condition)), 1)
+                    wp.capture_if(self._word("holds"), self._later(inner))
                 case While(condition, inner):
-                    wp.capture_while(self._control(condition), self._later(inner))
+                    tested = Serial(test(condition))
+                    self._launch(tested, 1)
+                    wp.capture_while(self._word("holds"), self._later([*inner, tested]))
                 case Each():
                     self._launch(replace(stage, adds_up=False), self._team.size)
                 case Serial():
@@ -114,7 +125,7 @@ class Launcher:
                     self._launch(stage, self._team.size)
                 case Sets():
                     self._launch(Serial(begin_sets), 1)
-                    wp.capture_while(self._control(sweeping), lambda stage=stage: self._next_set(stage))
+                    wp.capture_while(self._word("sets_left"), lambda stage=stage: self._next_set(stage))
 
     def _later(self, stages: Sequence[Stage]) -> Callable[[], None]:
         return lambda: self(stages)
@@ -128,11 +139,11 @@ class Launcher:
         inputs = (self._records, self._k, self._team)
         wp.launch(kernel, dim=threads, inputs=inputs, device=self._records.device)
 
-    def _control(self, condition: wp.Function) -> wp.array:
-        """Return the number that a condition reads, where the record has it."""
+    def _word(self, name: str) -> wp.array:
+        """Return a number of `Control`, where the record has it: a node of the graph reads it."""
         dtype = SceneRecord.numpy_dtype()
         control = dict(zip(dtype["names"], dtype["offsets"], strict=True))["control"]
         inner = dtype["formats"][dtype["names"].index("control")]
-        offset = control + inner["offsets"][inner["names"].index(condition.func.__name__)]
+        offset = control + inner["offsets"][inner["names"].index(name)]
         pointer = self._records.ptr + self._k * dtype["itemsize"] + offset
         return wp.array(ptr=pointer, dtype=wp.int32, shape=(1,), device=self._records.device)

@@ -71,7 +71,8 @@ def friction_correction(vt: f64, dvt: f64, limit: f64) -> f64:
 
     vt is the velocity at which the surfaces slip, divided by W of eq. 22.
     """
-    return wp.min(limit, wp.max(-limit, dvt + vt)) - dvt
+    stuck = dvt + vt
+    return wp.where(stuck > limit, limit, wp.where(stuck < -limit, -limit, stuck)) - dvt
 
 
 @wp.func

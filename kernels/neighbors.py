@@ -1,7 +1,7 @@
 """Candidate contacts: every pair i < j, and grain and wall, within reach (verlet.py), in lexicographic order.
 
-Grains are looked for in the cells around each of them (cells.py). Of two grains the one of larger extent
-finds the pair, so that few large grains among many small ones cost no more than the cells that they cover.
+The search scans the cells around each grain (cells.py). Of two grains the one of larger extent finds the
+pair, so that few large grains among many small ones cost no more than the cells that they cover.
 """
 
 import warp as wp
@@ -9,7 +9,7 @@ import warp as wp
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, ends
 from .contact_list import was_active
-from .record import Scene, grain_count
+from .record import WITHOUT_ROOM, Phase, Scene, grain_count
 from .types import CellGrid
 from .walls import is_near_wall, wall_body_count
 
@@ -20,7 +20,7 @@ TOO_WIDE = wp.constant(f64(1.0 + 1.0e-12))  # so that rounding leaves no contact
 
 @wp.func
 def note_contact(s: Scene, i: int, j: int):
-    """Count a contact with its first body, and with its second, and write it down if there is room."""
+    """Count a contact for both its bodies, and write it if it is within the capacity."""
     add(s.neighbors.firsts, i, 1)
     add(s.neighbors.seconds, j, 1)
     place = add(s.neighbors.total, 0, 1)
@@ -56,16 +56,17 @@ NEAR = """
 
 @wp.func_native(checked(NEAR))
 def near_mask(grid: CellGrid, k: int, begin: int, end: int, wide: f64) -> wp.uint64:
-    """Which of eight places from begin on are before end, and hold a grain that the one at k may find.
+    """Return a bit for each of the eight indices from `begin` on: whether the grain at k may find its grain.
 
-    Of two grains the one of larger extent finds the pair, or, of equals, the one that comes first.
+    The index is below `end`, and the grains are near. Of two grains the one of larger extent finds the pair,
+    or, of equals, the one that comes first.
     """
     ...
 
 
 @wp.func
 def note_pairs(s: Scene, k: int, near: wp.uint64, begins: Begins):
-    """Note the pairs of the grain at place k that are within reach of each other, of those that may be."""
+    """Write those of the possible pairs of the grain at index k that are within reach."""
     x, y, velocity, skin, grain = s.grid.x, s.grid.y, s.grid.velocity, s.grid.skin, s.grid.grain
     left = near
     while left != wp.uint64(0):
@@ -83,10 +84,10 @@ def note_pairs(s: Scene, k: int, near: wp.uint64, begins: Begins):
 
 @wp.func
 def find_pairs(s: Scene, k: int):
-    """Find the pairs of the grain at place k in the cells around it, each of them once.
+    """Find the pairs of the grain at index k in the cells around it, each pair once.
 
-    A row of cells is one stretch of places, or two where it is wrapped around. Eight places are tested at
-    once, and what is found in eight such tests is looked at together.
+    A row of cells is one range of indices, or two where it is wrapped around. Eight indices are tested at
+    once, and the hits of eight such tests are checked together.
     """
     x, y = at(s.grid.x, k), at(s.grid.y, k)
     radius = f64(2.0) * at(s.grid.extent, k) * TOO_WIDE
@@ -125,7 +126,7 @@ def find_pairs(s: Scene, k: int):
 
 @wp.func
 def find_walls(s: Scene, i: int):
-    """Find the walls within reach of a grain, and those that hold it."""
+    """Find the walls within reach of a grain, and those whose contact carries a correction."""
     path = s.verlet.numbers.lifetime * wp.length(at(s.verlet.reference_velocity, i))
     reach = (at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
@@ -136,17 +137,22 @@ def find_walls(s: Scene, i: int):
 
 
 @wp.func
-def see_whether_roomy(s: Scene):
-    """Whether the contacts found have room."""
-    s.control.searching = 0
-    s.control.roomy = 1 if at(s.neighbors.total, 0) <= s.neighbors.found.shape[0] else 0
+def check_capacity(s: Scene):
+    """List the contacts found, or leave the step until the host has reserved memory for them."""
+    if at(s.neighbors.total, 0) <= s.neighbors.found.shape[0]:
+        s.control.phase = Phase.LISTED
+        s.control.unordered = 1
+    else:
+        s.control.phase = Phase.FULL
+        s.control.unordered = 0
+        s.step.outcome = WITHOUT_ROOM
 
 
 @wp.func
 def fill_rows(s: Scene):
-    """Put the contacts found in rows, ascending: sorted by second body, and then by first.
+    """Sort the contacts found into rows, by first and then by second body (two counting sorts).
 
-    Where a part ends is counted down to where it starts.
+    The end of each bucket is counted down to its start.
     """
     found, by_second, start, second = (
         s.neighbors.found,

@@ -1,10 +1,10 @@
-"""How many threads a team has: fewer while waiting costs more than they gain, and then again more.
+"""The number of threads of a team: fewer while waiting costs more than they gain, and then more again.
 
 Where another process has a core, the thread of a team that is to run there comes to a barrier late, by a time
 slice of the system's: milliseconds, for a stage that takes microseconds. The first thread counts the time
 that it waits. When that is more than a share of all its time, half of the threads leave the team at the next
 barrier, and end their launch. As the first thread does at least its own part of the work in the rest of the
-time, a team takes at most 1 / (1 - share) times as long as one thread, beside that first wait.
+time, a team takes at most 1 / (1 - share) times as long as one thread, plus that first wait.
 
 A larger team is tried after a pause, which makes the waits that it cost a small part of the time, and doubles
 with every trial that fails.
@@ -38,7 +38,7 @@ WORTH = wp.constant(f64(16.0))  # seconds of pause for each second that was wait
 
 @wp.func
 def shrink(team: Team, size: int, waited: f64, now: f64):
-    """Let the team be smaller from the next barrier on, and for a pause that follows from what it waited."""
+    """Shrink the team from the next barrier on, for a pause in proportion to the time that it waited."""
     pause = wp.min(wp.max(f64(2.0) * team.pace[0].pause, WORTH * waited), LONGEST)
     team.pace[0].size = size
     team.pace[0].pause = pause
@@ -49,7 +49,7 @@ def shrink(team: Team, size: int, waited: f64, now: f64):
 
 @wp.func
 def count_waiting(team: Team, begun: f64):
-    """Count that the first thread has waited since then; halve the team if that is too much."""
+    """Add the first thread's wait since `begun`; halve the team if it waits too much."""
     now = seconds()
     waited = team.pace[0].waited + now - begun
     gone = now - team.pace[0].window
@@ -64,7 +64,7 @@ def count_waiting(team: Team, begun: f64):
 
 @wp.func
 def wait_until(team: Team, k: int, least: wp.int64):
-    """Wait until others have counted that far in a word of the team."""
+    """Wait until a word of the team has reached a count."""
     begun = f64(0.0)
     look = int(0)
     found = bool(word_at(team.words, k) >= least)
@@ -81,7 +81,7 @@ def wait_until(team: Team, k: int, least: wp.int64):
 
 @wp.func(inline=False)
 def meet(team: Team):
-    """Wait for all threads; called, so that it is compiled once and not after every stage."""
+    """Wait for all threads. Not inlined, so that it is compiled once and not after every stage."""
     meetings = word_at(team.words, MEETINGS) + wp.int64(1)
     if arrive(team.words, team.size):
         let_go(team.words, team.pace[0].size)
@@ -93,14 +93,14 @@ def meet(team: Team):
 
 @wp.func
 def barrier(team: Team):
-    """Let every CPU thread see what the others have written; a team of one does not wait, nor a GPU."""
+    """Publish what each CPU thread has written to the others. Does nothing for one thread, or on a GPU."""
     if team.size > 1 and team.words.shape[0] > 0 and is_member(team):
         meet(team)
 
 
 @wp.func
 def join(team: Team):
-    """Make a team of the threads that have begun their launch; those that come late end it."""
+    """Form a team of the threads that have begun their launch; a late thread ends its launch."""
     if team.rank > 0:
         team.rank = enter_gate(team.words)
         wake(team.words)
@@ -115,7 +115,7 @@ def join(team: Team):
 
 @wp.func
 def gather(team: Team):
-    """Wait for the others to begin, but not for long."""
+    """Wait a short time for the other threads to begin."""
     begun = seconds()
     most = team.pace[0].share * JOINING
     team.pace[0].window = begun - team.pace[0].window
@@ -139,7 +139,7 @@ def gather(team: Team):
 
 @wp.func
 def leave(team: Team):
-    """Keep what the first thread has counted for the next launch."""
+    """Save the first thread's counts for the next launch."""
     if team.rank == 0 and is_member(team) and team.pace.shape[0] > 0:
         team.pace[0].window = seconds() - team.pace[0].window
 

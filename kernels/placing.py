@@ -1,8 +1,8 @@
-"""Random sequential addition: discs take places at random, one after the other, clear of those before.
+"""Random sequential addition: discs are placed at random, one after the other, without overlap.
 
 Discs come in order of size, the largest first. Those of a level are less than a factor of two apart and share
-a grid, whose cells are no narrower than the largest of them: so a disc looks into nine cells of its own level
-and of every level before.
+a grid, whose cells are no narrower than the largest of them. So a disc is checked against nine cells of its
+level and of every level before.
 """
 
 import warp as wp
@@ -17,7 +17,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Box:
-    """What discs are to be in, beside the walls [m]."""
+    """A box in which the discs are placed, in addition to the walls [m]."""
 
     low: wp.vec2d
     high: wp.vec2d
@@ -47,14 +47,14 @@ Discs = wp.ref[DiscsRecord]
 
 @wp.func
 def cell_index(x: f64, discs: Discs, level: int) -> int:
-    """The column, or row, of cells that a coordinate is in."""
+    """Return the column, or row, of cells that a coordinate is in."""
     place = int((x + discs.walls.annulus.radius_out) / discs.cell[level])
     return wp.clamp(place, 0, discs.width[level] - 1)
 
 
 @wp.func
 def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
-    """Whether a disc at x overlaps none of those in a cell."""
+    """Return whether a disc at x overlaps no disc of a cell."""
     clear = bool(True)
     j = discs.newest[cell]
     while clear and j != NOBODY:
@@ -67,7 +67,7 @@ def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
 
 @wp.func
 def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
-    """Whether a disc at x overlaps none of a level; its own cell, the likeliest, comes first."""
+    """Return whether a disc at x overlaps no disc of a level. The cell of x is checked first."""
     width = discs.width[level]
     column, row = cell_index(x[0], discs, level), cell_index(x[1], discs, level)
     own = discs.first[level] + column * width + row
@@ -81,7 +81,7 @@ def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
 
 @wp.func
 def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
-    """Whether disc i at x is between the walls and in the box, off the origin, and clear of all before."""
+    """Return whether disc i at x is within walls and box, off the origin, and overlaps no earlier disc."""
     r, box = discs.radius[i], discs.box
     if wp.min(x - box.low) < r or wp.min(box.high - x) < r:
         return False
@@ -95,7 +95,7 @@ def fits(x: wp.vec2d, discs: Discs, i: int) -> bool:
 
 @wp.func
 def put(x: wp.vec2d, discs: Discs, i: int):
-    """Give disc i its place."""
+    """Place disc i at x."""
     level = discs.level[i]
     width = discs.width[level]
     cell = discs.first[level] + cell_index(x[0], discs, level) * width + cell_index(x[1], discs, level)
@@ -106,7 +106,7 @@ def put(x: wp.vec2d, discs: Discs, i: int):
 
 @wp.func
 def try_places(discs: Discs):
-    """Try places one after the other."""
+    """Try the places in order until all discs are placed."""
     for k in range(discs.places.shape[0]):
         if discs.placed == discs.radius.shape[0]:
             return

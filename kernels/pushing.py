@@ -1,4 +1,4 @@
-"""Discs that overlap are pushed apart, pair after pair: how a dense packing is grown."""
+"""Dense packings: overlapping discs are pushed apart, pair after pair."""
 
 import warp as wp
 

@@ -1,7 +1,9 @@
-"""A scene as the kernels see it: one record of its arrays, of the numbers of a step, and of parameters.
+"""A scene as a record: its arrays, the numbers of a step, and parameters.
 
 The numbers change while a kernel runs, as the contents of the arrays do; lengths and parameters do not.
 """
+
+from enum import IntEnum
 
 import warp as wp
 
@@ -26,13 +28,33 @@ f64 = wp.float64
 SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED, BEYOND_WALL, SLOW = (
     wp.constant(k) for k in range(9)
 )
-"""Outcomes of a step. A SOLVED one is taken, converged or, where the scene allows it, not; so is an UNPROVED
-one, which is worth a search for a proof that none solves it. A SLOW one waits for the host (exact.py)."""
+"""Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. So is an UNPROVED
+step, for which the host searches a proof that no velocities solve it. A SLOW one waits for the host."""
+
+
+class Phase(IntEnum):
+    """The next part of a step. Serial stages choose it, mostly in stopping.py; conditions.py reads it."""
+
+    ENDED = 0  # nothing: no step has begun, the last one was refused, or the host solves it
+    ACCEPTED = 1  # nothing: the step is taken
+    FULL = 2  # nothing: the host reserves memory for the list
+    BEGIN = 3  # free velocities
+    SEARCH = 4  # find the candidate contacts
+    LISTED = 5  # sort them: their list fits in memory
+    START = 6  # freeze contacts, and apply their corrections
+    CORRECTED = 7  # take the velocities that the host's corrections make
+    SWEEP = 8
+    CHECK_LIST = 9  # check the list before all contacts are scanned (working_set.py)
+    MEASURE = 10  # measure the residual, which may stop the sweeps
+    RECORD = 11  # measure it for the history alone
+    SCAN = 12  # scan all contacts for the working set
+    VERIFY = 13  # verify the list and judge the step: the sweeps have stopped
+    EXPIRE = 14  # set aside the list, in which a contact may be missing
 
 
 @wp.struct
 class StepState:
-    """What the step has done so far, and what is reported of it."""
+    """The progress of a step, and its results."""
 
     iterations: wp.int32
     zeta: f64  # of the last iteration [m/s]
@@ -42,43 +64,30 @@ class StepState:
     rebuilds: wp.int32  # lists built
     redos: wp.int32  # attempts that a missing contact made void
     factorizations: wp.int32  # by the host
+    measured: wp.int32  # last iteration after which the residual was measured
+    patience: wp.int32  # `StoppingCriterion.patience`; 0 once the host has found no better corrections
     converged: wp.int32  # whether it has met the tolerance
     outcome: wp.int32
 
 
 @wp.struct
 class Control:
-    """What is to be done next (conditions.py): a GPU's graph reads it as well."""
+    """The phase of the step, and flags that it does not imply."""
 
-    starting: wp.int32
-    unsolved: wp.int32
-    unlisted: wp.int32
-    searching: wp.int32
-    roomy: wp.int32
-    unordered: wp.int32
-    tiled: wp.int32
-    attempting: wp.int32
-    fresh: wp.int32
-    corrected: wp.int32  # whether the host has tried to solve the step
-    declined: wp.int32  # whether it could not, so that sweeps alone go on to the step's end
-    resuming: wp.int32  # whether the attempt goes on where the last list expired
-    unfinished: wp.int32  # whether iterations are left to do
-    recoloring: wp.int32
-    iterating: wp.int32
-    looking: wp.int32
-    sampling: wp.int32
-    rejected: wp.int32
-    measuring: wp.int32
-    rebuilding: wp.int32
-    accepted: wp.int32
-    sweeping: wp.int32
+    phase: wp.int32
     halted: wp.int32  # whether the host wants the step given up
-    set: wp.int32  # that is swept now, where every set is a launch of its own
+    unordered: wp.int32  # whether the list is not in sweeping order
+    recoloring: wp.int32  # whether pairs have kept colors that do not follow from the list alone
+    resuming: wp.int32  # whether the attempt continues from its velocities, and does not start again
+    stopped: wp.int32  # whether no iterations are left to do
+    rejected: wp.int32  # whether the last sweep was rolled back
+    holds: wp.int32  # on a GPU: whether the condition tested last holds (gpu.py)
+    sets_left: wp.int32  # on a GPU: sets still to be swept
 
 
 @wp.struct
 class Partial:
-    """What every thread has found; the maximum or sum over all threads counts."""
+    """Partial maxima and sums, by thread."""
 
     zeta: Floats
     residual: Floats
@@ -89,7 +98,7 @@ class Partial:
 
 @wp.struct
 class History:
-    """What the iterations of the last step have come to; of length 0 where nobody asks."""
+    """Zeta and residual of every iteration of the last step; of length 0 unless they are asked for."""
 
     zeta: Floats  # of every iteration [m/s]
     residual: Floats  # after it [m/s]
@@ -97,7 +106,7 @@ class History:
 
 @wp.struct
 class StoppingCriterion:
-    """When to stop iterating."""
+    """The parameters by which iterations stop (stopping.py)."""
 
     on_residual: wp.int32  # whether the tolerance is on the residual, or on zeta
     tolerance: f64  # [m/s]
@@ -108,7 +117,7 @@ class StoppingCriterion:
 
 @wp.struct
 class TimeScheme:
-    """Of which moments velocities are."""
+    """The times to which velocities belong."""
 
     leapfrog: wp.int32  # whether velocities belong to the middle of a step
     staggered: wp.int32  # whether they are half a step behind the positions now
@@ -131,7 +140,7 @@ class Tuning:
 
 @wp.struct
 class RunStatistics:
-    """What is added up of the steps of a run; `warpgrains.solver.statistics` has a field of each name."""
+    """Sums and maxima over the steps of a run, by the names of `warpgrains.solver.statistics`."""
 
     steps: wp.int32
     unconverged: wp.int32
@@ -188,34 +197,34 @@ class SceneRecord:
 
 
 Scene = wp.ref[SceneRecord]
-"""A stage is handed the record itself: what it writes, the next one reads."""
+"""The record by reference: what a stage writes, the next one reads."""
 
 
 @wp.func
 def grain_count(s: Scene) -> int:
-    """How many grains there are."""
+    """Return the number of grains."""
     return s.grains.position.shape[0]
 
 
 @wp.func
 def pair_count(s: Scene) -> int:
-    """How many pairs are listed."""
+    """Return the number of listed pairs."""
     return s.contacts.count.pairs
 
 
 @wp.func
 def is_accelerated(s: Scene) -> bool:
-    """Whether the method looks one sweep back."""
+    """Return whether the method has momentum, and so keeps the state of one sweep before."""
     return s.momentum.last_dv.shape[0] > 0
 
 
 @wp.func
 def dealt_threads(s: Scene) -> int:
-    """How many threads are dealt tiles; 0 where a thread is alone, or all share every set out."""
+    """Return the number of threads that are assigned tiles; 0 if there is one thread, or all share sets."""
     return s.dealt.cursor.shape[0]
 
 
 @wp.func
 def amid_sweeps(s: Scene) -> bool:
-    """Whether a list was made after sweeps in which a contact that it has newly may have been missing."""
+    """Return whether the list was made during sweeps, in which its new contacts may have been missing."""
     return s.control.resuming != 0 and not is_accelerated(s)

@@ -1,4 +1,4 @@
-"""What comes between two accelerated sweeps (accelerated.py): restart, monotone safeguard, extrapolation.
+"""Restart, monotone safeguard and extrapolation between two accelerated sweeps (accelerated.py).
 
 Momentum stops when it points up the gradient (O'Donoghue and Candes 2015), but t is only halved: the speed is
 gone, the friction stays low, and the next run is soon as fast (Liang, Luo and Schoenlieb 2022). A sweep that
@@ -19,20 +19,17 @@ from .accelerated import mass_in_phi
 from .access import at, put
 from .contacts import CHUNK, chunks_in, part_count
 from .record import Scene, grain_count
-from .stopping import decide_to_stop, gathered
+from .stopping import count_iteration, gathered, phase_after_sweep
 from .threads import Team, thread_range
 
 f64 = wp.float64
 ROUNDING = wp.constant(f64(2.0e-15))
 RELAXATION_BACKOFF = wp.constant(f64(0.8))  # what a rejected sweep leaves of the over-relaxation
 MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # what a stop leaves of t
-REBUILD_EVERY = wp.constant(100)  # iterations between two times that velocities are rebuilt
 NEAR_END = wp.constant(f64(6.0))  # times the tolerance: below that zeta, t is held back to the largest of
 T_ANYWAY = wp.constant(f64(24.0))
 T_PER_FALL = wp.constant(f64(1.5))  # times sqrt(zeta of the first sweep / tolerance)
 T_PER_SWEEP = wp.constant(f64(0.2))  # times the sweeps so far
-LOOK_EVERY = wp.constant(10)  # sweeps between two looks, and
-FIRST_LOOKS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
 
 @wp.func
@@ -52,8 +49,15 @@ def take_t_on(s: Scene, zeta: f64):
 
 
 @wp.func
+def back_off(s: Scene):
+    """Stop momentum for one sweep, and halve t."""
+    s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.state.t)
+    s.momentum.state.beta = f64(0.0)
+
+
+@wp.func
 def accept_or_reject(s: Scene, zeta: f64):
-    """Reject a sweep after which phi has risen; choose how far to go on after the others."""
+    """Reject a sweep after which phi has risen; otherwise choose t and beta of the next one."""
     part = wp.vec2d(f64(0.0), f64(0.0))
     for k in range(part_count(s)):
         part = part + at(s.momentum.contact_part, k)
@@ -68,39 +72,24 @@ def accept_or_reject(s: Scene, zeta: f64):
     if rejected:
         s.momentum.state.relaxation = RELAXATION_BACKOFF * s.momentum.state.relaxation
     if rejected or part[1] > f64(0.0):
-        s.momentum.state.t = wp.max(f64(1.0), MOMENTUM_BACKOFF * s.momentum.state.t)
-        s.momentum.state.beta = f64(0.0)
+        back_off(s)
     else:
         take_t_on(s, zeta)
     s.control.rejected = 1 if rejected else 0
 
 
 @wp.func
-def is_look_due(iterations: int) -> bool:
-    """Whether all contacts are looked at after so many sweeps: impacts spread fast at first."""
-    early = iterations <= FIRST_LOOKS and (iterations & (iterations - 1)) == 0
-    return early or iterations % LOOK_EVERY == 0
-
-
-@wp.func
-def decide_ahead(s: Scene):
-    """What follows on an accelerated sweep; whether it was the last is settled when all is looked at."""
+def end_sweep_ahead(s: Scene):
+    """Count a sweep, accept or reject it, and choose what follows."""
     zeta = gathered(s.partial.zeta)
     accept_or_reject(s, zeta)
-    decide_to_stop(s, zeta)
-    iterations = s.step.iterations
-    if s.control.rejected == 0 and iterations % REBUILD_EVERY == 0:
-        s.control.measuring = 1
-        s.control.rebuilding = 1
-    looking = s.control.measuring == 1 or s.control.unfinished == 0 or is_look_due(iterations)
-    s.control.looking = 1 if looking else 0
-    s.control.unfinished = 1
-    s.control.iterating = 1
+    count_iteration(s, zeta)
+    s.control.phase = phase_after_sweep(s)
 
 
 @wp.func
 def roll_back(s: Scene, part: int):
-    """Take back the rejected corrections of a part of the working set."""
+    """Restore the corrections that a part of the working set had before a rejected sweep."""
     bounds = at(s.working.range, part)
     c = int(bounds[0])
     while c < bounds[1]:
@@ -110,13 +99,13 @@ def roll_back(s: Scene, part: int):
 
 @wp.func
 def roll_back_velocity(s: Scene, i: int):
-    """Give a grain the velocity that it had before a rejected sweep."""
+    """Restore the velocity that a grain had before a rejected sweep."""
     put(s.grains.next_velocity, i, at(s.momentum.last_velocity, i))
 
 
 @wp.func
 def take_rebuilt_velocity(s: Scene, i: int):
-    """Give a grain the velocity that its corrections make, and move the last one by as much."""
+    """Set a grain's velocity to the rebuilt one, and shift the last one by the difference."""
     rebuilt = at(s.grains.rebuilt_velocity, i)
     last = at(s.momentum.last_velocity, i)
     put(s.momentum.last_velocity, i, last + (rebuilt - at(s.grains.next_velocity, i)))
@@ -125,7 +114,7 @@ def take_rebuilt_velocity(s: Scene, i: int):
 
 @wp.func
 def extrapolate(team: Team, s: Scene):
-    """Take the velocities on to y."""
+    """Extrapolate the velocities to y, and sum up the kinetic part of phi."""
     n = grain_count(s)
     grains, contacts = s.grains, s.contacts
     last_velocity = s.momentum.last_velocity

@@ -1,9 +1,10 @@
-"""Who sweeps which pairs, and when: passes over the pairs, set after set or segment after segment.
+"""Passes over the pairs, set after set or segment after segment, by the threads of a team.
 
-Where threads meet after every independent set, each takes its share of it. Where threads are dealt tiles
-(dealing.py), each sweeps its segments, one as soon as the others have come as far as `dependencies` tells. A
-thread of a team that has lost members sweeps those of several threads, whichever may be swept. Either way a
-pair finds the velocities that it would find if all pairs were swept one by one in the common order.
+If threads meet after every independent set, each sweeps its share of it. If threads are assigned tiles
+(dealing.py), each sweeps its segments, and begins one as soon as the other threads have swept the pairs that
+it depends on. If a team has lost members, a thread sweeps the segments of several, in any order that the
+dependencies allow. In both cases a pair reads the velocities that it would read if all pairs were swept one
+by one in the common order.
 """
 
 import warp as wp
@@ -25,7 +26,7 @@ from .waiting import LINE, begin_look, end_look, seconds, wake, word_at
 #endif
 """)
 def begin_segments(ended: wp.array(dtype=wp.int64), w: int, first: int):
-    """Count a pass in the upper half of the word of thread w, no place in the lower, and name its segment."""
+    """Count a pass in the upper half of thread w's word, clear the lower half, and set its next segment."""
     ...
 
 
@@ -38,13 +39,13 @@ def begin_segments(ended: wp.array(dtype=wp.int64), w: int, first: int):
 #endif
 """)
 def end_segment(ended: wp.array(dtype=wp.int64), w: int, place: int):
-    """Tell the others that all pairs of thread w before a place are swept, and name its next segment."""
+    """Publish that all pairs of thread w before an index are swept, and advance to its next segment."""
     ...
 
 
 @wp.func
 def may_begin(team: Team, s: Scene, w: int, segment: int) -> bool:
-    """Return whether all threads have come, in this pass, to the places that a segment depends on."""
+    """Return whether all pairs that a segment depends on are swept in this pass."""
     threads = dealt_threads(s)
     places_of_a_pass = wp.int64(1) << wp.int64(32)
     begun = team.ended[LINE * w] / places_of_a_pass * places_of_a_pass
@@ -57,7 +58,7 @@ def may_begin(team: Team, s: Scene, w: int, segment: int) -> bool:
 
 @wp.func
 def next_segment(team: Team, s: Scene) -> int:
-    """Wait for a segment that may begin, its own or one of those that have left. Returns -1 at the end."""
+    """Wait for a segment that may begin, of this thread or of one that has left. Returns -1 at the end."""
     found = int(-1)
     look = int(0)
     waiting = bool(True)
@@ -108,7 +109,7 @@ def next_set(team: Team, s: Scene, k: int) -> int:
 
 @wp.func
 def end_set(team: Team, s: Scene, k: int):
-    """Let others go on with what this set, or segment, has changed."""
+    """Publish the changes of this set, or segment, to the other threads."""
     if dealt_threads(s) > 0:
         w = int(team.rank)
         while k >= at(s.dealt.first_segment, w + 1):
@@ -132,6 +133,6 @@ def contacts_of(team: Team, s: Scene, k: int):
 
 @wp.func
 def end_pass(team: Team, s: Scene):
-    """End a pass: no thread goes on before all have ended their segments."""
+    """End a pass: wait until all threads have ended their segments."""
     if dealt_threads(s) > 0:
         barrier(team)

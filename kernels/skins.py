@@ -1,4 +1,4 @@
-"""How far a new list must reach: its skins and its lifetime (verlet.py says what they prove)."""
+"""The reach of a new list: its skins and its lifetime, by which verlet.py proves it complete."""
 
 import warp as wp
 
@@ -30,10 +30,10 @@ def adapt_base_skin(s: Scene):
 
 @wp.func
 def renew_skin(s: Scene, i: int):
-    """Choose w_i, and skin_i: the base skin, and somewhat more than what this step, or the last, has needed.
+    """Choose w_i, and skin_i: the base skin plus a multiple of the need of this step or of the last.
 
-    A Gauss-Seidel step that goes on keeps its w_i, with u, and its peaks; otherwise w_i is what the grain
-    has now. Accelerated, of a step that goes on only what is still to come matters.
+    A Gauss-Seidel step that resumes keeps its w_i, with u, and its peaks; otherwise w_i is the grain's
+    velocity now. An accelerated step that resumes needs the skin for its remaining sweeps only.
     """
     w = at(s.grains.next_velocity, i)
     needed = at(s.verlet.recent_deviation, i)
@@ -56,9 +56,9 @@ def renew_skin(s: Scene, i: int):
 
 @wp.func
 def find_lifetime(s: Scene):
-    """As many steps as let no grain come further than the room that the scene leaves beside the others.
+    """Choose the lifetime: the steps in which no grain moves further than `Tuning.room` from the mean.
 
-    The frame's skin lets it fall for as long with the gravity's acceleration.
+    The frame's skin allows for a free fall of that duration.
     """
     n = grain_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))

@@ -1,11 +1,10 @@
-"""A step as data: stages, with loops and conditions, and `fuse`, which makes one function of it.
+"""A step as data: stages, loops and conditions, and `fuse`, which compiles them into one function.
 
-Every CPU thread of a team calls that function, `(team, scene)`, and meets the others after every stage; what
-a GPU launches instead is made by gpu.py. Conditions are functions of conditions.py: the stages write what
-they read.
+Every CPU thread of a team calls that function, `(team, scene)`, with a barrier after every stage; gpu.py
+launches the stages instead. Conditions are predicates of the record, such as those of conditions.py.
 
-Each stage is compiled by itself (`inline=False`) and called: that takes a third of the time that a step in
-one piece takes to compile, and costs a step nothing. Warp tells changed kernels by the functions that a
+Each stage is compiled separately (`inline=False`) and called: that takes a third of the time that a step in
+one function takes to compile, and costs a step nothing. Warp detects changed kernels by the functions that a
 closure names, so sequences name theirs.
 """
 
@@ -34,7 +33,7 @@ class Serial:
 
 @dataclass(frozen=True)
 class Each:
-    """A stage `(scene, element)` for each of so many elements, which the threads share out.
+    """A stage `(scene, element)` for each of `count` elements, which are divided among the threads.
 
     Attributes
     ----------
@@ -51,17 +50,17 @@ class Each:
 
 @dataclass(frozen=True)
 class Shared:
-    """A stage `(team, scene)` that shares out its work itself."""
+    """A stage `(team, scene)` that divides its work among the threads itself."""
 
     stage: wp.Function
 
 
 @dataclass(frozen=True)
 class Sets:
-    """A stage `(team, scene, set)` for every independent set of contacts, in order: of pairs, then of walls.
+    """A stage `(team, scene, k)` for every set k of contacts, in order: pairs, then contacts with walls.
 
-    Instead of sets of pairs, a thread alone has all pairs in one (coloring.py), and threads that are dealt
-    tiles have segments (dealing.py).
+    A set of pairs is an independent set, which several threads share, all pairs if there is one thread
+    (coloring.py), or one segment of this thread's pairs if threads are assigned tiles (dealing.py).
     """
 
     stage: wp.Function
@@ -69,7 +68,7 @@ class Sets:
 
 @dataclass(frozen=True)
 class If:
-    """Stages that are passed over unless a condition holds."""
+    """Stages that run if a condition holds."""
 
     condition: wp.Function
     stages: Sequence["Stage"]
@@ -77,7 +76,7 @@ class If:
 
 @dataclass(frozen=True)
 class While:
-    """Stages that are repeated as long as a condition holds."""
+    """Stages that run while a condition holds."""
 
     condition: wp.Function
     stages: Sequence["Stage"]
@@ -91,7 +90,7 @@ STAGE_NAMES: dict[int, str] = {}
 
 
 def fuse(stages: Sequence[Stage]) -> wp.Function:
-    """Return the function that runs stages in turn, the threads meeting after each."""
+    """Return the function that runs stages in turn, with a barrier after each."""
     return _in_turn([_fused(stage) for stage in stages])
 
 
@@ -114,7 +113,7 @@ def _fused(stage: Stage) -> wp.Function:
 
 @wp.func
 def nothing(team: Team, s: Scene):
-    """Fill up a sequence."""
+    """Do nothing: fill up a sequence."""
 
 
 def _noting(stage: wp.Function) -> wp.Function:

@@ -1,4 +1,4 @@
-"""What a step reports, and what is added up of the steps of a run (`warpgrains.solver.statistics`)."""
+"""The numbers that a step reports, and their sums over a run (`warpgrains.solver.statistics`)."""
 
 import warp as wp
 
@@ -25,9 +25,9 @@ def overlap_of(s: Scene, c: int) -> f64:
 
 @wp.func
 def overlaps(team: Team, s: Scene):
-    """Find the worst overlap [m] of the listed contacts, and how many are active; all others stayed silent.
+    """Find the worst overlap [m] of the listed contacts, and count the active ones; all others stayed silent.
 
-    What they carry is what the next step starts with.
+    The next step starts from their corrections.
     """
     worst = f64(0.0)
     active = int(0)
@@ -44,7 +44,7 @@ def overlaps(team: Team, s: Scene):
 
 @wp.func
 def report(s: Scene):
-    """Gather what the threads have measured."""
+    """Reduce the partial results of the threads."""
     active = int(0)
     for k in range(s.partial.active.shape[0]):
         active += at(s.partial.active, k)
@@ -55,7 +55,7 @@ def report(s: Scene):
 
 @wp.func
 def add_step(s: Scene):
-    """Count one step."""
+    """Add a step to the sums of the run."""
     done = s.step
     total = s.statistics
     total.steps = total.steps + 1

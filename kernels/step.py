@@ -1,9 +1,9 @@
 """One step: a list of stages that reads as the algorithm (MODEL.md, "One step").
 
-Whatever runs it asks the host for nothing but room for a list that has grown, and the corrections of a step
-that its sweeps do not converge, and tells it the outcome. That an attempt goes on with another list
-(`resuming`), and does not start again, is what stages of both see by themselves.
-A scene without a list begins as one whose list has expired: no skin suffices, so nothing is iterated.
+A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
+slowly and the host solves the step (SLOW). Conditions read the phase of the step (conditions.py); stopping.py
+chooses it. Stages that differ when an attempt resumes with another list test `resuming` themselves.
+A scene without a list begins like one whose list has expired: no skin suffices, so nothing is iterated.
 """
 
 from functools import cache
@@ -12,6 +12,7 @@ import warp as wp
 
 from . import (
     accelerated,
+    accelerated_friction,
     cells,
     coloring,
     contact_list,
@@ -33,20 +34,19 @@ from . import (
 from .conditions import (
     accepted,
     attempting,
+    beginning,
+    checking_list,
     corrected,
-    fresh,
+    expired,
     iterating,
-    looking,
+    listed,
     measuring,
-    rebuilding,
     recoloring,
     rejected,
-    roomy,
-    sampling,
+    scanning,
     searching,
     starting,
-    tiled,
-    unlisted,
+    sweeping,
     unordered,
     unsolved,
 )
@@ -61,20 +61,14 @@ SEARCH = [
     Each(grain_count, cells.fill_cell, adds_up=True),
     Each(grain_count, neighbors.find_pairs, adds_up=True),
     Each(grain_count, neighbors.find_walls, adds_up=True),
-    Serial(neighbors.see_whether_roomy),
+    Serial(neighbors.check_capacity),
     If(
-        roomy,
+        listed,
         [
             Serial(neighbors.fill_rows),
             Each(grain_count, contact_list.match_rows, adds_up=True),
         ],
     ),
-]
-
-NEW_LIST = [
-    Serial(contact_list.begin_list),
-    While(searching, SEARCH),
-    Serial(contact_list.end_list),
 ]
 
 TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
@@ -87,11 +81,11 @@ def only(wanted: bool, stages: list[Stage]) -> list[Stage]:
 
 
 def sweeping_order(dealt: bool, has_friction: bool) -> list[Stage]:
-    """Put the list in the order in which it is swept, and its corrections with it."""
+    """Return the stages that sort the list and its corrections into sweeping order."""
     return [
         Serial(coloring.group_pairs),
         Serial(coloring.place_pairs),
-        *(DEAL_OUT if dealt else [If(tiled, TILES)]),
+        *(DEAL_OUT if dealt else [If(coloring.is_tiled, TILES)]),
         Serial(coloring.place_walls),
         Each(grain_count, contact_list.transfer_warm_start),
         *only(has_friction, [Each(grain_count, friction.transfer_tangential)]),
@@ -126,88 +120,94 @@ REBUILD_WITH_FRICTION = [
     Shared(friction.measure_with_friction),
 ]
 
-MEASURE = [*REBUILD, Serial(stopping.stop_on_residual)]
-MEASURE_WITH_FRICTION = [*REBUILD_WITH_FRICTION, Serial(stopping.stop_on_residual)]
 
-
-def plain_sweeps(sweep: wp.Function, measure: list[Stage]) -> list[Stage]:
-    """Sweep all contacts until the changes, or the residual, are small."""
+def plain_sweeps(sweep: wp.Function, rebuild: list[Stage]) -> list[Stage]:
+    """Return the stages that sweep all contacts until the changes, or the residual, are small."""
     return [
         While(
-            iterating,
+            sweeping,
             [
                 Sets(sweep),
-                Serial(gauss_seidel.decide),
-                If(sampling, [Each(grain_count, verlet.sample)]),
-                If(measuring, measure),
+                Serial(gauss_seidel.end_sweep),
+                If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(grain_count, verlet.sample)]),
+                If(measuring, [*rebuild, Serial(stopping.end_measurement)]),
             ],
         ),
     ]
 
 
-GAUSS_SEIDEL = plain_sweeps(gauss_seidel.sweep, MEASURE)
-GAUSS_SEIDEL_WITH_FRICTION = plain_sweeps(friction.sweep_with_friction, MEASURE_WITH_FRICTION)
+GAUSS_SEIDEL = plain_sweeps(gauss_seidel.sweep, REBUILD)
+GAUSS_SEIDEL_WITH_FRICTION = plain_sweeps(friction.sweep_with_friction, REBUILD_WITH_FRICTION)
 
 
-PUT_BACK = [Each(part_count, working_set.put_back)]
-
-PAUSE = [*PUT_BACK, Each(grain_count, working_set.see_skin), Serial(working_set.pause_unless_listed)]
-
-LOOK = [
-    Sets(working_set.select_set),
-    Serial(working_set.see_whether_done),
-]
-
-ROLL_BACK = [
-    Each(part_count, restart.roll_back),
-    Each(grain_count, restart.roll_back_velocity),
-]
-
-
-def sweeps_ahead(decide: wp.Function, measure: list[Stage]) -> list[Stage]:
-    """Sweep the working set with momentum, as far as two functions find it worth while."""
+def accelerated_sweeps(has_friction: bool) -> list[Stage]:
+    """Sweep the working set with momentum."""
+    put_back = [
+        Each(part_count, working_set.put_back),
+        *only(has_friction, [Each(part_count, accelerated_friction.put_back_tangential)]),
+    ]
+    check_list = [*put_back, Each(grain_count, working_set.see_skin), Serial(stopping.end_list_check)]
+    take_rebuilt = [
+        Each(grain_count, restart.take_rebuilt_velocity),
+        *only(has_friction, [Each(grain_count, accelerated_friction.take_rebuilt_rim)]),
+    ]
+    measure = [
+        *put_back,
+        *(REBUILD_WITH_FRICTION if has_friction else REBUILD),
+        If(stopping.is_rebuild_due, take_rebuilt),
+        Serial(stopping.end_measurement),
+    ]
+    scan = [
+        Sets(working_set.select_set),
+        *only(has_friction, [Each(part_count, accelerated_friction.select_tangential)]),
+        Serial(working_set.end_scan),
+    ]
     return [
         Shared(accelerated.begin_momentum),
+        *only(
+            has_friction,
+            [
+                Each(grain_count, accelerated_friction.begin_last_rim),
+                Each(contact_count, accelerated_friction.begin_last_dvt),
+            ],
+        ),
         While(
             iterating,
             [
-                If(looking, PAUSE),
+                If(checking_list, check_list),
+                If(measuring, measure),
+                If(scanning, scan),
                 If(
-                    iterating,
-                    [
-                        If(measuring, [*PUT_BACK, *measure]),
-                        If(rebuilding, [Each(grain_count, restart.take_rebuilt_velocity)]),
-                    ],
-                ),
-                If(iterating, [If(looking, LOOK)]),
-                If(
-                    iterating,
-                    [
-                        Shared(restart.extrapolate),
-                        Sets(accelerated.sweep_ahead),
-                        Serial(decide),
-                        If(rejected, ROLL_BACK),
-                    ],
+                    sweeping, [Shared(restart.extrapolate), *(SWEEP_WITH_FRICTION if has_friction else SWEEP)]
                 ),
             ],
         ),
     ]
 
 
-ACCELERATED = sweeps_ahead(restart.decide_ahead, MEASURE)
+SWEEP = [
+    Sets(accelerated.sweep_ahead),
+    Serial(restart.end_sweep_ahead),
+    If(rejected, [Each(part_count, restart.roll_back), Each(grain_count, restart.roll_back_velocity)]),
+]
+
+SWEEP_WITH_FRICTION = [
+    Each(grain_count, accelerated_friction.extrapolate_rim),
+    Sets(accelerated_friction.sweep_ahead_with_friction),
+    Serial(accelerated_friction.end_capped_sweep),
+]
+
+ACCELERATED = accelerated_sweeps(False)
 
 CORRECTED = [
     *REBUILD,
     Each(grain_count, exact.take_corrected_velocity),
     Serial(verlet.clear_check),
     Each(grain_count, verlet.begin_peak),
-    Serial(exact.go_on),
+    Serial(stopping.end_correction),
 ]
 
-EXACT = [
-    If(corrected, CORRECTED),
-    *sweeps_ahead(exact.decide_exactly, [*MEASURE, Serial(exact.stop_when_slow)]),
-]
+EXACT = [If(corrected, CORRECTED), *ACCELERATED]
 
 Kind = tuple[str, bool]
 """Method, and whether there is friction."""
@@ -216,6 +216,7 @@ METHODS: dict[Kind, list[Stage]] = {
     ("accelerated", False): ACCELERATED,
     ("exact", False): EXACT,
     ("gauss-seidel", True): GAUSS_SEIDEL_WITH_FRICTION,
+    ("accelerated", True): accelerated_sweeps(True),
 }
 
 
@@ -257,7 +258,7 @@ def expire(has_friction: bool) -> list[Stage]:
 
 
 def step(kind: Kind, dealt: bool = False) -> list[Stage]:
-    """Return the stages of one step of a kind; `dealt` where threads are dealt tiles."""
+    """Return the stages of one step of a kind; `dealt` if threads have tiles."""
     has_friction = kind[1]
     free = [
         Each(grain_count, integrate.free_velocity),
@@ -265,22 +266,22 @@ def step(kind: Kind, dealt: bool = False) -> list[Stage]:
     ]
     return [
         Serial(stopping.begin),
-        If(starting, [Serial(integrate.begin_step), *free]),
+        If(beginning, [Serial(integrate.begin_step), *free]),
         While(
             unsolved,
             [
-                If(unlisted, NEW_LIST),
+                While(searching, SEARCH),
                 If(unordered, sweeping_order(dealt, has_friction)),
-                Serial(stopping.see_whether_listed),
+                Serial(stopping.start_attempt),
                 If(
                     attempting,
                     [
-                        If(fresh, warm_started(has_friction)),
+                        If(starting, warm_started(has_friction)),
                         *METHODS[kind],
                         Each(grain_count, verlet.verify),
                         Serial(stopping.judge),
                         If(accepted, finish(has_friction)),
-                        If(unlisted, expire(has_friction)),
+                        If(expired, expire(has_friction)),
                     ],
                 ),
             ],

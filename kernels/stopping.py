@@ -1,6 +1,8 @@
-"""When the contact iteration stops, and whether the step is taken: decided on the device.
+"""Every decision of a step: which phase comes next, when the sweeps stop, and whether the step is taken.
 
-Accelerated sweeps stop only after a look at all contacts: restart.py and working_set.py have the last word.
+First come the rules, which read numbers and change nothing, then the stages that choose the phase by them.
+Sweeps and scans end in other files, by `phase_after_sweep` and `stop_or_sweep`. Accelerated sweeps stop only
+after a scan of all contacts: zeta is of the working set, and says nothing of the others.
 """
 
 import warp as wp
@@ -15,6 +17,7 @@ from .record import (
     SLOW,
     SOLVED,
     UNPROVED,
+    Phase,
     Scene,
     is_accelerated,
     pair_count,
@@ -25,18 +28,15 @@ from .verlet import check_all, outcome_of_check, reserve
 f64 = wp.float64
 CHECK_EVERY = wp.constant(10)  # iterations between two checks of the residual
 NEARLY = wp.constant(f64(2.0))  # times the tolerance: a zeta from which the residual is worth a check
-FOR_HISTORY = wp.constant(2)  # what `Control.measuring` is where nothing follows from the residual
-
-
-@wp.func
-def is_power_of_two(number: int) -> bool:
-    """Whether it is 1, 2, 4, 8, ..."""
-    return number & (number - 1) == 0
+REBUILD_EVERY = wp.constant(100)  # accelerated iterations between two times that velocities are rebuilt
+HALF_WAY = wp.constant(50)  # iteration after which the trend of the residual begins, half-way to a rebuild
+SCAN_EVERY = wp.constant(10)  # accelerated sweeps between two scans, and
+FIRST_SCANS = wp.constant(8)  # sweeps within which powers of two are followed by one
 
 
 @wp.func
 def gathered(partial: Floats) -> f64:
-    """The largest part of any thread; all are cleared."""
+    """Return the maximum of the partial maxima, and clear these."""
     largest = f64(0.0)
     for k in range(partial.shape[0]):
         largest = wp.max(largest, at(partial, k))
@@ -45,104 +45,216 @@ def gathered(partial: Floats) -> f64:
 
 
 @wp.func
-def begin(s: Scene):
-    """Begin a step, or go on with one that waited for the host."""
-    s.control.unsolved = 1
-    s.control.accepted = 0
-    s.control.starting = 1 - wp.max(s.control.unlisted, s.control.corrected)
-    if s.control.starting != 0:
-        s.control.declined = 0
-    if s.control.unlisted == 0:
-        s.control.resuming = s.control.declined
+def is_power_of_two(number: int) -> bool:
+    """Return whether a number is 1, 2, 4, 8, ..."""
+    return number & (number - 1) == 0
 
 
 @wp.func
-def see_whether_listed(s: Scene):
-    """Solve the step if there is a list to do so with; it is in order now.
+def has_iterations_left(s: Scene) -> bool:
+    """Return whether to iterate on, by the number of iterations and by zeta if the tolerance is on that."""
+    left = s.step.iterations < s.stopping.max_iterations and s.control.halted == 0
+    if s.stopping.on_residual == 0 and s.control.rejected == 0:
+        left = left and s.step.zeta > s.stopping.tolerance
+    return left
 
-    An attempt whose list expired goes on unless a contact that it did not have may have acted.
+
+@wp.func
+def is_check_due(s: Scene) -> bool:
+    """Return whether the residual may meet the tolerance: now and then, and when zeta is near it."""
+    iterations = s.step.iterations
+    if s.stopping.on_residual == 0 or s.control.rejected != 0:
+        return False
+    sparse = iterations == 1 or iterations % CHECK_EVERY == 0
+    return sparse and s.step.zeta <= NEARLY * s.stopping.tolerance
+
+
+@wp.func
+def is_rebuild_due(s: Scene) -> bool:
+    """Return whether velocities are rebuilt from the corrections, with which the residual is measured."""
+    if s.step.measured == s.step.iterations:
+        return False
+    now_and_then = is_accelerated(s) and s.control.rejected == 0 and s.step.iterations % REBUILD_EVERY == 0
+    return now_and_then or is_check_due(s)
+
+
+@wp.func
+def is_trend_due(s: Scene) -> bool:
+    """Return whether the decay of the residual is checked: half-way to the first rebuild, and at each."""
+    iterations = s.step.iterations
+    return s.step.patience > 0 and (iterations == HALF_WAY or iterations % REBUILD_EVERY == 0)
+
+
+@wp.func
+def is_measurement_due(s: Scene) -> bool:
+    """Return whether the residual is measured: always after the last iteration, also with another list."""
+    half_way = s.stopping.patience > 0 and s.step.iterations == HALF_WAY
+    half_way = half_way and s.step.measured < s.step.iterations
+    return s.control.stopped != 0 or half_way or is_rebuild_due(s)
+
+
+@wp.func
+def is_recorded(s: Scene) -> bool:
+    """Return whether the history still needs the residual of the last iteration."""
+    return s.step.measured < s.step.iterations and s.step.iterations <= s.history.zeta.shape[0]
+
+
+@wp.func
+def is_scan_due(iterations: int) -> bool:
+    """Return whether all contacts are scanned after this many sweeps: impacts spread fast at first."""
+    early = iterations <= FIRST_SCANS and is_power_of_two(iterations)
+    return early or iterations % SCAN_EVERY == 0
+
+
+@wp.func
+def is_pause_due(s: Scene) -> bool:
+    """Return whether to pause for another list: not at once, so that grains show how far they must reach."""
+    return s.verlet.flags.list_expired != 0 and is_power_of_two(s.step.iterations)
+
+
+@wp.func
+def is_too_slow(s: Scene) -> bool:
+    """Extrapolate the decay of the residual; return whether the sweeps left cost more than the host."""
+    if s.step.iterations <= HALF_WAY:
+        return False
+    fallen = wp.log(s.momentum.state.residual / s.step.residual)
+    left = wp.log(s.step.residual / s.stopping.tolerance)
+    sweeps = wp.min(s.step.iterations - HALF_WAY, REBUILD_EVERY)
+    return left * f64(sweeps) > fallen * f64(s.step.patience)
+
+
+@wp.func
+def phase_of_next_sweep(s: Scene) -> int:
+    """Return SWEEP, unless the sweeps stop or pause for another list."""
+    if s.control.stopped != 0 or (is_pause_due(s) and not is_accelerated(s)):
+        return Phase.VERIFY
+    return Phase.SWEEP
+
+
+@wp.func
+def phase_after_sweep(s: Scene) -> int:
+    """Return what follows on an iteration that is counted."""
+    if is_accelerated(s) and (is_measurement_due(s) or is_scan_due(s.step.iterations)):
+        return Phase.CHECK_LIST
+    if is_measurement_due(s):
+        return Phase.MEASURE
+    if is_recorded(s):
+        return Phase.RECORD
+    return phase_of_next_sweep(s)
+
+
+@wp.func
+def stop_or_sweep(s: Scene):
+    """Stop after the last sweep; a scan has found what zeta is of all contacts."""
+    s.control.stopped = 0 if s.step.iterations == 0 or has_iterations_left(s) else 1
+    s.control.phase = phase_of_next_sweep(s)
+
+
+@wp.func
+def count_iteration(s: Scene, zeta: f64):
+    """Count an iteration of this zeta [m/s], which may be the last."""
+    iterations = s.step.iterations + 1
+    s.step.iterations = iterations
+    s.step.zeta = zeta
+    if iterations <= s.history.zeta.shape[0]:
+        put(s.history.zeta, iterations - 1, zeta)
+    s.control.stopped = 0 if has_iterations_left(s) else 1
+
+
+@wp.func
+def end_list_check(s: Scene):
+    """Pause if the list does not hold: all contacts are scanned with the next one. Otherwise continue."""
+    if s.verlet.flags.list_expired != 0:
+        s.control.phase = Phase.VERIFY
+    elif is_measurement_due(s):
+        s.control.phase = Phase.MEASURE
+    elif is_recorded(s):
+        s.control.phase = Phase.RECORD
+    else:
+        s.control.phase = Phase.SCAN
+
+
+@wp.func
+def end_measurement(s: Scene):
+    """Stop if the residual meets the tolerance, unless it is for the history alone, or falls too slowly."""
+    residual = gathered(s.partial.residual)
+    s.step.residual = residual
+    s.step.measured = s.step.iterations
+    if s.step.iterations <= s.history.residual.shape[0]:
+        put(s.history.residual, s.step.iterations - 1, residual)
+    decides = s.stopping.on_residual != 0 and s.control.phase == Phase.MEASURE
+    stopping = decides and residual <= s.stopping.tolerance
+    if is_trend_due(s):
+        stopping = stopping or is_too_slow(s)
+        s.momentum.state.residual = residual
+    scanning = s.control.phase == Phase.MEASURE or is_scan_due(s.step.iterations)
+    if stopping:
+        s.control.stopped = 1
+        s.control.phase = Phase.VERIFY
+    elif is_accelerated(s) and scanning:
+        s.control.phase = Phase.SCAN
+    else:
+        s.control.phase = phase_of_next_sweep(s)
+
+
+@wp.func
+def end_correction(s: Scene):
+    """Sweep on unless the corrections of the host meet the tolerance."""
+    s.step.residual = gathered(s.partial.residual)
+    s.step.measured = s.step.iterations
+    s.momentum.state.residual = s.step.residual
+    left = s.step.residual > s.stopping.tolerance and s.step.iterations < s.stopping.max_iterations
+    s.control.rejected = 0
+    s.control.stopped = 0 if left and s.control.halted == 0 else 1
+    s.control.phase = Phase.VERIFY if s.control.stopped != 0 else Phase.CHECK_LIST
+
+
+@wp.func
+def begin(s: Scene):
+    """Begin a step, or continue one that waited for the host."""
+    if s.control.phase == Phase.FULL:
+        s.control.phase = Phase.SEARCH
+    elif s.control.phase != Phase.CORRECTED:
+        s.control.phase = Phase.BEGIN
+        s.control.resuming = 0
+        s.step.patience = s.stopping.patience
+
+
+@wp.func
+def start_attempt(s: Scene):
+    """Start an attempt to solve the step, with a list that is sorted now, unless the list does not fit.
+
+    An attempt whose list expired resumes, unless a contact that was missing may have acted.
     """
     is_new = s.control.unordered != 0
     s.control.unordered = 0
-    s.control.attempting = 1 - s.control.unlisted
-    s.control.fresh = 1 - s.control.corrected
     if is_new and s.control.resuming != 0:
         s.control.recoloring = s.by_color
         if s.verlet.flags.missed != 0:
             s.control.resuming = 0
             s.step.redos = s.step.redos + 1
+    if s.control.phase == Phase.BEGIN or s.control.phase == Phase.LISTED:
+        s.control.phase = Phase.START
 
 
 @wp.func
 def begin_iterating(s: Scene):
     """Iterate if the list is likely to hold for the velocities before the first iteration.
 
-    An accelerated attempt that was at its end is measured again, with the list that it has now.
+    An accelerated attempt that has stopped is measured again, with the list that it has now.
     """
     check_all(s, reserve(s))
     if s.control.resuming == 0:
         s.step.iterations = 0
-        s.control.unfinished = 1
-        s.control.looking = 1
-        s.control.measuring = 0
-        s.control.rebuilding = 0
-        s.control.sampling = 0
+        s.step.measured = 0
+        s.control.stopped = 0
         s.control.rejected = 0
-    elif is_accelerated(s) and s.control.unfinished == 0:
-        s.control.unfinished = 1
-        s.control.looking = 1
-        s.control.measuring = 1
-    s.control.iterating = s.control.unfinished if outcome_of_check(s) == SOLVED else 0
-
-
-@wp.func
-def is_going_on(s: Scene, zeta: f64) -> bool:
-    """Whether iterations are left to do after one with this zeta [m/s]."""
-    going_on = s.step.iterations < s.stopping.max_iterations and s.control.halted == 0
-    if s.stopping.on_residual == 0 and s.control.rejected == 0:
-        going_on = going_on and zeta > s.stopping.tolerance
-    return going_on
-
-
-@wp.func
-def decide_to_stop(s: Scene, zeta: f64):
-    """Stop after the first iteration with zeta <= tolerance, or at max_iterations; or ask for the residual.
-
-    Where a contact may be missing it pauses for another list, but not at once, so that it shows how far
-    all grains must reach. The residual is measured after the last iteration in any case.
-    """
-    iterations = s.step.iterations + 1
-    s.step.iterations = iterations
-    going_on = is_going_on(s, zeta)
-    checking = False
-    if s.stopping.on_residual != 0 and s.control.rejected == 0:
-        sparse = iterations == 1 or iterations % CHECK_EVERY == 0
-        checking = sparse and zeta <= NEARLY * s.stopping.tolerance
-    recording = iterations <= s.history.zeta.shape[0]
-    if recording:
-        put(s.history.zeta, iterations - 1, zeta)
-    s.step.zeta = zeta
-    pausing = s.verlet.flags.list_expired != 0 and is_power_of_two(iterations)
-    s.control.unfinished = 1 if going_on else 0
-    s.control.iterating = 1 if going_on and not pausing else 0
-    s.control.measuring = 1 if checking or not going_on else FOR_HISTORY if recording else 0
-    s.control.rebuilding = 1 if checking else 0
-
-
-@wp.func
-def stop_on_residual(s: Scene):
-    """Stop on residual <= tolerance, unless it is measured for the history alone."""
-    residual = gathered(s.partial.residual)
-    s.step.residual = residual
-    if s.step.iterations <= s.history.residual.shape[0]:
-        put(s.history.residual, s.step.iterations - 1, residual)
-    if (
-        s.stopping.on_residual != 0
-        and s.control.measuring != FOR_HISTORY
-        and residual <= s.stopping.tolerance
-    ):
-        s.control.iterating = 0
-        s.control.unfinished = 0
+    if outcome_of_check(s) != SOLVED:
+        s.control.phase = Phase.VERIFY
+    elif is_accelerated(s):
+        s.control.phase = Phase.CHECK_LIST
+    else:
+        s.control.phase = phase_of_next_sweep(s)
 
 
 @wp.func
@@ -160,14 +272,14 @@ def grain_beyond_wall(s: Scene) -> int:
 
 @wp.func
 def judge(s: Scene):
-    """Take the step, try again with a new list, or give it up."""
+    """Accept the step, repeat it with a new list, or refuse it."""
     check_all(s, s.tuning.rounding)
     converged = s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
     if s.stopping.on_residual != 0:
         converged = s.step.residual <= s.stopping.tolerance
     outcome = outcome_of_check(s)
     if outcome == SOLVED and not converged:
-        if s.control.declined == 0 and s.stopping.patience > 0:
+        if s.step.patience > 0:
             outcome = SLOW
         elif s.stopping.raise_on_unconverged != 0:
             outcome = NOT_CONVERGED
@@ -183,7 +295,9 @@ def judge(s: Scene):
         s.to_search = s.to_search - s.step.iterations
         if s.to_search <= 0:
             s.step.outcome = UNPROVED  # it is taken, and worth a search for a proof that none solves it
-    s.control.corrected = 0
-    s.control.accepted = 1 if outcome == SOLVED else 0
-    s.control.unlisted = 1 if outcome == EXPIRED else 0
-    s.control.unsolved = s.control.unlisted
+    if outcome == SOLVED:
+        s.control.phase = Phase.ACCEPTED
+    elif outcome == EXPIRED:
+        s.control.phase = Phase.EXPIRE
+    else:
+        s.control.phase = Phase.ENDED

@@ -1,4 +1,4 @@
-"""A team of threads: how the elements of a stage are shared out, and how threads wait for each other.
+"""A team of threads, among which the elements of a stage are divided.
 
 On a CPU every OS thread is one thread of the team, and they meet at a barrier after every stage. On a GPU the
 team is a launch, and its end is the barrier. No result depends on the size of the team, so that a team may
@@ -18,7 +18,7 @@ MOMENTS = wp.constant(2 * BLOCK + 8)  # of a thread: two a pair, and a gap that 
 
 @wp.struct
 class Pace:
-    """What waiting costs a team; the first thread writes it, and between two launches the host."""
+    """The cost of waiting to a team. The first thread writes it, and between two launches the host."""
 
     size: wp.int32  # threads that take part
     most: wp.int32  # threads that may ever take part
@@ -49,7 +49,7 @@ Team = wp.ref[TeamRecord]
 
 @wp.func
 def member(team: TeamRecord, rank: int) -> TeamRecord:
-    """The team as its thread of this rank sees it."""
+    """Return the team's record for its thread of this rank."""
     one = team
     one.rank = rank
     return one
@@ -57,13 +57,13 @@ def member(team: TeamRecord, rank: int) -> TeamRecord:
 
 @wp.func
 def is_member(team: Team) -> bool:
-    """Return whether this thread takes part; one that has left passes over all that is left of a step."""
+    """Return whether this thread is in the team; a thread that has left skips the rest of a step."""
     return team.rank < team.size
 
 
 @wp.func
 def thread_range(team: Team, begin: int, end: int):
-    """The part of [begin, end) that is this thread's: consecutive, and nearly equal for all threads."""
+    """Return this thread's range of [begin, end): ranges are consecutive and of nearly equal length."""
     first, last = begin, end
     if team.size > 1:
         rank, size, count = wp.int64(team.rank), wp.int64(team.size), wp.int64(end - begin)
@@ -74,7 +74,7 @@ def thread_range(team: Team, begin: int, end: int):
 
 @wp.func
 def partial_index(team: Team, partials: int) -> int:
-    """Where this thread keeps its part of a maximum or a sum: CPU threads each have their own."""
+    """Return the index of this thread's partial maximum or sum; each CPU thread has a separate one."""
     k = team.rank
     if k >= partials:
         k = k % partials
@@ -83,7 +83,7 @@ def partial_index(team: Team, partials: int) -> int:
 
 @wp.func
 def keep_largest(team: Team, parts: Floats, value: wp.float64):
-    """Keep a number if it is the largest of this thread's; it writes seldom, as others write beside it."""
+    """Raise this thread's partial maximum to a value; write it seldom, because threads share cache lines."""
     k = partial_index(team, parts.shape[0])
     if value > at(parts, k):
         raise_to(parts, k, value)

@@ -65,7 +65,7 @@ class ContactCount:
     """Numbers of candidate contacts, and of the independent sets in which they are swept."""
 
     pairs: wp.int32
-    sets: wp.int32  # of pairs; or segments, where threads are dealt tiles (dealing.py)
+    sets: wp.int32  # of pairs, in the sense of `Contacts.set_start`
     walls: wp.int32  # contacts with walls, after the pairs
     wall_sets: wp.int32  # of them, after those of the pairs
 
@@ -82,7 +82,7 @@ class Contacts:
     dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
     dvt_start: Floats  # those with which a step starts
     rim_weights: wp.array(dtype=wp.vec3d)  # 1 / W, and parts for the rims of i and j (eq. 22); as `weights`
-    set_start: Ints  # first contact of every independent set, or segment, and the end of the last
+    set_start: Ints  # first contact of every set of `stages.Sets`, and the end of the last
     count: ContactCount
 
 
@@ -123,7 +123,7 @@ class CellGrid:
 
 @wp.struct
 class VerletNumbers:
-    """What a list is good for; a state keeps them."""
+    """The numbers by which a list is valid; a state keeps them."""
 
     frame_velocity: wp.vec2d  # u [m/s]
     frame_shift: wp.vec2d  # path of the frame since the list was built [m]
@@ -139,7 +139,7 @@ class VerletNumbers:
 
 @wp.struct
 class VerletFlags:
-    """What the check of the list asks for, and what it has found."""
+    """The findings of the list's check."""
 
     list_expired: wp.int32  # whether a contact may be missing
     missed: wp.int32  # whether one that was missing may have acted
@@ -148,7 +148,7 @@ class VerletFlags:
 
 @wp.struct
 class Verlet:
-    """What proves that no contact is missing from the list (verlet.py)."""
+    """The numbers that prove that no contact is missing from the list (verlet.py)."""
 
     peak_deviation: Floats  # per grain, largest p_i^2 of the step so far [m2/s2]
     peak_limit: Floats  # the p_i that its skin allows [m/s]
@@ -162,18 +162,19 @@ class Verlet:
 
 @wp.struct
 class MomentumState:
-    """How far the accelerated method goes on (accelerated.py)."""
+    """The momentum of the accelerated method (accelerated.py)."""
 
     t: f64
     beta: f64
     relaxation: f64  # by how much a sweep goes too far at beta = 1
     first_zeta: f64  # of the step's first sweep [m/s]
+    change: f64  # of the last sweep with friction, squared and summed in the mass metric [kg m2/s2]
     residual: f64  # when velocities were last rebuilt [m/s] (exact.py)
 
 
 @wp.struct
 class Momentum:
-    """State one sweep back, and sums by part (contacts.py). Empty in scenes that do not accelerate."""
+    """State before the last sweep, and sums by part (contacts.py). Empty in scenes that do not accelerate."""
 
     last_dv: Floats  # corrections before the last sweep [m/s]
     last_dvt: Floats  # tangential ones; empty without friction
@@ -193,6 +194,8 @@ class WorkingSet:
     index: Ints  # among all contacts
     dv: Floats  # [m/s]
     last_dv: Floats  # before the last sweep [m/s]
+    dvt: Floats  # tangential ones [m/s]; empty without friction
+    last_dvt: Floats
     weights: wp.array(dtype=wp.vec3d)  # shares of i and j, and mu_c; empty where all masses are equal
     limits: Vectors  # as in Contacts
     range: wp.array(dtype=wp.vec2i)  # first contact, and end, of every part
@@ -200,7 +203,7 @@ class WorkingSet:
 
 @wp.struct
 class Dealt:
-    """Whose pairs are whose, where the threads of a team are dealt tiles (dealing.py)."""
+    """The pairs of each thread, and their dependencies, if threads are assigned tiles (dealing.py)."""
 
     first: Ints  # of every thread: its first place; and the end of the last
     cursor: Ints  # its next place, while pairs are dealt
@@ -213,17 +216,21 @@ class Dealt:
 
 @wp.struct
 class Workspace:
-    """What building a list takes beside the list itself."""
+    """Temporary arrays for building a list."""
 
     old: NeighborList  # the list before
     old_dv: wp.array(dtype=wp.vec3d)  # of its contacts: now, at the step's start, a sweep back [m/s]
     old_dvt: wp.array(dtype=wp.vec3d)  # the same of tangential corrections; empty without friction
     old_place: Ints  # of every contact in the list before, or -1
     sweep_index: Ints  # of every contact: its index in sweeping order
-    group: Ints  # set, or tile, of every pair; -1 of contacts with walls
+    group: Ints  # independent set of every pair; -1 of contacts with walls
     color: Ints  # of every pair, where pairs are swept by colors
     old_color: Ints  # of the list before
+    color_rank: Ints  # new number of every color above 64 (coloring.py)
     sequence: wp.array(dtype=wp.vec3i)  # pairs in sweeping order: (i, j, place in the neighbor list)
+    tile: Ints  # of every pair, in the order without tiles
+    tile_end: Ints  # of every tile: the end of its pairs in sweeping order
     row_sum: Floats  # of every grain: its shares of its contacts
     next_level: Ints  # by grain
+    next_tile: Ints  # by grain
     used_colors: wp.array(dtype=wp.uint64)  # by grain

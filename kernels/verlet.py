@@ -1,8 +1,8 @@
 """The Verlet list's check: the proof that a pair or wall left out of the list would have done nothing.
 
 When the list was built, grain i had about the reference velocity w_i. In a frame that moves with velocity u
-beside the w_i, let s_i be its displacement since from its straight path, and p_i the largest |v_i - w_i - u|
-that it has had at any moment of the contact iteration, its peak deviation. The list holds every pair with
+in addition to the w_i, let s_i be its displacement since from its straight path, and p_i its peak deviation,
+the largest |v_i - w_i - u| that it has had in the contact iteration. The list holds every pair with
 
     gap <= lifetime |w_i - w_j| + skin_i + skin_j
 
@@ -10,16 +10,16 @@ as the gaps were then. A pair acts only if (v_i - v_j) . n > gap / dt. So as lon
 
     s_i + dt p_i <= skin_i  for every grain i,    and    elapsed + dt <= lifetime,
 
-an absent pair has gap >= dt (|w_i - w_j| + p_i + p_j) >= dt (v_i - v_j) . n at every moment and stays silent;
+an absent pair has gap >= dt (|w_i - w_j| + p_i + p_j) >= dt (v_i - v_j) . n at all times and stays silent;
 leaving it out gives the same bits (MODEL.md, eq. 11). The walls do not move with the frame: for them the path
 of the frame itself is added.
 
-p_i is seen after every correction that is large. The small ones of a sweep change no velocity by more than
+p_i is updated after every correction that is large. The small ones of a sweep change no velocity by more than
 max_row_sum times the largest of them, where max_row_sum is the largest sum of a grain's shares of its
 contacts; these changes add up to `unmonitored_change`, with which all grains are sampled from time to time.
 
-The accelerated method sweeps no contact that it has not selected; p_i is then seen when it selects, and when
-the residual is measured (working_set.py).
+The accelerated method sweeps no contact that it has not selected; p_i is then updated when it selects, and
+when the residual is measured (working_set.py).
 """
 
 import warp as wp
@@ -34,13 +34,13 @@ f64 = wp.float64
 
 @wp.func
 def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
-    """v_i - w_i - u [m/s]."""
+    """Return v_i - w_i - u [m/s]."""
     return velocity - at(s.verlet.reference_velocity, i) - s.verlet.numbers.frame_velocity
 
 
 @wp.func
 def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
-    """s_i [m]."""
+    """Return s_i [m]."""
     verlet = s.verlet.numbers
     w = at(s.verlet.reference_velocity, i)
     straight = at(s.verlet.reference_position, i) + verlet.elapsed * w
@@ -49,26 +49,26 @@ def displacement(s: Scene, position: wp.vec2d, i: int) -> f64:
 
 @wp.func
 def is_finite(x: wp.vec2d) -> bool:
-    """Whether its square is a number: infinity less infinity is none."""
+    """Return whether the square of a vector is finite: infinity - infinity is NaN."""
     square = wp.length_sq(x)
     return square - square == f64(0.0)
 
 
 @wp.func
 def least_monitored(s: Scene) -> f64:
-    """The change of a grain's velocity from which it is looked at [m/s]."""
+    """Return the change of a grain's velocity from which it is monitored [m/s]."""
     return s.tuning.monitor_threshold * s.verlet.numbers.base_skin
 
 
 @wp.func
 def least_monitored_correction(s: Scene) -> f64:
-    """The correction from which both grains are looked at [m/s]."""
+    """Return the correction from which both grains are monitored [m/s]."""
     return least_monitored(s) / s.verlet.numbers.max_row_sum
 
 
 @wp.func
 def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
-    """Keep the peak deviation of grain i, which has this velocity now. Returns its square."""
+    """Update the peak deviation of grain i, which has this velocity now. Returns its square."""
     peak = larger(at(s.verlet.peak_deviation, i), wp.length_sq(deviation(s, velocity, i)))
     put(s.verlet.peak_deviation, i, peak)
     return peak
@@ -76,7 +76,7 @@ def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
 
 @wp.func
 def monitor(s: Scene, i: int, velocity: wp.vec2d):
-    """Keep the peak deviation of grain i, and see whether its skin allows it."""
+    """Update the peak deviation of grain i; the list expires if the skin does not allow it."""
     limit = at(s.verlet.peak_limit, i)
     if keep_peak(s, i, velocity) > limit * limit:
         s.verlet.flags.list_expired = 1
@@ -84,7 +84,7 @@ def monitor(s: Scene, i: int, velocity: wp.vec2d):
 
 @wp.func
 def peak_of(s: Scene, i: int) -> f64:
-    """p_i [m/s], with what was not monitored since."""
+    """Return p_i [m/s], with the changes that were not monitored since."""
     return wp.sqrt(at(s.verlet.peak_deviation, i)) + s.verlet.numbers.unmonitored_change
 
 
@@ -103,7 +103,7 @@ def stayed_silent(s: Scene, i: int, j: int) -> bool:
 
 @wp.func
 def sample(s: Scene, i: int):
-    """Take what grain i may have reached unmonitored, on the way to its velocity, into its peak."""
+    """Raise the peak of grain i to the most that it may have reached unmonitored."""
     v = at(s.grains.next_velocity, i)
     peak = wp.length(deviation(s, v, i)) + s.verlet.numbers.sampled_change
     put(s.verlet.peak_deviation, i, larger(at(s.verlet.peak_deviation, i), peak * peak))
@@ -111,7 +111,7 @@ def sample(s: Scene, i: int):
 
 @wp.func
 def clear_check(s: Scene):
-    """Forget what was seen."""
+    """Reset the findings of the check."""
     s.verlet.numbers.unmonitored_change = f64(0.0)
     s.verlet.flags.list_expired = 0
     s.verlet.flags.bad_grain = -1
@@ -119,9 +119,9 @@ def clear_check(s: Scene):
 
 @wp.func
 def find_frame(s: Scene):
-    """u, the mean of v_i - w_i: what all grains do together, such as falling, displaces nobody.
+    """Find u, the mean of v_i - w_i: a motion common to all grains, such as a fall, changes no gap.
 
-    In an attempt that goes on with a new list, the w_i have it in them already.
+    In an attempt that resumes with a new list, the w_i include it already.
     """
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
@@ -136,7 +136,7 @@ def find_frame(s: Scene):
 
 @wp.func
 def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
-    """See whether a skin suffices with `least` [m] to spare, for so many times the last step's deviation."""
+    """Check that a skin leaves `least` [m], also for `foreseen` times the last step's deviation."""
     x = at(s.grains.position, i)
     peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
@@ -148,13 +148,13 @@ def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
 
 @wp.func
 def reserve(s: Scene) -> f64:
-    """What is to be left of a skin before the iteration [m]."""
+    """Return the part of a skin that must be left before the iteration [m]."""
     return s.tuning.rounding + s.tuning.reserve * s.verlet.numbers.base_skin
 
 
 @wp.func
 def begin_peak(s: Scene, i: int):
-    """The peak deviation before the first iteration, or the next one, and what the skin still allows."""
+    """Begin with a grain's deviation now, or its peak so far; find the peak that its skin allows."""
     peak = wp.length_sq(deviation(s, at(s.grains.next_velocity, i), i))
     if s.control.resuming != 0:
         peak = wp.max(peak, at(s.verlet.peak_deviation, i))
@@ -166,20 +166,20 @@ def begin_peak(s: Scene, i: int):
 
 @wp.func
 def begin_check(s: Scene, i: int):
-    """The peak deviation before the first iteration, and whether the skin will do."""
+    """Begin with the peak deviation, and check that the skin is likely to suffice."""
     begin_peak(s, i)
     check_skin(s, i, reserve(s), wp.where(s.control.resuming != 0, f64(0.0), f64(1.0)))
 
 
 @wp.func
 def verify(s: Scene, i: int):
-    """After the iteration: whether the list has held."""
+    """Check, after the iteration, that the skin has sufficed."""
     check_skin(s, i, s.tuning.rounding, f64(0.0))
 
 
 @wp.func
 def check_all(s: Scene, least: f64):
-    """See whether the frame's skin suffices and the list has not outlived its time; name a bad grain."""
+    """Check the frame's skin and the list's lifetime; find the last grain that is not finite."""
     numbers = s.verlet.numbers
     path = wp.length(numbers.frame_shift) + s.dt * wp.length(numbers.frame_velocity)
     if not (path + least <= numbers.frame_skin):
@@ -194,7 +194,7 @@ def check_all(s: Scene, least: f64):
 
 @wp.func
 def outcome_of_check(s: Scene) -> int:
-    """SOLVED where no contact was missing and every number is finite."""
+    """Return SOLVED if no contact was missing and every number is finite, or what was found."""
     if s.verlet.flags.bad_grain >= 0:
         return NOT_FINITE
     if s.verlet.flags.list_expired != 0:
@@ -204,26 +204,35 @@ def outcome_of_check(s: Scene) -> int:
 
 @wp.func
 def add_unmonitored(s: Scene):
-    """Add the most that a sweep may have changed a velocity by unseen; sample all when it has added up."""
+    """Add the largest change of a velocity by a sweep that may not have been monitored."""
     numbers = s.verlet.numbers
     most = least_monitored(s)
     change = numbers.unmonitored_change + wp.min(numbers.max_row_sum * s.step.zeta, most)
     s.verlet.numbers.unmonitored_change = change
-    s.control.sampling = 1 if change > most else 0
-    if s.control.sampling != 0:
-        s.verlet.numbers.sampled_change = change
-        s.verlet.numbers.unmonitored_change = f64(0.0)
+
+
+@wp.func
+def is_sampling_due(s: Scene) -> bool:
+    """Return whether the changes that were not monitored have added up to one that is."""
+    return s.verlet.numbers.unmonitored_change > least_monitored(s)
+
+
+@wp.func
+def begin_sampling(s: Scene):
+    """Reset the sum of changes that were not monitored, and keep it for `sample`."""
+    s.verlet.numbers.sampled_change = s.verlet.numbers.unmonitored_change
+    s.verlet.numbers.unmonitored_change = f64(0.0)
 
 
 @wp.func
 def remember(s: Scene, i: int):
-    """Keep what the step needed, for the skins of the next list."""
+    """Save the peak of the step, for the skins of the next list."""
     put(s.verlet.recent_deviation, i, peak_of(s, i))
 
 
 @wp.func
 def shift_frame(s: Scene):
-    """The frame moves with the grains."""
+    """Move the frame by u dt."""
     numbers = s.verlet.numbers
     s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * numbers.frame_velocity
     s.verlet.numbers.elapsed = numbers.elapsed + s.dt

@@ -1,4 +1,4 @@
-"""How CPU threads wait for each other: they spin for a short while, and then sleep until they are woken.
+"""Waiting of CPU threads for each other: they spin for a short while, and then sleep until they are woken.
 
 Spinning lasts about as long as it takes to put a thread to sleep and to wake it, so that a wait costs at most
 twice what it has to. A sleeping thread leaves its core to others, also to the thread that it waits for.
@@ -26,7 +26,7 @@ SPINS = 1000  # looks before a thread sleeps: some 50 microseconds
     return time;
 """)
 def seconds() -> wp.float64:
-    """Read a clock that never goes back; where there is none, it stands still."""
+    """Return the time of a monotonic clock [s]; 0 on systems without one."""
     ...
 
 
@@ -38,7 +38,7 @@ def seconds() -> wp.float64:
 #endif
 """)
 def word_at(words: wp.array(dtype=wp.int64), k: int) -> wp.int64:
-    """Read a word, and see all that its writer wrote before."""
+    """Read a word (acquire): all that its writer wrote before is visible then."""
     ...
 
 
@@ -64,7 +64,7 @@ FUTEX = """
     return 0;
 """)
 def begin_look(words: wp.array(dtype=wp.int64), look: int) -> int:
-    """Begin to look, for this many-th time, whether others have done what this thread waits for."""
+    """Begin poll number `look`. Returns the count of wake-ups so far, once the thread may sleep."""
     ...
 
 
@@ -91,7 +91,7 @@ def begin_look(words: wp.array(dtype=wp.int64), look: int) -> int:
 #endif
 """)
 def end_look(words: wp.array(dtype=wp.int64), look: int, event: int, found: bool):
-    """Spin or, after many looks, sleep until another thread wakes this one, unless it has found so."""
+    """Spin or, after many polls, sleep until another thread wakes this one, unless the poll succeeded."""
     ...
 
 
@@ -108,7 +108,7 @@ def end_look(words: wp.array(dtype=wp.int64), look: int, event: int, found: bool
 #endif
 """)
 def wake(words: wp.array(dtype=wp.int64)):
-    """Wake the threads that sleep, after a change that one of them may wait for."""
+    """Wake the sleeping threads, after a change that any of them may wait for."""
     ...
 
 
@@ -132,7 +132,7 @@ def arrive(words: wp.array(dtype=wp.int64), size: int) -> bool:
 #endif
 """)
 def let_go(words: wp.array(dtype=wp.int64), size: int):
-    """Let all go on from the barrier, as a team of this size."""
+    """Release all threads from the barrier, as a team of this size."""
     ...
 
 

@@ -1,11 +1,11 @@
-"""The working set of the accelerated method: the contacts that are swept between two looks at all of them.
+"""The working set of the accelerated method: the contacts that are swept between two scans of all contacts.
 
-A look finds the contacts that carry a correction, or did a sweep back, and those that the velocities violate
-or nearly do, and copies them side by side; sweeps touch nothing else, so that they stay in the cache. The
-others have no correction and get none: what velocities do between two looks is no matter to the list's proof
-(verlet.py).
+A scan finds the contacts that carry a correction, or did one sweep before, and those that the velocities
+violate or nearly do, and copies them to contiguous arrays. Sweeps touch nothing else, so that they stay in
+the cache. All other contacts have no correction and get none, so velocities between two scans do not matter
+to the list's proof (verlet.py).
 
-A part's copies (contacts.py) lie where its contacts begin, so that threads select side by side.
+The copies of a part (contacts.py) begin at the index of its first contact: threads select in parallel.
 """
 
 import warp as wp
@@ -15,7 +15,7 @@ from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, 
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, pair_count
-from .stopping import gathered, is_going_on
+from .stopping import gathered, stop_or_sweep
 from .threads import Team, keep_largest, thread_range
 from .verlet import keep_peak
 
@@ -25,9 +25,9 @@ NEAR = wp.constant(f64(0.25))  # of the largest change of a correction: how near
 
 @wp.func
 def nearness(s: Scene) -> f64:
-    """How near to a violation a wall contact is swept [m/s], and half as near as a pair is.
+    """Return how near to a violation a wall contact must be to be swept [m/s]; for a pair it is twice that.
 
-    Contacts that are violated now and then, in the last digits that still change, do not come and go so.
+    So contacts whose violation changes in the last digits only do not enter and leave the set.
     """
     if s.step.iterations == 0:
         return f64(0.0)
@@ -36,7 +36,7 @@ def nearness(s: Scene) -> f64:
 
 @wp.func
 def see_skin(s: Scene, i: int):
-    """Keep a grain's peak, and see whether its skin also allows for contacts that are near to a violation."""
+    """Update a grain's peak; the list expires if its skin does not allow for contacts near a violation."""
     allowed = at(s.verlet.peak_limit, i) - nearness(s)
     peak = keep_peak(s, i, at(s.grains.next_velocity, i))
     if allowed < f64(0.0) or peak > allowed * allowed:
@@ -45,7 +45,7 @@ def see_skin(s: Scene, i: int):
 
 @wp.func
 def put_back(s: Scene, part: int):
-    """Write the corrections of a part of the working set where all contacts have theirs."""
+    """Copy the corrections of a part of the working set back to all contacts."""
     working = s.working
     bounds = at(working.range, part)
     c = int(bounds[0])
@@ -57,16 +57,8 @@ def put_back(s: Scene, part: int):
 
 
 @wp.func
-def pause_unless_listed(s: Scene):
-    """Leave the iteration for a new list where one may be missing: the look is taken with that one."""
-    if s.verlet.flags.list_expired != 0:
-        s.control.iterating = 0
-        s.control.unfinished = 1
-
-
-@wp.func
 def select(s: Scene, c: int, k: int):
-    """Make the contact at place c of the working set the one of index k."""
+    """Copy contact k to index c of the working set."""
     put(s.working.index, c, k)
     copy_contact(s.working.contact, c, s.contacts.contact, k)
     put(s.working.gap_rate, c, gap_rate_of(s.contacts.contact, k))
@@ -79,10 +71,10 @@ def select(s: Scene, c: int, k: int):
 
 
 def selecting(count: int) -> wp.Function:
-    """Return the function that selects pairs of [begin, end), so many at a time (lanes.py).
+    """Return the function that selects pairs of [begin, end), `count` at a time (lanes.py).
 
-    It takes `(scene, begin, end, place)`, the first place in the working set, and returns the place after the
-    last pair, and by how much others are violated.
+    It takes `(scene, begin, end, place)`, the first index in the working set, and returns the index after the
+    last pair, and the largest violation of pairs that carry no correction.
     """
     vector, numbers_at = lanes(count).vector, lanes(count).numbers_at
 
@@ -149,7 +141,7 @@ def select_walls(s: Scene, begin: int, end: int):
 
 @wp.func
 def select_set(team: Team, s: Scene, k: int):
-    """Select the contacts of a set that are swept, and see by how much others are violated."""
+    """Select the contacts of a set that are swept, and find the largest violation of the others."""
     violation = f64(0.0)
     start, stop = at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1)
     first_chunk, end_chunk, origin, part = chunks_of_set(s, k)
@@ -169,10 +161,10 @@ def select_set(team: Team, s: Scene, k: int):
 
 
 @wp.func
-def see_whether_done(s: Scene):
-    """Sweep on, unless that was the last sweep or, by zeta, all contacts are at rest.
+def end_scan(s: Scene):
+    """Stop or sweep after a scan.
 
-    By zeta, what others are violated by is a change that is still to come, also of a step that ends with it.
+    If the tolerance is on zeta, the violation of contacts outside the set counts as a change still to come.
     """
     violation = gathered(s.partial.zeta)
     iterations = s.step.iterations
@@ -180,6 +172,4 @@ def see_whether_done(s: Scene):
         s.step.zeta = wp.max(s.step.zeta, violation)
         if iterations <= s.history.zeta.shape[0]:
             put(s.history.zeta, iterations - 1, s.step.zeta)
-    going_on = iterations == 0 or is_going_on(s, s.step.zeta)
-    s.control.unfinished = 1 if going_on else 0
-    s.control.iterating = s.control.unfinished
+    stop_or_sweep(s)

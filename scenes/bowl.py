@@ -8,6 +8,7 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains.arrays import FloatArray
+from warpgrains.scenes.style import WIDTH
 
 FIRST_ORDER = {"scheme": "text", "wall": "tangent"}
 SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}
@@ -19,7 +20,7 @@ def draw(path: Path) -> dict[str, float]:
 
     scene = wg.Scene.load("bowl")
     steps = scene.dt * 2.0 ** -np.arange(-3, 4)
-    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     swings, errors = figure.subplots(1, 2)
     numbers = {}
     for label, changes in {"text, tangent": FIRST_ORDER, "leapfrog, round wall": SECOND_ORDER}.items():
@@ -28,17 +29,18 @@ def draw(path: Path) -> dict[str, float]:
             time, angle = swing(scene.replace(dt=dt, **changes))
             worst.append(float(np.abs(angle - pendulum(scene, time)).max()))
             if dt == steps[0]:
-                swings.plot(time, np.degrees(angle), label=f"{label}, dt {dt:g} s")
+                swings.plot(time, np.degrees(angle), label=label)
         errors.loglog(steps, worst, "o-", label=label)
         numbers[f"order, {label}"] = float(np.log2(worst[-2] / worst[-1]))
     swings.plot(time, np.degrees(pendulum(scene, time)), "k:", label="pendulum")
-    swings.set(xlabel="t [s]", ylabel="angle [degrees]")
+    swings.set(xlabel="t [s]", ylabel="angle [degrees]", title=f"dt {steps[0]:g} s")
     errors.set(xlabel="dt [s]", ylabel="worst error of the angle [rad]")
     errors.set_xticks(steps, [f"{dt:g}" for dt in steps], rotation=30.0)
     errors.minorticks_off()
-    for axes in (swings, errors):
-        axes.legend(fontsize="small")
-    figure.savefig(path, dpi=90)
+    swings.set_ylim(-65.0, 95.0)
+    swings.legend(loc="upper center", ncols=3)
+    errors.legend()
+    figure.savefig(path)
     return numbers
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.drawing.colors import COLORMAPS
+from warpgrains.scenes.style import STYLE, WIDTH
 
 DRAGS = (0.05, 0.1, 0.2, 0.4)
 """kg/s."""
@@ -48,7 +49,7 @@ def draw(settled: Sequence[wg.Simulation], path: str) -> None:
     from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
-    figure = Figure(figsize=(11.0, 3.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     drum, forces, heights = figure.subplots(1, 3)
     first = settled[0]
     pressure = np.trace(analysis.grain_stresses(first), axis1=1, axis2=2) / 2.0
@@ -64,8 +65,9 @@ def draw(settled: Sequence[wg.Simulation], path: str) -> None:
     )
     grains.set_array(pressure)
     drum.add_collection(grains)
-    drum.add_patch(Circle((0.0, 0.0), first.scene.radius_out, fill=False, color="0.35"))
-    drum.set(xlim=(-1.02, 1.02), ylim=(-1.02, 1.02), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    drum.add_patch(Circle((0.0, 0.0), first.scene.radius_out, fill=False, color="0.35", linewidth=2.0))
+    drum.set(xlim=(-1.02, 1.02), ylim=(-1.02, 1.02), aspect="equal")
+    drum.set_axis_off()
     figure.colorbar(grains, ax=drum, label="pressure [N/m]")
     for simulation in settled:
         edges, density = analysis.force_distribution(simulation, bins=14, most=4.0)
@@ -74,13 +76,15 @@ def draw(settled: Sequence[wg.Simulation], path: str) -> None:
         profile = analysis.height_profile(simulation, bins=16)
         heights.stairs(profile.packing_fraction, profile.edges, label=label)
     forces.set(xlabel="f / mean f", ylabel="probability density", yscale="log")
-    heights.set(xlabel="height above the centre [m]", ylabel="packing fraction")
-    forces.legend(fontsize="small")
-    figure.savefig(path, dpi=120)
+    heights.set(xlabel="height above the center [m]", ylabel="packing fraction")
+    forces.legend()
+    figure.savefig(path)
 
 
 def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     """Settle, print the table, and draw."""
+    from matplotlib import rc_context
+
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", metavar="PNG", default="drum.png")
     output = parser.parse_args(arguments).output
@@ -89,7 +93,8 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     print("  ".join(table[0]))
     for row in table:
         print("  ".join(f"{value:{len(name)}.4g}" for name, value in row.items()))
-    draw(settled, output)
+    with rc_context(STYLE):
+        draw(settled, output)
     return table
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.scenes import bowl, drum
+from warpgrains.scenes.style import STYLE, WIDTH
 from warpgrains.solver.statistics import RunStatistics
 
 Numbers = dict[str, float]
@@ -47,7 +48,7 @@ class Row:
         if self._shown == len(self._axes):
             if painter.setting.scale is not None:
                 add_color_bar(self._figure, self._axes, painter.setting.scale)
-            self._figure.savefig(self._path, dpi=90)
+            self._figure.savefig(self._path)
 
 
 def moments(path: Path, scene: wg.Scene, times: Sequence[float]) -> tuple[wg.Simulation, wg.Summary]:
@@ -76,7 +77,7 @@ def column(path: Path) -> Numbers:
 
     scene = wg.Scene.load("column")
     simulation = wg.Simulation(scene)
-    figure = Figure(figsize=(9.7, 3.2), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     axes = figure.subplots()
     for time in (0.02, 0.03, 0.04, 0.07, 1.0):  # after 0.1 s nothing changes
         simulation.run(duration=time - simulation.time)
@@ -85,8 +86,8 @@ def column(path: Path) -> Numbers:
     weight = scene.mass[0] * np.hypot(*scene.gravity)
     above = weight * (scene.n - 1 - contacts.pair[:, 0])
     axes.set(xlabel="contact, from the lowest", ylabel="force [N]", ylim=(0.0, 1.3 * above.max()))
-    axes.legend(fontsize="small")
-    figure.savefig(path, dpi=90)
+    axes.legend()
+    figure.savefig(path)
     return {
         "contacts between grains": len(contacts.force),
         "their weights above, at most [N]": float(above.max()),
@@ -164,7 +165,7 @@ def batch(path: Path) -> Numbers:
     ends = [analysis.snapshot(one, many.state(k)) for k, one in enumerate(scenes)]
     x, y = np.concatenate([end.position for end in ends]).T
     largest = np.array([end.force.max() for end in ends])
-    figure = Figure(figsize=(9.7, 6.4), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained")
     places, forces = figure.subplots(2, 1, height_ratios=(3, 2))
     left, right, low, high = -1.2, 1.2, -2.02, -1.32
     bins = (round((right - left) / BIN), round((high - low) / BIN))
@@ -178,11 +179,11 @@ def batch(path: Path) -> Numbers:
     for circle, label in ((wall, "outer wall"), (reached, "centers of grains that touch it")):
         circle.set_label(label)
         places.add_patch(circle)
-    places.legend(handles=[wall, reached], fontsize="small", loc="upper center", ncols=2)
+    places.legend(handles=[wall, reached], loc="upper center", ncols=2)
     places.set(xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]", aspect="equal")
     forces.hist(largest, bins=40)
     forces.set(xlabel="largest force between two grains [N]", ylabel="scenes")
-    figure.savefig(path, dpi=90)
+    figure.savefig(path)
     return {
         "scenes": len(scenes),
         "mean of the largest forces [N]": float(largest.mean()),
@@ -207,7 +208,9 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
-    """Draw what is asked for, by default all, and print the numbers."""
+    """Draw the named pictures, by default all, and print their numbers."""
+    from matplotlib import rc_context
+
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-o", "--output", metavar="DIR", default="gallery")
     parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(EXHIBITS)}")
@@ -216,7 +219,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
     folder.mkdir(parents=True, exist_ok=True)
     found = {}
     for name in chosen.names or EXHIBITS:
-        found[name] = EXHIBITS[name](folder / f"{name}.png")
+        with rc_context(STYLE):
+            found[name] = EXHIBITS[name](folder / f"{name}.png")
         print(name)
         for what, value in found[name].items():
             print(f"  {what:<40} {value:.6g}")

@@ -1,4 +1,4 @@
-"""Rigid, frictionless, perfectly inelastic grains in an annulus, by nonsmooth contact dynamics.
+"""Rigid, perfectly inelastic grains in an annulus, with or without friction, by nonsmooth contact dynamics.
 
 >>> import warpgrains as wg
 >>> simulation = wg.Simulation(wg.Scene.load("annulus"))
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 __version__ = "0.2.0"
 
-# In a checkout `kernels/` and `scenes/` stand beside this package, in a wheel inside it (pyproject.toml).
+# In a checkout `kernels/` and `scenes/` are next to this package, in a wheel inside it (pyproject.toml).
 _checkout = Path(__file__).resolve().parent.parent
 if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" / "__init__.py").is_file():
     __path__.append(str(_checkout))
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
-    from warpgrains.errors import OutputError, SceneError, SimulationError
+    from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
     from warpgrains.scene.disc import Disc
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Batch",
     "Disc",
+    "InputError",
     "OutputError",
     "Recording",
     "Scene",
@@ -47,6 +48,7 @@ __all__ = [
 _HOME = {
     "Batch": "batch.batch",
     "Disc": "scene.disc",
+    "InputError": "errors",
     "OutputError": "errors",
     "Recording": "analysis.recording",
     "Scene": "scene.scene",
@@ -61,7 +63,7 @@ _HOME = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name on first use, so that the command line answers before Warp is loaded."""
+    """Import a public name on first use, so that the command line starts without loading Warp."""
     if name in __all__ and name not in _HOME:
         return import_module(f"warpgrains.{name}")
     if name not in _HOME:

@@ -1,4 +1,4 @@
-"""The true error of a step, on request: the public name of `warpgrains.analysis.accuracy`."""
+"""Public names of `warpgrains.analysis.accuracy`: the true error of a step."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

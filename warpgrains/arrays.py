@@ -1,11 +1,11 @@
-"""Arrays by what they hold."""
+"""Types of arrays, named after their content."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int32]
-"""Grains as the kernels number them."""
+"""Indices as the kernels store them, such as those of grains."""
 IndexArray = NDArray[np.int64]
-"""Grains as NumPy numbers them."""
+"""Indices as NumPy returns them."""
 BoolArray = NDArray[np.bool_]

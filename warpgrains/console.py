@@ -1,4 +1,7 @@
-"""What commands print: standard output is for results only, whatever libraries print, from C as well."""
+"""Output of commands, progress bars and signals.
+
+Standard output is for results only. Whatever libraries print, also from C, goes to standard error.
+"""
 
 import ctypes
 import os
@@ -15,9 +18,9 @@ from typing import Any, NoReturn, Protocol
 
 from warpgrains.turns import BUILDING
 
-BETWEEN_LINES = 30.0  # seconds, where no terminal can show a bar
+BETWEEN_LINES = 30.0  # seconds between two lines, without a terminal
 INTERRUPTED = 130
-"""Exit code of a command that Ctrl-C has ended."""
+"""Exit code of a command that Ctrl-C ended."""
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 STDIN, STDOUT, STDERR = 0, 1, 2
@@ -25,33 +28,36 @@ _ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if 
 
 
 def in_columns(rows: Mapping[str, object]) -> str:
-    """Return names and values, a line each, as commands print them."""
+    """Return names and values as text, one line each."""
     return "\n".join(f"{name:<17} {value}" for name, value in rows.items())
 
 
 def open_standard_streams() -> None:
-    """Open what is closed of input, output and errors: else the next file to be opened would be it."""
+    """Open standard input, output and error if they are closed.
+
+    Otherwise the next file to be opened would take their place.
+    """
     for number, name, mode in ((STDIN, "stdin", "r"), (STDOUT, "stdout", "w"), (STDERR, "stderr", "w")):
         try:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
         if getattr(sys, name) is None:
-            setattr(sys, name, open(number, mode, closefd=False))  # noqa: SIM115  # as long as the process
+            setattr(sys, name, open(number, mode, closefd=False))  # noqa: SIM115  # stays open until the process ends
 
 
 class Progress(Protocol):
-    """Hears how far something is."""
+    """Interface of progress bars."""
 
     def update(self, n: float = 1) -> Any:
-        """Hear that so much more is done."""
+        """Add n units of progress."""
 
     def set_postfix_str(self, s: str) -> None:
-        """Hear what is being done."""
+        """Set the text after the bar."""
 
 
 class ProgressLines:
-    """A plain line on standard error now and then: what logs can hold."""
+    """Progress as a plain line on standard error at intervals, for logs."""
 
     def __init__(self, total: int, initial: float, unit: str, between: float) -> None:
         self._total, self._done, self._begun_at, self._unit = total, float(initial), initial, unit
@@ -59,11 +65,11 @@ class ProgressLines:
         self._start = self._told = monotonic()
 
     def set_postfix_str(self, s: str) -> None:
-        """Hear what is being done."""
+        """Set the text at the end of the line."""
         self._doing = f", {s}"
 
     def update(self, n: float = 1) -> None:
-        """Hear that so much more is done."""
+        """Add n units of progress."""
         self._done += n
         now = monotonic()
         if now - self._told < self._between or self._done <= self._begun_at:
@@ -80,7 +86,7 @@ class ProgressLines:
 def progress_bar(
     total: int, initial: float = 0, shown: bool = True, unit: str = "step", **options: Any
 ) -> Iterator[Progress]:
-    """Give something that tells of progress: a bar in a terminal or a notebook, else a line every 30 s."""
+    """Yield a progress bar in a terminal or a notebook; elsewhere it prints a line every 30 s."""
     if not shown or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         yield ProgressLines(total, initial, unit, BETWEEN_LINES if shown else inf)
         return
@@ -91,10 +97,10 @@ def progress_bar(
 
 
 @contextmanager
-def interrupts_end_at_once() -> Iterator[None]:
-    """Let Ctrl-C end the process while libraries are imported, which turn it into errors of their own.
+def exit_on_interrupt() -> Iterator[None]:
+    """End the process on Ctrl-C while libraries are imported, because they turn it into other errors.
 
-    Afterwards it does what it did before, even if one of them has set a handler.
+    Afterwards the previous handler is restored, even if a library has set another one.
     """
 
     def end(*_: object) -> NoReturn:
@@ -112,10 +118,11 @@ def interrupts_end_at_once() -> Iterator[None]:
 
 
 @contextmanager
-def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
-    """Call `stop` on Ctrl-C, SIGTERM and SIGHUP; what is in the block then ends, and so does the command.
+def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
+    """Call `stop` on Ctrl-C, SIGTERM and SIGHUP. When the block has ended, the command ends.
 
-    No signal interrupts the block itself, so that its contexts clean up, also if a signal comes as they do.
+    No signal interrupts the block itself, so that its context managers can clean up, even if another signal
+    arrives meanwhile.
     """
     received: list[int] = []
 
@@ -145,16 +152,16 @@ def stopping_on_signals(stop: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def stdout_kept_clean() -> Iterator[None]:
-    """Send to standard error what anyone prints on standard output meanwhile."""
+def stdout_to_stderr() -> Iterator[None]:
+    """Redirect standard output to standard error, also that of C libraries."""
     with _redirected(STDOUT, STDERR):
         yield
 
 
 def start_warp() -> None:
-    """Initialise Warp without its banner, and without its remark that this machine has no GPU.
+    """Initialize Warp without its banner and without its remark that the machine has no GPU.
 
-    It also says no more which modules it loads, unless its `log_level` has been set.
+    Messages about loaded modules are off too, unless Warp's `log_level` has been set.
     """
     with BUILDING:
         _start_warp()
@@ -166,7 +173,7 @@ def _start_warp() -> None:
 
     if warp.config.log_level == warp.LOG_INFO:
         warp.config.log_level = warp.LOG_WARNING
-    warp.config.use_precompiled_headers = False  # they cost more than they save where one kernel is compiled
+    warp.config.use_precompiled_headers = False  # slower if only one kernel is compiled
     with TemporaryFile() as remarks:
         try:
             with _redirected(STDERR, remarks.fileno()):
@@ -174,7 +181,7 @@ def _start_warp() -> None:
         except OSError as error:
             raise OSError(
                 f"the cache of compiled kernels cannot be written ({error}):"
-                " set WARP_CACHE_PATH to a folder that can"
+                " set WARP_CACHE_PATH to a writable folder"
             ) from error
         remarks.seek(0)
         for remark in remarks.read().decode(errors="replace").splitlines():

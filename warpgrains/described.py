@@ -1,4 +1,7 @@
-"""Fields of records, written once: docstrings, checks, files and ``--help`` read what is said here."""
+"""Fields of records, each with a description.
+
+Docstrings, checks, files and ``--help`` are generated from these descriptions, so that each is written once.
+"""
 
 import inspect
 import textwrap
@@ -10,7 +13,7 @@ Documented = TypeVar("Documented", bound=Callable[..., Any])
 
 
 def described(meaning: str, *, default: Any = MISSING, **more: Any) -> Any:
-    """Return a field of a dataclass with its meaning and its unit, "[m]", and what else its readers need."""
+    """Return a dataclass field with its meaning, including the unit such as "[m]", and further metadata."""
     return field(default=default, metadata={"meaning": meaning, **more})
 
 
@@ -20,7 +23,7 @@ def described_fields(record: type) -> dict[str, Field[Any]]:
 
 
 def documented(parameters: Iterable[Field[Any]]) -> Callable[[Documented], Documented]:
-    """Put parameters in the place of ``{fields}`` in a docstring, each as the numpy convention has it."""
+    """Replace ``{fields}`` in a docstring by parameters in the numpy convention."""
     wrap = textwrap.TextWrapper(100, initial_indent="    ", subsequent_indent="    ").fill
     text = "\n".join(f"{one.name}\n{wrap(one.metadata['meaning'])}" for one in parameters)
 

@@ -1,20 +1,26 @@
-"""What can go wrong, as a user sees it: each message is one clear line."""
+"""Exceptions for users. Each message is one clear line."""
 
 
-class SceneError(ValueError):
-    """The input is not a scene: the message names the field, the grain and the value.
+class InputError(ValueError):
+    """Invalid input. The message names the field, the grain or file, and the value.
 
     Examples
     --------
     >>> wg.Scene.load("annulus", ["physics.drag=-1"])
     Traceback (most recent call last):
         ...
-    warpgrains.errors.SceneError: drag is -1.0: it must be 0 or more
+    warpgrains.errors.InputError: drag is -1.0: it must be 0 or more
     """
 
 
-class OutputError(SceneError):
-    """What is to be written is in use, or is something else: it is left as it is.
+SceneError = InputError
+"""Former name of `InputError`, kept for one release."""
+
+
+class OutputError(InputError):
+    """Output that another process writes, or that would replace a file of another kind.
+
+    The file is left unchanged.
 
     Examples
     --------
@@ -22,12 +28,12 @@ class OutputError(SceneError):
     >>> simulation.run(steps=1, record="notes.usdc")
     Traceback (most recent call last):
         ...
-    warpgrains.errors.OutputError: 'notes.usdc' is there and is no recording of warpgrains: it is not replaced
+    warpgrains.errors.OutputError: refusing to overwrite 'notes.usdc': not a recording of warpgrains
     """
 
 
 class SimulationError(RuntimeError):
-    """A run failed: the message says which step and which grain, the last good state is kept.
+    """Failure of a run. The message names the step and the grain, and the last good state is kept.
 
     Examples
     --------
@@ -39,6 +45,6 @@ class SimulationError(RuntimeError):
     """
 
 
-def missing_extra(what: str, error: ModuleNotFoundError, extra: str = "report") -> SceneError:
-    """Return the error for something that needs a library of an extra which is not installed."""
-    return SceneError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'")
+def missing_extra(what: str, error: ModuleNotFoundError, extra: str = "report") -> InputError:
+    """Return the error for a feature whose library, part of an extra, is not installed."""
+    return InputError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'")

@@ -1,4 +1,7 @@
-"""Files that appear under their name only when they are whole, and tables of results, in CSV."""
+"""Files that are written atomically, and tables of results in CSV.
+
+A file appears under its name only when it is complete, so that a killed process leaves no damaged file.
+"""
 
 import csv
 import io
@@ -10,62 +13,65 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 _NUMBER, _WORD = r"-\d+(?:\.\d+)?(?:e[+-]?\d+)?", r"[A-Za-z0-9][\w.+-]*"
 _PLAIN = re.compile(rf"(?:(?:{_WORD}|{_NUMBER})?(?:,|$))*", re.ASCII)
-"""A line of cells that need neither quotes nor guards, as most are."""
+"""A line of cells without quotes or guards, as most lines are."""
 
 Row = dict[str, str]
-"""A line of a table: what its cells hold, by column."""
+"""A row of a table: the text of its cells by column."""
 
 
 def require_writable_folder(folder: Path) -> None:
-    """Raise SceneError unless a file can be created in `folder` now."""
+    """Raise InputError unless a file can be created in the folder."""
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be written: {error.strerror}") from error
 
 
 def make_folder(folder: Path) -> None:
-    """Create a folder for outputs, unless it exists; raise SceneError if it cannot be written."""
+    """Create a folder for outputs, unless it exists. Raises InputError if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
     require_writable_folder(folder)
 
 
-def require_place(kind: str, path: Path, *suffixes: str) -> None:
-    """Raise SceneError unless a file of this kind, with one of these endings, can be created there now."""
-    path = followed(path)
+def require_writable_path(kind: str, path: Path, *suffixes: str) -> None:
+    """Raise InputError unless a file with one of these suffixes can be created at `path`."""
+    path = resolve_link(path)
     if path.suffix not in suffixes:
-        raise SceneError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
+        raise InputError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
     if path.is_dir():
-        raise SceneError(f"{kind} '{path}' is a folder")
+        raise InputError(f"{kind} '{path}' is a folder")
     require_writable_folder(path.parent)
 
 
-def followed(path: Path) -> Path:
-    """Return the file that a symbolic link leads to, or else the path itself.
+def resolve_link(path: Path) -> Path:
+    """Return the target of a symbolic link, or the path itself if it is none.
 
-    What is written to a link replaces that file, and the link stays.
+    Writing to a link replaces its target, and the link stays.
     """
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 def read_regular(path: Path) -> bytes:
-    """Return the content of a regular file; SceneError for anything else: a pipe would block."""
+    """Return the content of a regular file.
+
+    Raises InputError for anything else, because a pipe would block.
+    """
     if not path.is_file():
-        raise SceneError(f"'{path}' is not a regular file")
+        raise InputError(f"'{path}' is not a regular file")
     return path.read_bytes()
 
 
 @contextmanager
 def _naming(target: Path, draft: Path) -> Iterator[None]:
-    """Name the target in errors that name no file, such as that of a full disk, or only its draft."""
+    """Name the target in errors that name no file, such as that of a full disk, or only the draft."""
     try:
         yield
     except OSError as error:
@@ -75,7 +81,7 @@ def _naming(target: Path, draft: Path) -> Iterator[None]:
 
 
 def sync(path: Path) -> None:
-    """Wait until the file or folder `path` is on the disk."""
+    """Flush the file or folder `path` to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -84,7 +90,7 @@ def sync(path: Path) -> None:
 
 
 def publish(draft: Path, target: Path) -> None:
-    """Put the finished file `draft` in the place of `target`, on the same file system, and on the disk."""
+    """Move the complete file `draft` to `target` on the same file system, and flush both to the disk."""
     with _naming(target, draft):
         sync(draft)
         os.replace(draft, target)
@@ -93,16 +99,16 @@ def publish(draft: Path, target: Path) -> None:
 
 @contextmanager
 def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
-    """Give the name of a file to write: once it is written, it takes the place of `target`.
+    """Yield the path of a draft; after the block, the draft replaces `target`.
 
-    Where several processes may write the same file at once, `writer` tells them apart.
+    If several processes may write the same file at once, `writer` distinguishes their drafts.
 
     Raises
     ------
     OSError
-        It cannot be written: the message names the target.
+        The file cannot be written. The message names the target.
     """
-    target = followed(target)
+    target = resolve_link(target)
     draft = target.with_name(f".draft{writer}.{target.name}")
     try:
         with _naming(target, draft):
@@ -112,38 +118,38 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
         draft.unlink(missing_ok=True)
 
 
-def write_whole(path: Path, content: bytes | memoryview, writer: str = "") -> None:
-    """Put content under a name and on the disk, whole; until then an earlier file of that name stays.
+def write_atomically(path: Path, content: bytes | memoryview, writer: str = "") -> None:
+    """Write a file atomically: until it is complete and on the disk, an earlier file stays.
 
     Raises
     ------
     OSError
-        It cannot be written, or is not read back as it was written.
+        The file cannot be written, or differs when it is read back.
     """
     with draft_of(path, writer) as draft:
         draft.write_bytes(content)
         if draft.read_bytes() != content:
-            raise OSError(f"'{path}' is not read back as it was written")
+            raise OSError(f"'{path}' reads back different from what was written: check the disk")
 
 
 def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a table as CSV: names in the first line, then a line a row, see `csv_line`."""
+    """Return a table as CSV: column names first, then one line per row, see `csv_line`."""
     lines = [csv_line(rows[0]), *(csv_line(row.values()) for row in rows)]
     return b"".join(lines).decode()
 
 
 def csv_line(cells: Iterable[Any]) -> bytes:
-    """Return a line of a table as CSV.
+    """Return one line of a CSV table.
 
-    A spreadsheet takes what begins with =, +, - or @ for a formula: such a cell, if it is no number, has an
-    apostrophe before it, which `read_table` takes away.
+    A spreadsheet interprets a cell that begins with =, +, - or @ as a formula. Such a cell, if it is no
+    number, gets an apostrophe in front, which `read_table` removes.
     """
     texts = list(map(str, cells))
     line = ",".join(texts)
     if _PLAIN.fullmatch(line) and line.count(",") == len(texts) - 1 > 0:
         return f"{line}\n".encode()
     text = io.StringIO()
-    csv.writer(text).writerow(map(_guarded, texts))  # whose lines end in \r\n, so that it quotes these
+    csv.writer(text).writerow(map(_guarded, texts))  # quotes \r and \n, its line ends
     return f"{text.getvalue()[:-2]}\n".encode()
 
 
@@ -157,7 +163,7 @@ def _unguarded(cell: Any) -> Any:
 
 
 def _is_formula(cell: str) -> bool:
-    """Return whether a spreadsheet would take a cell for a formula, without the apostrophes before it."""
+    """Return whether a spreadsheet would interpret a cell as a formula if it had no apostrophes in front."""
     return cell.lstrip("'").startswith(("=", "+", "-", "@", "\t", "\r"))
 
 
@@ -170,14 +176,14 @@ def _is_number(cell: str) -> bool:
 
 
 def read_table(path: Path) -> list[Row]:
-    """Read a table as rows of text, by column; raise SceneError if it is none."""
+    """Read a table as rows of text by column. Raises InputError if the file is no table."""
     with _opened(path) as lines:
         rows = csv.DictReader(lines, strict=True)
         return [{name: _unguarded(cell) for name, cell in row.items()} for row in rows]
 
 
 def read_columns(path: Path, wanted: Callable[[list[str]], Iterable[str]]) -> dict[str, list[str]]:
-    """Read some columns of a table, see `columns_of`; raise SceneError if it is none."""
+    """Read some columns of a table, see `columns_of`. Raises InputError if the file is no table."""
     with _opened(path) as lines:
         return columns_of(lines, wanted)
 
@@ -188,14 +194,14 @@ def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]
     Parameters
     ----------
     lines
-        Of the table.
+        Lines of the table.
     wanted
-        Returns the names of these columns, given those of all.
+        Function that returns the names of the columns to read, given the names of all columns.
 
     Raises
     ------
     csv.Error
-        It is no table.
+        The lines are no table.
     """
     rows = csv.reader(lines, strict=True)
     head = next(rows, [])
@@ -212,9 +218,9 @@ def columns_of(lines: Iterable[str], wanted: Callable[[list[str]], Iterable[str]
 @contextmanager
 def _opened(path: Path) -> Iterator[Iterable[str]]:
     if not path.is_file():
-        raise SceneError(f"'{path}' cannot be read: it is no file")
+        raise InputError(f"'{path}' cannot be read: it is not a regular file")
     try:
         with path.open(newline="", encoding="utf-8") as lines:
             yield lines
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise SceneError(f"'{path}' cannot be read: {error}") from None
+        raise InputError(f"'{path}' cannot be read: {error}") from None

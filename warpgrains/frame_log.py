@@ -1,9 +1,9 @@
-"""The log of a recording: a file to which each frame is appended as it comes, and which survives a kill.
+"""The log of a recording: a file to which frames are appended, and which survives a killed process.
 
-The file is a magic line and records. A record is the length [bytes] and the CRC-32 of its content, then the
-content. The first record is JSON: what no frame changes, and the name and kind of the arrays of a frame. Each
-further record is a frame: the lengths of its arrays, then the arrays, little-endian, in the order of the
-names. A record that is cut short or damaged ends the log.
+The file consists of a magic line and records. A record is the length [bytes] and the CRC-32 of its content,
+followed by the content. The first record is JSON with the constants of the recording, and the name and type
+of each array of a frame. Each further record is a frame: the lengths of its arrays, then the arrays,
+little-endian, in the order of the names. The log ends at the first truncated or damaged record.
 """
 
 import json
@@ -18,8 +18,8 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.errors import SceneError
-from warpgrains.files import write_whole
+from warpgrains.errors import InputError
+from warpgrains.files import write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
 """One frame: float32 or int32 arrays by name, shape (n,) or (n, k)."""
@@ -31,10 +31,10 @@ _SYNC_BYTES = 16e6
 
 
 class FrameLog:
-    """Appends frames to a log; the first frame creates the file.
+    """Writer that appends frames to a log; the first frame creates the file.
 
-    Every frame reaches the operating system at once, so that a killed process loses none, and the disk after
-    100 frames or 16 MB, and when `sync` is called.
+    Every frame is passed to the operating system at once, so that a killed process loses none. It is flushed
+    to the disk after 100 frames or 16 MB, and by `sync`.
 
     Attributes
     ----------
@@ -52,31 +52,36 @@ class FrameLog:
         self._unsynced = 0, 0
 
     def require_absent(self) -> None:
-        """Raise SceneError if the file exists: it may hold the only copy of the frames of another run."""
+        """Raise InputError if the file exists, because it may hold the only copy of another run's frames."""
         if self.path.exists():
-            raise SceneError(
+            raise InputError(
                 f"'{self.path}' holds frames of another run: make a recording of them with"
                 " 'warpgrains recover', or delete it"
             )
 
     def reopen(self, frames: int) -> None:
-        """Continue an existing log behind its first `frames` frames; later frames are dropped.
+        """Continue an existing log after its first `frames` frames; later frames are dropped.
 
         Raises
         ------
-        SceneError
-            The log has other constants, or fewer frames.
+        InputError
+            The log has other constants or fewer frames.
         """
         reader = LogReader(self.path)
         if reader.constants != self._constants:
-            raise SceneError(f"'{self.path}' holds no frames of this scene, drawn as now asked for")
+            raise InputError(
+                f"'{self.path}' holds frames of another scene or of other drawing"
+                " options: use those of the first run, or delete it"
+            )
         end, held = reader.end, 0
         for _ in reader:
             held, end = held + 1, reader.end
             if held == frames:
                 break
         if held != frames:
-            raise SceneError(f"'{self.path}' holds {held} of the {frames} frames to continue from")
+            raise InputError(
+                f"'{self.path}' holds {held} of the {frames} frames that the checkpoint continues from"
+            )
         self._kinds, self.frames = reader.kinds, frames
         self._open(end)
 
@@ -86,7 +91,7 @@ class FrameLog:
         Raises
         ------
         OSError
-            It cannot be written; the log is as it was before.
+            The frame cannot be written; the log is unchanged.
         """
         if self._file is None:
             self._create(arrays)
@@ -101,13 +106,13 @@ class FrameLog:
             self.sync()
 
     def sync(self) -> None:
-        """Wait until all frames are on the disk."""
+        """Flush all frames to the disk."""
         if self._file is not None:
             os.fsync(self._file.fileno())
         self._unsynced = 0, 0
 
     def close(self) -> None:
-        """Close the file."""
+        """Flush the log to the disk and close it."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -123,7 +128,7 @@ class FrameLog:
         header = json.dumps({"constants": self._constants, "kinds": self._kinds}).encode()
         content = _MAGIC + _record(header)
         with _naming(self.path):
-            write_whole(self.path, content)
+            write_atomically(self.path, content)
         self._open(len(content))
 
     def _open(self, end: int) -> None:
@@ -146,28 +151,28 @@ class FrameLog:
 
 
 class LogReader:
-    """Reads a log; iterating yields each frame, up to the first record that is cut short or damaged.
+    """Reader of a log. Iterating yields each frame up to the first truncated or damaged record.
 
     Attributes
     ----------
     path : Path
     constants : str
-        What no frame changes.
+        Constants of the recording as JSON.
     kinds : dict
-        By name of an array, its type and number of columns, such as "f3".
+        Type and number of columns of each array by name, such as "f3".
     end : int
-        Where the last record that was read ends [bytes].
+        Offset of the end of the last record read [bytes].
 
     Raises
     ------
-    SceneError
-        The file is missing or no log.
+    InputError
+        The file is missing or is no log.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         if not path.is_file():
-            raise SceneError(f"'{path}' holds no frames: there is no such file")
+            raise InputError(f"'{path}' does not exist")
         with path.open("rb") as file:
             content = _read(file) if file.read(len(_MAGIC)) == _MAGIC else None
             self._start = self.end = file.tell()
@@ -176,7 +181,7 @@ class LogReader:
             self.constants: str = header["constants"]
             self.kinds: dict[str, str] = header["kinds"]
         except (ValueError, KeyError, TypeError):
-            raise SceneError(f"'{path}' is not a log of frames") from None
+            raise InputError(f"'{path}' is not a log of frames") from None
 
     def __iter__(self) -> Iterator[dict[str, NDArray[Any]]]:
         with self.path.open("rb") as file:
@@ -214,7 +219,7 @@ def _record(content: bytes) -> bytes:
 
 
 def _read(file: BinaryIO) -> bytes | None:
-    """Return the content of the next record; None where there is no whole one."""
+    """Return the content of the next record; None if no complete record follows."""
     head = file.read(_HEAD.size)
     if len(head) < _HEAD.size:
         return None

@@ -1,14 +1,14 @@
-"""Locks on outputs: of two processes that write the same file, the second is refused.
+"""Locks on outputs: if two processes write the same file, the second is refused.
 
 The lock on ``run.npz`` is an exclusive flock(2) on the empty file ``.run.npz.lock`` next to it. The operating
-system frees it when its process ends, however that ends: what a killed process leaves of the file locks
-nothing. It is held by one opening of the file, so a thread of the same process is kept out as well, and a
-forked child does not have it.
+system releases it when the process ends, even if it is killed; a leftover file locks nothing. The lock
+belongs to one open file description, so it also excludes other threads of the same process, and a forked
+child does not hold it.
 
-Machines that share a file system keep one another out as far as it does: on NFS, Linux turns flock into a
-lock of the server, which outlives a machine that has crashed by the server's grace time. Where there are no
-locks (some mounts of Lustre, Windows), a warning says so and the work continues. These locks bind this
-program only: they do not keep anyone from deleting or replacing files.
+Between machines that share a file system, the locks are those of the file system. On NFS, Linux maps flock to
+a lock on the server, which survives a crashed machine for the server's grace period. If there are no locks
+(some Lustre mounts, Windows), a warning says so and the work continues. The locks are advisory: other
+programs can still delete or replace the files.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from warnings import warn
 from weakref import WeakSet
 
 from warpgrains.errors import OutputError
-from warpgrains.files import followed
+from warpgrains.files import resolve_link
 
 try:
     from fcntl import LOCK_EX, LOCK_NB, LOCK_UN, flock, lockf
@@ -33,20 +33,20 @@ except ImportError:  # Windows
     flock = None  # type: ignore[assignment]
 
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP)
-_LONGEST_NAME = 300  # bytes that tell who has a lock
+_LONGEST_NAME = 300  # bytes of the description of a lock's owner
 
 
 class Lock:
-    """The right to write to `path`, until `release`, the end of a ``with`` block or that of the process.
+    """Exclusive right to write to `path`, until `release`, the end of a ``with`` block or of the process.
 
     Raises
     ------
     OutputError
-        Another one has it, or the folder cannot be written.
+        Another process or thread holds the lock, or the folder cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
-        path = followed(path)
+        path = resolve_link(path)
         self._file = path.with_name(f".{path.name}.lock")
         self._descriptor: int | None = None
         try:
@@ -56,7 +56,7 @@ class Lock:
         _held.add(self)
 
     def release(self) -> None:
-        """Let others write."""
+        """Release the lock and remove its file."""
         if self._descriptor is None:
             return
         with suppress(OSError):
@@ -64,7 +64,7 @@ class Lock:
         self.forget()
 
     def forget(self) -> None:
-        """Close the file, without freeing the lock as long as another process has it open."""
+        """Close the file without releasing the lock, which other processes with the file open still hold."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
@@ -84,14 +84,14 @@ def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
     lock = Lock(path)
     if path.exists() and not is_own(path):
         lock.release()
-        raise OutputError(f"'{path}' is there and is no {kind}: it is not replaced")
+        raise OutputError(f"refusing to overwrite '{path}': not a {kind}")
     return lock
 
 
 class RunLocks:
-    """Locks between processes that share a sweep: run k is locked by byte k of one file, by fcntl(2).
+    """Locks between processes that share a sweep: run k is locked by byte k of one file (fcntl).
 
-    They are locks of a process: its threads do not keep one another out. The file is empty, and stays.
+    The locks belong to the process, so they do not exclude its own threads. The file stays empty and is kept.
     """
 
     def __init__(self, path: Path) -> None:
@@ -99,20 +99,20 @@ class RunLocks:
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
 
     def acquire(self, numbers: Iterable[int]) -> list[int]:
-        """Lock runs; return the numbers of those that no other process has locked."""
+        """Lock runs; return the numbers of those that no other process holds."""
         return [number for number in numbers if self._acquire(number)]
 
     def _acquire(self, number: int) -> bool:
         return _is_locked(lambda: lockf(self._descriptor, LOCK_EX | LOCK_NB, 1, number), self._path)
 
     def release(self, numbers: Iterable[int]) -> None:
-        """Unlock runs."""
+        """Unlock runs by their numbers."""
         if flock is not None:
             for number in numbers:
                 lockf(self._descriptor, LOCK_UN, 1, number)
 
     def close(self) -> None:
-        """Unlock all."""
+        """Unlock all runs and close the file."""
         os.close(self._descriptor)
 
 
@@ -151,7 +151,7 @@ def _flock(descriptor: int) -> None:
 
 
 def _is_locked(lock: Callable[[], None], path: Path) -> bool:
-    """Call `lock`; return whether this process has the lock, or could, were there locks."""
+    """Call `lock`; return True if this process holds the lock, or if the file system has no locks."""
     try:
         if flock is not None:
             lock()
@@ -162,14 +162,17 @@ def _is_locked(lock: Callable[[], None], path: Path) -> bool:
         if error.errno not in _WITHOUT_LOCKS:
             raise
     warn(
-        f"the file system of '{path}' has no locks: nothing keeps two processes from writing it at once",
+        f"the file system of '{path}' does not support locks: make sure that only one process writes it",
         stacklevel=4,
     )
     return True
 
 
 def _is_under(file: Path, descriptor: int) -> bool:
-    """Return whether a file still has its name; opening asks the server of a shared disk, stat may not."""
+    """Return whether an open file still has its name.
+
+    Opening it again asks the server of a shared disk; stat may not.
+    """
     try:
         again = os.open(file, os.O_RDONLY)
     except FileNotFoundError:

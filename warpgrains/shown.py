@@ -1,23 +1,27 @@
-"""How objects show themselves: a line in a terminal, a small table in a notebook."""
+"""Representation of objects: a line in a terminal, a small table in a notebook."""
 
 from html import escape
 
 
 class Shown:
-    """What tells of itself in a few facts."""
+    """Base class of objects that are shown by a few named values."""
 
-    def facts(self) -> dict[str, str]:
-        """Return what there is to tell, with units, by name."""
+    def summary(self) -> dict[str, str]:
+        """Return the values to show, with units, by name."""
         raise NotImplementedError
 
+    def facts(self) -> dict[str, str]:
+        """Return `summary()`. This is its former name, kept for one release."""
+        return self.summary()
+
     def __repr__(self) -> str:
-        told = ", ".join(f"{name} {value}".strip() for name, value in self.facts().items())
-        return f"{type(self).__name__}({told})"
+        text = ", ".join(f"{name} {value}".strip() for name, value in self.summary().items())
+        return f"{type(self).__name__}({text})"
 
     def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><th style='text-align: left'>{escape(name)}</th>"
             f"<td style='text-align: left'>{escape(value)}</td></tr>"
-            for name, value in self.facts().items()
+            for name, value in self.summary().items()
         )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"

@@ -1,4 +1,4 @@
-"""Records as tables of other libraries, which come with the extra ``[data]``."""
+"""Conversion of records to tables of other libraries, which the extra ``[data]`` installs."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     import pandas
 
 COMPONENTS = {"pair": ("i", "j"), "wall": ("grain", "wall")}
-"""Columns of fields that have two numbers; those of others end in _x and _y."""
+"""Columns of fields with two numbers per row; those of other vector fields end in _x and _y."""
 
 
 def library(name: str, what: str) -> Any:
-    """Return a library of the extra ``[data]``; SceneError where it is not installed."""
+    """Import a library of the extra ``[data]``. Raises InputError if it is not installed."""
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
@@ -26,15 +26,15 @@ def library(name: str, what: str) -> Any:
 
 
 class Tabular:
-    """A dataclass of arrays with an entry a row, or of single values."""
+    """Base class of dataclasses of arrays with one entry per row, or of single values."""
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Return it as a frame: a column a number, in the units of its fields.
+        """Return the record as a DataFrame with one column per number, in the units of its fields.
 
         Raises
         ------
-        SceneError
-            pandas is not installed; it comes with the extra ``[data]``.
+        InputError
+            pandas is not installed; the extra ``[data]`` installs it.
         """
         columns: dict[str, Any] = {}
         for field in fields(self):  # type: ignore[arg-type]

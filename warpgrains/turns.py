@@ -1,4 +1,4 @@
-"""Turns of Python threads: one at a time builds kernels, one at a time drives an object."""
+"""Mutual exclusion of Python threads: for building kernels, and for advancing an object."""
 
 import os
 from collections.abc import Iterator
@@ -8,42 +8,45 @@ from threading import RLock
 from warpgrains.errors import SimulationError
 
 BUILDING = RLock()
-"""Held by the thread that starts Warp, or makes, compiles or loads kernels: Warp is not thread-safe there."""
+"""Lock for starting Warp and for creating, compiling and loading kernels, where Warp is not thread-safe."""
 
-# A child that is forked while another thread builds would find the lock held for ever.
+# In a child that is forked while another thread holds the lock, it would never be released.
 os.register_at_fork(
     before=BUILDING.acquire, after_in_parent=BUILDING.release, after_in_child=BUILDING.release
 )
 
 
-class Driver:
-    """Keeps an object from being driven twice at once.
+class ExclusiveUse:
+    """Guard against two threads that advance an object at once.
 
     Parameters
     ----------
     what : str
-        The object, as messages name it.
+        Name of the object in messages.
     """
 
     def __init__(self, what: str) -> None:
         self._what, self._lock, self._is_advancing = what, RLock(), False
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
-        """Exclude other threads meanwhile; raise SimulationError if another has done so."""
+    def exclusive(self) -> Iterator[None]:
+        """Exclude other threads during the block.
+
+        Raises SimulationError if another thread is in such a block.
+        """
         if not self._lock.acquire(blocking=False):
             self._refuse("another thread")
         try:
             if self._is_advancing:
-                self._refuse("the call that this callback belongs to")
+                self._refuse("the call that runs this callback")
             yield
         finally:
             self._lock.release()
 
     @contextmanager
     def advancing(self) -> Iterator[None]:
-        """Exclude other threads and callbacks meanwhile, as `alone` does."""
-        with self.alone():
+        """Exclude other threads and also callbacks during the block, as `exclusive` does."""
+        with self.exclusive():
             self._is_advancing = True
             try:
                 yield
@@ -52,6 +55,6 @@ class Driver:
 
     def _refuse(self, by: str) -> None:
         raise SimulationError(
-            f"this {self._what} is being advanced by {by}: wait until that has ended,"
-            f" or give each thread a {self._what} of its own"
+            f"this {self._what} is being advanced by {by}: wait until it has ended,"
+            f" or use one {self._what} per thread"
         )

@@ -11,7 +11,7 @@ from same_bits import at_annulus
 from sample_scenes import bullet
 from schemes import SECOND_ORDER
 
-from warpgrains import Scene, SceneError, Simulation, SimulationError
+from warpgrains import InputError, Scene, Simulation, SimulationError
 from warpgrains.accuracy import certify
 from warpgrains.analysis.exact_step import ExactStep, StepProblem, pairs_within, solve_exactly
 
@@ -255,7 +255,7 @@ class TestCertify:
         simulation.step()
         monkeypatch.setitem(sys.modules, "clarabel", None)
         monkeypatch.delitem(sys.modules, "warpgrains.analysis.exact_step")
-        with pytest.raises(SceneError, match=r"certify needs clarabel: pip install 'warpgrains\[report\]'"):
+        with pytest.raises(InputError, match=r"certify needs clarabel: pip install 'warpgrains\[report\]'"):
             certify(simulation)
 
 

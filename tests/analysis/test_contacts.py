@@ -8,7 +8,7 @@ import pytest
 from same_bits import by_grain
 from schemes import SCHEMES, contact_mass, without_contacts
 
-from warpgrains import Scene, SceneError, Simulation, analysis
+from warpgrains import InputError, Scene, Simulation, analysis
 
 EPS = np.finfo(np.float64).eps
 G = 9.81
@@ -224,7 +224,7 @@ def test_granular_temperature():
 @pytest.mark.parametrize("name", ["energi", ""])
 def test_unknown_quantity_is_named(name):
     simulation = Simulation(Scene.load("annulus"))
-    with pytest.raises(SceneError, match="unknown quantity"):
+    with pytest.raises(InputError, match="unknown quantity"):
         analysis.quantities(simulation, [name])
     assert list(analysis.quantities(simulation)) == list(analysis.QUANTITIES)
     assert list(analysis.quantities(simulation, ["walls", "inner_wall_force"])) == [

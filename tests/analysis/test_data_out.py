@@ -10,7 +10,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import warpgrains as wg
-from warpgrains import Scene, SceneError, Simulation, analysis
+from warpgrains import InputError, Scene, Simulation, analysis
 
 FLOAT32 = float(np.finfo(np.float32).eps)
 
@@ -65,10 +65,10 @@ def test_what_is_not_recorded_is_not_made_up(tmp_path):
     path = tmp_path / "bare.usdc"
     Simulation(Scene.load("annulus")).run(steps=10, record=path)
     found = wg.Recording(path)
-    with pytest.raises(SceneError, match="holds no contacts"):
+    with pytest.raises(InputError, match="holds no contacts"):
         found.frame(0)
     assert analysis.kinetic_energy(found.frame(0, contacts=False)) == 0.0
-    with pytest.raises(SceneError, match="there is no frame 99"):
+    with pytest.raises(InputError, match="frame 99 does not exist"):
         found.frame(99)
     assert "contact" not in found.to_xarray().sizes
 
@@ -172,5 +172,5 @@ def test_series_as_frame_and_dataset():
 @pytest.mark.parametrize("name", ["pandas", "xarray"])
 def test_without_the_extra_a_line_names_it(name, monkeypatch):
     monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(SceneError, match=rf"to_{name} needs {name}: pip install 'warpgrains\[data\]'"):
+    with pytest.raises(InputError, match=rf"to_{name} needs {name}: pip install 'warpgrains\[data\]'"):
         getattr(analysis.Series("speed"), f"to_{name}")()

@@ -9,7 +9,7 @@ from matplotlib.image import imread
 from recordings import RADIUS, make_contacts, make_frames, make_scene, record
 from walls_seen import View
 
-from warpgrains import SceneError
+from warpgrains import InputError
 from warpgrains.analysis.plots import measure, plot
 from warpgrains.cli.main import main
 from warpgrains.drawing.chains import CHAIN_COLOR
@@ -123,7 +123,9 @@ class TestStrip:
 
     @pytest.mark.parametrize("frame", [3, -4])
     def test_frames_that_are_not_there(self, recording, tmp_path, frame):
-        with pytest.raises(SceneError, match=f"no frame {frame}: the recording has 3, from 0 to 2"):
+        with pytest.raises(
+            InputError, match=f"frame {frame} does not exist: the recording has 3 frames, 0 to 2"
+        ):
             plot(recording, tmp_path / "run.png", [0, frame])
 
 
@@ -160,7 +162,7 @@ class TestFile:
     @pytest.mark.parametrize("name", ["run.gif", "run", "no/run.png", "folder.png"])
     def test_bad_place(self, recording, tmp_path, name):
         (tmp_path / "folder.png").mkdir()
-        with pytest.raises(SceneError, match=r"must end in|cannot be written|is a folder"):
+        with pytest.raises(InputError, match=r"must end in|cannot be written|is a folder"):
             plot(recording, tmp_path / name)
         assert sorted(tmp_path.iterdir()) == [tmp_path / "folder.png", recording]
 

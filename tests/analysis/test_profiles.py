@@ -6,7 +6,7 @@ import freud
 import numpy as np
 import pytest
 
-from warpgrains import Scene, SceneError, Simulation, analysis
+from warpgrains import InputError, Scene, Simulation, analysis
 from warpgrains.analysis.profiles import share_inside
 from warpgrains.scene.layouts import random
 from warpgrains.scene.region import region_of
@@ -127,13 +127,13 @@ def test_share_of_a_circle_is_that_of_points_on_it():
     [
         ({"z": (0.0, 1.0)}, "unknown key of region 'z'"),
         ({"y": (0.5, -0.5)}, "region.y is"),
-        ({"y": (1.5, 2.0)}, "there is no space between the walls"),
-        ({"distance": (0.3, 0.304)}, "no space for centres of grains of radius 0.0058272 m in the region"),
+        ({"y": (1.5, 2.0)}, "no point between the walls"),
+        ({"distance": (0.3, 0.304)}, "no point for the center of a grain of radius 0.0058272 m"),
     ],
 )
 def test_bad_region_is_refused(region, complaint):
     moment = moment_of(*random(Annulus(0.3, 1.0), count=20, radius=[0.005, 0.02], seed=2))
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         analysis.radial_distribution(moment, region=region)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from warpgrains import Scene, Simulation
 from warpgrains.analysis import quantities, snapshot
-from warpgrains.analysis.quantities import OF_A_SWEEP
+from warpgrains.analysis.quantities import SWEEP_QUANTITIES
 from warpgrains.scene.geometry import area_below
 from warpgrains.scene.walls import Annulus
 from warpgrains.solver.ends import Grains
@@ -42,7 +42,7 @@ def test_many_runs_at_once(n):
         gravity=generator.normal(size=(m, 2)) * (np.arange(m) > 0)[:, np.newaxis],
         walls=Annulus(np.linspace(0.0, 0.4, m), np.full(m, 1.5)),
     )
-    for name, of_runs in OF_A_SWEEP.items():
+    for name, of_runs in SWEEP_QUANTITIES.items():
         together = of_runs(grains)
         assert together.shape == (m,)
         for k in range(m):

@@ -6,7 +6,7 @@ import pytest
 from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation, analysis
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.errors import InputError, OutputError
 
 
 def rows(path):
@@ -62,13 +62,13 @@ def test_a_series_that_is_gone_is_not_continued(tmp_path, capfd):
     capfd.readouterr()
     path.unlink()
     assert exit_code("run", "--resume", kept, "--steps", 50) == 2
-    require_refusal(capfd, "does not hold the rows before step 40")
+    require_refusal(capfd, "lacks rows before step 40")
 
 
 def test_nothing_else_is_replaced(tmp_path):
     path = tmp_path / "mine.csv"
     path.write_text("x,y\n1,2\n")
-    with pytest.raises(OutputError, match="is no series"):
+    with pytest.raises(OutputError, match="not a series"):
         analysis.Series("energy", path=path)
     assert path.read_text() == "x,y\n1,2\n"
     assert list(tmp_path.iterdir()) == [path]
@@ -77,5 +77,5 @@ def test_nothing_else_is_replaced(tmp_path):
 def test_two_do_not_write_one_file(tmp_path):
     with analysis.Series("energy", path=tmp_path / "run.csv"), pytest.raises(OutputError):
         analysis.Series("energy", path=tmp_path / "run.csv")
-    with pytest.raises(SceneError, match="every is 0"):
+    with pytest.raises(InputError, match="every is 0"):
         analysis.Series("energy", every=0)

@@ -11,7 +11,7 @@ from mixed import STEPS, Alone, alone
 from same_bits import contents
 from sample_scenes import random_scene
 
-from warpgrains import Batch, Scene, SceneError, Simulation
+from warpgrains import Batch, InputError, Scene, Simulation
 from warpgrains.batch import resident
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import ORDERS
@@ -171,7 +171,7 @@ class TestUntil:
 
     def test_bad_criterion_is_refused(self) -> None:
         scene = Scene.load("annulus")
-        with pytest.raises(SceneError, match="did you mean 'rest'"):
+        with pytest.raises(InputError, match="did you mean 'rest'"):
             Batch([scene]).run(until="rst")
-        with pytest.raises(SceneError, match="needs time, and speed or energy"):
+        with pytest.raises(InputError, match="needs time, and speed or energy"):
             Batch([scene, scene.replace(gravity=(0.0, 0.0))]).run(until="rest")

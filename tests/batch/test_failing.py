@@ -7,7 +7,7 @@ import pytest
 from mixed import STEPS, Alone, of_step
 from same_bits import contents
 
-from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError, State
+from warpgrains import Batch, InputError, Scene, Simulation, SimulationError, State
 from warpgrains.batch import resident
 from warpgrains.solver import sizes
 from warpgrains.solver.statistics import RunStatistics
@@ -115,13 +115,13 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
 
 def test_what_is_no_batch() -> None:
     scene = Scene.load("annulus")
-    with pytest.raises(SceneError, match="at least one scene"):
+    with pytest.raises(InputError, match="at least one scene"):
         Batch([])
-    with pytest.raises(SceneError, match="threads"):
+    with pytest.raises(InputError, match="threads"):
         Batch([scene], threads=0)
-    with pytest.raises(SceneError, match="device 'gpu' is unknown"):
+    with pytest.raises(InputError, match="device 'gpu' does not exist"):
         Batch([scene], device="gpu")
-    with pytest.raises(SceneError, match="steps"):
+    with pytest.raises(InputError, match="steps"):
         Batch([scene]).run(steps=-1)
 
 

@@ -4,8 +4,8 @@
 
 A feature is switched on so that it does nothing: an inner wall that no grain reaches, a drag and a gravity
 that no velocity feels, a radius and a mass that differ in their last digit. How far the grains of both scenes
-are apart at the end is said: last digits grow where grains collide. Acceleration, half steps and a round wall
-cannot do nothing: here they have as many sweeps a step as the plain method in the text's scheme.
+are apart at the end is said: last digits grow where grains collide. Acceleration, half steps, a round wall
+and friction cannot do nothing: here they have as many sweeps a step as the plain method in the text's scheme.
 """
 
 import argparse
@@ -98,6 +98,9 @@ FEATURES = {
     ),
     f"round wall, {ITERATIONS} sweeps": Feature(
         lambda _: _swept_by("gauss-seidel"), lambda _: {"wall": "round"}
+    ),
+    f"friction, {ITERATIONS} sweeps": Feature(
+        lambda _: _swept_by("gauss-seidel"), lambda _: {"friction": 0.5}
     ),
 }
 

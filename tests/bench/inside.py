@@ -6,10 +6,11 @@ import numpy as np
 import warp as wp
 
 from warpgrains import Scene, Simulation
+from warpgrains.kernels.conditions import searching
 from warpgrains.kernels.integrate import free_velocity
-from warpgrains.kernels.record import grain_count
-from warpgrains.kernels.stages import Each, Stage
-from warpgrains.kernels.step import METHODS, NEW_LIST, expire, sweeping_order, warm_started
+from warpgrains.kernels.record import Phase, grain_count
+from warpgrains.kernels.stages import Each, Stage, While
+from warpgrains.kernels.step import METHODS, SEARCH, expire, sweeping_order, warm_started
 from warpgrains.solver.crew import Crew
 from warpgrains.solver.tuning import paying_threads
 
@@ -21,7 +22,7 @@ CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")
 
 UP_TO_THE_LIST = (Each(grain_count, free_velocity), *warm_started(False))
 """What a step does before it finds that its list will not do."""
-ANOTHER_LIST = (*expire(False), *NEW_LIST, *sweeping_order(False, False))
+ANOTHER_LIST = (*expire(False), While(searching, SEARCH), *sweeping_order(False, False))
 """What it does then."""
 
 
@@ -60,7 +61,7 @@ def seconds_of_a_list(simulation: Simulation) -> float:
     record = Record(simulation)
     record.command(UP_TO_THE_LIST).launch()
     taken = seconds(record.command(ANOTHER_LIST).launch)
-    assert record.numbers["control"]["roomy"]
+    assert record.numbers["control"]["phase"] == Phase.LISTED
     record.reset()
     return taken
 
@@ -93,6 +94,7 @@ class Sweeps:
         self._peak, self._peak_limit = (record.array(f"verlet.peak_{of}") for of in ("deviation", "limit"))
         self._threshold = float(record.numbers["tuning"]["monitor_threshold"])
         self._numbers, self._start = record.numbers, self.contents()
+        self._first = Phase.SWEEP if simulation.scene.method == "gauss-seidel" else Phase.CHECK_LIST
         self.run = record.command(METHODS[simulation.scene.kernel_kind]).launch
 
     def contents(self) -> tuple[np.ndarray, ...]:
@@ -110,8 +112,9 @@ class Sweeps:
         self.dv[:], self.velocity[:] = self._start
         self._peak[:] = 0.0
         self._numbers["tuning"]["monitor_threshold"] = self._threshold if monitored else np.inf
-        self._numbers["control"]["iterating"] = 1
-        self._numbers["step"]["iterations"] = 0
+        self._numbers["control"]["phase"] = self._first
+        self._numbers["control"]["stopped"] = 0
+        self._numbers["step"]["iterations"] = self._numbers["step"]["measured"] = 0
         self._numbers["verlet"]["flags"]["list_expired"] = 0
         self._numbers["verlet"]["numbers"]["unmonitored_change"] = 0.0
 

@@ -20,7 +20,7 @@ def kept_state(file: Path, reach: Callable[[], State]) -> State:
         file.parent.mkdir(parents=True, exist_ok=True)
         _save(reach(), file)
     with np.load(file) as kept:
-        corrections = Corrections(*(kept[name] for name in CORRECTIONS))
+        corrections = Corrections(**{name: kept[name] for name in CORRECTIONS if name in kept})
         return State(0, kept["position"], kept["velocity"], corrections)
 
 
@@ -36,5 +36,5 @@ def _save(state: State, file: Path) -> None:
     """Write a state; the file appears only when it is whole."""
     unfinished = file.with_name(f"{file.stem}-{os.getpid()}.npz")
     arrays = {"position": state.position, "velocity": state.velocity, **vars(state.corrections)}
-    np.savez(unfinished, **arrays)
+    np.savez(unfinished, **{name: array for name, array in arrays.items() if array is not None})
     unfinished.replace(file)

@@ -37,6 +37,7 @@ DECIDING = {
     "contact_list": ("contact_list", "resumed", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),
     "restart": ("momentum", "accelerated_stages", "working_set"),
+    "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),
     "coloring": ("coloring", "dealing"),
 }
 """Test files of tests/kernels that decide on the mutants of a file, the fastest first."""

@@ -215,8 +215,8 @@ def test_first_run_says_that_it_compiles_and_stdout_stays_clean(scene, tmp_path)
 
 def test_what_a_library_prints_from_c_goes_to_stderr():
     script = (
-        "import ctypes\nfrom warpgrains.console import stdout_kept_clean\n"
-        "with stdout_kept_clean():\n"
+        "import ctypes\nfrom warpgrains.console import stdout_to_stderr\n"
+        "with stdout_to_stderr():\n"
         "    print('python'); ctypes.CDLL(None).printf(b'c\\n')\n"
         "print('result')"
     )
@@ -232,7 +232,7 @@ def test_interrupted_run_leaves_its_frames(scene, tmp_path, capfd, stop_at):
     stop_at(7)
     assert exit_code("run", scene, "-o", tmp_path / "out.usdc") == 130
     frames = tmp_path / "out.usdc.frames"
-    advice = f"warpgrains: error: interrupted; for the frames so far: warpgrains recover {frames}"
+    advice = f"warpgrains: error: interrupted; to recover the frames so far: warpgrains recover {frames}"
     require_last_line(*capfd.readouterr(), advice)
     assert set(tmp_path.iterdir()) == {scene, frames}
 
@@ -277,7 +277,7 @@ def test_check_passes_a_recording_and_names_what_is_wrong(scene, tmp_path, capfd
     assert exit_code("run", scene, "-o", output) == 0
     capfd.readouterr()
     assert exit_code("check", output) == 0
-    assert capfd.readouterr().out == f"{output}: nothing is wrong\n"
+    assert capfd.readouterr().out == f"{output}: OK: 3 frames, 2 grains\n"
     layer = Sdf.Layer.FindOrOpen(str(output))
     layer.GetPrimAtPath("/World/Grains").properties["ids"].default = np.array([1, 1])
     layer.Save()

@@ -69,7 +69,7 @@ def test_a_begun_scene_is_that_which_it_is_from(base, tmp_path, capfd):
     capfd.readouterr()
     before = path.read_bytes()
     assert exit_code("init", path) == 2
-    require_refusal(capfd, "is not replaced")
+    require_refusal(capfd, "refusing to overwrite")
     assert path.read_bytes() == before
 
 
@@ -117,8 +117,8 @@ def test_an_interrupt_says_how_to_go_on(tmp_path, capfd, stop_at):
     options = ("--checkpoint", kept, "--every", 100, "-o", output)
     assert exit_code("run", "annulus", *options) == 130
     assert capfd.readouterr().err.splitlines()[-1] == (
-        f"warpgrains: error: interrupted; to go on: warpgrains run --resume '{kept}';"
-        f" for the frames so far: warpgrains recover {output}.frames"
+        f"warpgrains: error: interrupted; to continue: warpgrains run --resume '{kept}';"
+        f" to recover the frames so far: warpgrains recover {output}.frames"
     )
     assert exit_code("run", "--resume", kept) == 0
 
@@ -132,4 +132,4 @@ def test_an_interrupted_sweep_says_so_too(tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(runner, "finish_runs", interrupted)
     assert exit_code("batch", "iterations", "-o", tmp_path / "out") == 130
     said = capfd.readouterr().err
-    assert said.endswith("interrupted; to go on: the same command with --resume\n")
+    assert said.endswith("interrupted; to continue: the same command with --resume\n")

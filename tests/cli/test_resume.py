@@ -167,8 +167,8 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "complaint"),
         [
-            ("annulus", "SCENE cannot go with --resume"),
-            ("-o other.usdc", "--output cannot go with --resume"),
+            ("annulus", "SCENE cannot be combined with --resume"),
+            ("-o other.usdc", "--output cannot be combined with --resume"),
             ("--fps 0", "--fps cannot"),
             ("--color-by speed", "--color-by cannot"),
             ("--forces", "--forces cannot"),
@@ -179,8 +179,8 @@ class TestCommand:
             ("--until rest", "--until cannot"),
             ("--measure energy", "--measure cannot"),
             ("--set physics.drag=0", "--set cannot"),
-            ("--steps 19", "end at step 19: its checkpoint is at step 20"),
-            ("--duration 0.1", "end at step 10: its checkpoint is at step 20"),
+            ("--steps 19", "end at step 19: its checkpoint is already at step 20"),
+            ("--duration 0.1", "end at step 10: its checkpoint is already at step 20"),
             ("--every 0", "every is 0"),
             ("--checkpoint other.txt", "must end in .npz"),
         ],
@@ -196,7 +196,7 @@ class TestCommand:
             assert run("column", "--steps", 19, "-o", kept.with_name("run.usdc")) == 0
             capfd.readouterr()
         assert run("--resume", kept) == 2
-        require_refusal(capfd, "run.usdc.frames" if found == "nothing" else "no frames of this scene")
+        require_refusal(capfd, "run.usdc.frames" if found == "nothing" else "holds frames of another scene")
 
     @pytest.mark.parametrize(
         ("arguments", "complaint"),

@@ -120,11 +120,11 @@ def test_history_has_every_iteration_and_is_drawn(tmp_path: Path, capfd: pytest.
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (["-o", "a.usdc"], "--output cannot go with --step-by-step"),
-        (["--checkpoint", "a.npz"], "--checkpoint cannot go with --step-by-step"),
-        (["--json"], "--json cannot go with --step-by-step"),
+        (["-o", "a.usdc"], "--output cannot be combined with --step-by-step"),
+        (["--checkpoint", "a.npz"], "--checkpoint cannot be combined with --step-by-step"),
+        (["--json"], "--json cannot be combined with --step-by-step"),
         (["--history", "a.txt"], "must end in .csv"),
-        (["--history", "mine.csv"], "no history"),
+        (["--history", "mine.csv"], "not a history"),
     ],
 )
 def test_bad_options_are_one_line(
@@ -153,5 +153,5 @@ def test_options_of_steps_need_step_by_step(option: list[str], capfd: pytest.Cap
 def test_a_table_that_is_no_history(text: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.csv").write_text(text)
     assert exit_code("plot", tmp_path / "a.csv") == 2
-    require_refusal(capfd, "is no history of `warpgrains run --step-by-step --history`")
+    require_refusal(capfd, "is not a history: `warpgrains run --step-by-step --history` writes one")
     assert not (tmp_path / "a.png").exists()

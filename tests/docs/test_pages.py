@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from command import exit_code
-from pages import PAGES, ROOT, Block, blocks, commands_in_words, program
+from pages import PAGES, ROOT, Block, blocks, commands_in_words, program, sentences
 
 import warpgrains
 from warpgrains import Scene
@@ -21,6 +22,7 @@ from warpgrains.sweep.sweep import Sweep
 TIMES = re.compile(r"^time +\d.*$", re.M)  # the line of a summary that tells how long it took
 PLACEHOLDER = re.compile(r"\b[A-Z]{3,}\b|\.\.\.")
 BY_A_SHELL = re.compile(r"[|<>$&;]|^(?!warpgrains\b)")
+MOST_WORDS = 40  # of a sentence
 WITH_CODE = [name for name in PAGES if any(block.is_run for block in blocks(name))]
 WITH_SLOW_CODE = [name for name in WITH_CODE if any(block.is_slow for block in blocks(name))]
 
@@ -124,6 +126,20 @@ def test_what_is_named_is_there(name):
         assert (ROOT / path).exists(), path
     for link in re.findall(r"\]\((?!https?:)([^)#]+)", text):
         assert (PAGES[name].parent / link).exists(), link
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_no_sentence_is_long(name):
+    assert [one for one in sentences(name) if len(one.split()) > MOST_WORDS] == []
+
+
+def test_tables_of_keys_are_those_of_the_code():
+    """`python scenes/docs/tables.py` writes them into the pages."""
+    tables = runpy.run_path(str(ROOT / "scenes/docs/tables.py"))
+    written = "".join(path.read_text() for path in PAGES.values())
+    assert all(f"<!-- table: {name} -->" in written for name in tables["TABLES"])
+    for path in PAGES.values():
+        assert tables["with_tables"](path.read_text()) == path.read_text(), path
 
 
 def test_the_developers_tour_names_what_there_is():

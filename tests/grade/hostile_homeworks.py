@@ -33,9 +33,9 @@ static __attribute__(({attribute})) void read_it(void) {{
 
 HOSTILE = {
     "an endless loop": ("volatile int go = 1; while (go) zeta += 1.0;", "", "does not end within"),
-    "a null pointer": ("*(volatile int *)0 = 1;", "", "reads or writes where there is no memory"),
+    "a null pointer": ("*(volatile int *)0 = 1;", "", "reads or writes outside of its memory"),
     "a wrong index": ("dvContacts[n * n] = 1.0;", "", "reads or writes dvContacts[1], which is outside"),
-    "10 GB": ("volatile char *p = malloc(10000000000); if (p) p[0] = 1;", "", "takes more memory"),
+    "10 GB": ("volatile char *p = malloc(10000000000); if (p) p[0] = 1;", "", "uses more memory"),
     "a fork bomb": ("for (;;) fork();", "#include <unistd.h>\n", "starts a process or a thread"),
     "a file": ('FILE *f = fopen("hacked", "w"); if (f) fclose(f);', "", "opens or changes a file"),
     "a network": ("socket(2, 1, 0);", "#include <sys/socket.h>\n", "opens a network connection"),
@@ -56,7 +56,7 @@ HOSTILE = {
         "",
         "divides a whole number by zero",
     ),
-    "much memory bit by bit": ("for (;;) *(volatile char *)malloc(1 << 22) = 1;", "", "takes more memory"),
+    "much memory bit by bit": ("for (;;) *(volatile char *)malloc(1 << 22) = 1;", "", "uses more memory"),
     "a program": ('system("touch hacked");', "", "such as starting a program"),
     "a secret file": (
         'FILE *f = fopen("/etc/passwd", "r"); if (f) fclose(f);',

@@ -135,7 +135,7 @@ def test_each_call_has_a_limit_of_time(hasty: Grader, tmp_path: Path, what: str)
 
 @pytest.mark.slow
 def test_a_homework_has_a_limit_of_time(tmp_path: Path) -> None:
-    grader = Grader(tmp_path, limits=Limits(patience=60.0, in_all=10.0))
+    grader = Grader(tmp_path, limits=Limits(patience=60.0, total=10.0))
     source = tmp_path / "homework.c"
     source.write_text(contact_that("wait_for(0.5);", WAITS))
     ended = parts(grader.grade(source))[CONTACT].ended or ""
@@ -213,7 +213,7 @@ def test_functions_that_spoil_each_other(grade: Grade) -> None:
         text.replace("zeta = seen = 0.1;", "zeta = 0.0; seen = 0.1;").replace("fx * dt", "(fx + seen) * dt")
     )
     assert statuses(verdict) == ["right", "right", "wrong"]
-    assert parts(verdict)[BOTH].remark.startswith("each is right alone")
+    assert parts(verdict)[BOTH].remark.startswith("each function is right alone")
 
 
 def test_one_function_that_is_missing_or_does_not_compile(grade: Grade) -> None:

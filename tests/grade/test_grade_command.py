@@ -160,7 +160,7 @@ def test_a_compiler_that_fails_behind_the_fence_is_used_without(
 ) -> None:
     monkeypatch.setattr("warpgrains.grade.compiler.toolchain_paths", list)
     assert exit_code("grade", homework(tmp_path / "homework.c", PLAIN)) == 0
-    assert "warning: this system has no fence around the compiler" in capfd.readouterr().err
+    assert "warning: this system has no Landlock for the compiler" in capfd.readouterr().err
 
 
 RUNNING = {
@@ -242,7 +242,7 @@ def test_the_template(tmp_path: Path, capfd: Capture) -> None:
     assert [part["mistakes"] for part in verdict["parts"]] == [["not written"], ["not written"], []]
     homework(folder / "homework.c", PLAIN)
     assert exit_code("grade", "--template", folder) == 2
-    require_refusal(capfd, "is there: it is left as it is")
+    require_refusal(capfd, "refusing to overwrite")
     assert (folder / "homework.c").read_text() == PLAIN
 
 
@@ -254,8 +254,8 @@ REFUSED = {
     "a folder without a table": (["all"], "needs -o TABLE.csv, --html DIR, or --json"),
     "foreign pages": (["homework.c", "--html", "site"], "not a page of warpgrains grade"),
     "another ending": (["all", "-o", "grades.txt"], "must end in .csv"),
-    "a foreign table": (["all", "-o", "mine.csv"], "no table of grades"),
-    "a template of one": (["homework.c", "--template"], "--template goes alone"),
+    "a foreign table": (["all", "-o", "mine.csv"], "not a table of grades"),
+    "a template of one": (["homework.c", "--template"], "--template takes no other option"),
     "no homework": (["huge.c"], "it has more than 1048576 bytes"),
     "a pipe": (["pipe"], "'pipe' cannot be read: it is not a regular file"),
 }

@@ -44,7 +44,7 @@ def test_a_wrong_one_is_named(grader: Grader, tmp_path: Path, number: int) -> No
     assert verdict.status == "wrong"
     told = [str(mistake.name) for part in verdict.parts for mistake in part.mistakes]
     assert told == names, verdict.text(False)
-    assert {part.remark for part in verdict.told()} == {""}
+    assert {part.remark for part in verdict.reported_parts()} == {""}
 
 
 def test_two_mistakes_at_random_get_no_false_name(grader: Grader) -> None:

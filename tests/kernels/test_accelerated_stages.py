@@ -9,9 +9,9 @@ import pytest
 from stages import OneRecord, grains_apart
 
 from warpgrains.arrays import FloatArray
-from warpgrains.kernels import restart, working_set
+from warpgrains.kernels import restart, stopping, working_set
 from warpgrains.kernels.contacts import part_count
-from warpgrains.kernels.record import grain_count
+from warpgrains.kernels.record import Phase, grain_count
 from warpgrains.kernels.stages import Each, Serial, Sets
 
 N, PAIRS, STARTS = 150, 300, [0, 130, 131, 300, 430, 450]
@@ -203,10 +203,11 @@ def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> 
     else:
         record["grains.next_velocity"][7, 1] = peak
     control = record.record["control"]
-    control["iterating"], control["unfinished"] = 1, 0
-    record.run(Each(grain_count, working_set.see_skin), Serial(working_set.pause_unless_listed))
+    control["phase"], control["stopped"] = Phase.CHECK_LIST, 0
+    record.record["step"]["measured"] = record.record["step"]["iterations"]
+    record.run(Each(grain_count, working_set.see_skin), Serial(stopping.end_list_check))
     assert flags["list_expired"] == expired
-    assert (control["iterating"], control["unfinished"]) == (1 - expired, expired)
+    assert (control["phase"], control["stopped"]) == (Phase.VERIFY if expired else Phase.SCAN, 0)
     assert record["verlet.peak_deviation"][7] == peak**2
 
 
@@ -233,8 +234,8 @@ def test_last_scan(
     whole["stopping"]["on_residual"], control["rejected"] = on_residual, rejected
     whole["stopping"]["max_iterations"] = 40
     record["partial.zeta"][0], record["history.zeta"][:] = violation, 0.03
-    record.run(Serial(working_set.see_whether_done))
+    record.run(Serial(working_set.end_scan))
     assert whole["step"]["zeta"] == zeta
-    assert (control["unfinished"], control["iterating"]) == (left, left)
+    assert (control["phase"], control["stopped"]) == (Phase.SWEEP if left else Phase.VERIFY, 1 - left)
     assert record["history.zeta"][iterations - 1] == zeta
     assert record["partial.zeta"][0] == 0.0

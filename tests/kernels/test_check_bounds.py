@@ -57,7 +57,7 @@ def checked(*arguments: str) -> subprocess.CompletedProcess[str]:
 )
 def test_first_violation_is_reported(change: str, method: str, threads: int, reported: str) -> None:
     done = checked("-c", TOO_SHORT.format(change=change, method=method, threads=threads))
-    expected = rf"SimulationError: step \d+: {reported}: please report this scene"
+    expected = rf"SimulationError: step \d+: {reported}: please report this defect with the scene"
     assert re.search(expected, done.stderr.splitlines()[-1]), done.stderr
 
 

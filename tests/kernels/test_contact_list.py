@@ -9,14 +9,15 @@ from warpgrains import Scene
 from warpgrains.arrays import IntArray
 from warpgrains.kernels import contact_list, neighbors
 from warpgrains.kernels.access import put
-from warpgrains.kernels.record import WITHOUT_ROOM, grain_count
+from warpgrains.kernels.conditions import searching
+from warpgrains.kernels.record import WITHOUT_ROOM, Phase, grain_count
 from warpgrains.kernels.record import Scene as SceneOnDevice
-from warpgrains.kernels.stages import Each, Serial
-from warpgrains.kernels.step import NEW_LIST, save, sweeping_order
+from warpgrains.kernels.stages import Each, Serial, While
+from warpgrains.kernels.step import SEARCH, save, sweeping_order
 
 N, WIDE, NARROW, NOTHING = 120, 0.35, 0.05, 0.0
 EXPIRE = [*save(False), Serial(contact_list.expire)]
-LISTED = [*NEW_LIST, *sweeping_order(False, False)]
+LISTED = [While(searching, SEARCH), *sweeping_order(False, False)]
 NOW, START, LAST = "contacts.dv", "contacts.dv_start", "momentum.last_dv"
 Bodies = tuple[int, int]  # a grain, and another one or the wall, which is body N
 
@@ -50,8 +51,9 @@ class Listed:
 
     def search(self, skin: float) -> None:
         self.record["verlet.skin"][:], self.record.verlet_numbers["frame_skin"] = skin, skin
+        self.record.record["control"]["phase"] = Phase.SEARCH
         self.record.run(*LISTED)
-        assert self.record.record["control"]["roomy"]
+        assert self.record.record["control"]["phase"] == Phase.LISTED
 
     @property
     def bodies(self) -> list[Bodies]:
@@ -168,10 +170,10 @@ def test_list_that_expires(iterations: int) -> None:
     record["step"]["iterations"], record["step"]["rebuilds"] = iterations, 3
     record["verlet"]["flags"]["missed"] = 1
     record["control"]["resuming"] = int(iterations == 0)
-    record["control"]["unlisted"] = 0
+    record["control"]["phase"] = Phase.EXPIRE
     listed.record.run(Serial(contact_list.expire))
     assert record["control"]["resuming"] == int(iterations > 0)
-    assert (record["control"]["unlisted"], record["step"]["rebuilds"]) == (1, 4)
+    assert (record["control"]["phase"], record["step"]["rebuilds"]) == (Phase.SEARCH, 4)
     assert record["verlet"]["flags"]["missed"] == 0
 
 
@@ -228,18 +230,10 @@ def test_pairs_of_a_row_end_where_its_walls_begin(pairs: list[Bodies], at_walls:
 def test_step_waits_for_capacity() -> None:
     listed = Listed(cloud("sequential", "gauss-seidel", True), NARROW)
     control, step = listed.record.record["control"], listed.record.record["step"]
-    for roomy in (1, 0):
-        step["outcome"], control["unsolved"], control["roomy"] = 0, 1, roomy
-        listed.record.run(Serial(contact_list.end_list))
-        assert (control["unlisted"], control["unordered"], control["unsolved"]) == (1 - roomy, roomy, roomy)
-        assert step["outcome"] == (0 if roomy else WITHOUT_ROOM)
-
-
-def test_search_begins() -> None:
-    listed = Listed(cloud("sequential", "gauss-seidel", True), NARROW)
-    listed.record.record["control"]["searching"] = 0
-    listed.record.run(Serial(contact_list.begin_list))
-    assert listed.record.record["control"]["searching"] == 1
-    listed.record["neighbors.total"][0] = len(listed.record["neighbors.found"]) + 1
-    listed.record.run(Serial(neighbors.see_whether_roomy))
-    assert (listed.record.record["control"]["searching"], listed.record.record["control"]["roomy"]) == (0, 0)
+    capacity = len(listed.record["neighbors.found"])
+    for total, phase, outcome in ((capacity, Phase.LISTED, 0), (capacity + 1, Phase.FULL, WITHOUT_ROOM)):
+        step["outcome"], control["phase"], control["unordered"] = 0, Phase.SEARCH, 1
+        listed.record["neighbors.total"][0] = total
+        listed.record.run(Serial(neighbors.check_capacity))
+        assert (control["phase"], step["outcome"]) == (phase, outcome)
+        assert control["unordered"] == (phase == Phase.LISTED)

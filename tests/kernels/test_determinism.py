@@ -26,7 +26,7 @@ def golden_hash(order: str, threads: int) -> str:
     told = [(r.iterations, r.zeta, r.contacts, r.overlap) for r in reports]
     digest = hashlib.sha256(np.array(told).tobytes())
     for array in (state.position, state.velocity, *vars(state.corrections).values()):
-        digest.update(np.ascontiguousarray(array).tobytes())
+        digest.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpgrains import Disc, Scene, SceneError, Simulation
+from warpgrains import Disc, InputError, Scene, Simulation
 from warpgrains.reference.reference import Reference, build
 
 DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
@@ -116,6 +116,6 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
     ],
 )
 def test_bad_walls(walls: object, message: str) -> None:
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(InputError) as error:
         Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=walls)  # type: ignore[arg-type]
     assert str(error.value).startswith(message)

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ellipk
 from swept_order import full_order
 
-from warpgrains import Batch, Disc, Scene, SceneError, Simulation
+from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
 
@@ -308,7 +308,7 @@ def test_momentum_is_kept_without_walls_and_gravity() -> None:
     ],
 )  # fmt: skip
 def test_bad_values_are_one_line(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(InputError) as error:
         one(**changes)
     assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)

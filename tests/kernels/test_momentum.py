@@ -6,10 +6,17 @@ import warp as wp
 from stages import OneRecord, grains_apart
 
 from warpgrains.kernels import restart
-from warpgrains.kernels.record import Scene, grain_count
-from warpgrains.kernels.stages import Each, Serial, Shared
+from warpgrains.kernels.access import put
+from warpgrains.kernels.record import Phase, Scene, grain_count
+from warpgrains.kernels.stages import Each, If, Serial, Shared
+from warpgrains.kernels.stopping import end_list_check, is_rebuild_due
 
 N, TOLERANCE, TINY = 150, 2.0**-4, 2.0**-40
+
+
+@wp.func
+def note_rebuild(s: Scene):
+    put(s.partial.active, 0, s.step.iterations)
 
 
 @wp.func
@@ -126,15 +133,20 @@ def test_when_all_contacts_are_scanned(zeta: float, rejected: int, last: int) ->
         record.record["stopping"]["max_iterations"] = max(last, k * (last == 0))
         record["partial.zeta"][0], record["momentum.contact_part"][0, 0] = zeta, rejected
         control["rejected"] = 1 - rejected
-        record.run(Serial(restart.decide_ahead))
+        record.record["step"]["measured"] = 0
+        record.run(Serial(restart.end_sweep_ahead), If(is_rebuild_due, [Serial(note_rebuild)]))
         assert control["rejected"] == rejected
         ends = last == 0
         checks = not rejected and (k == 1 or k % 10 == 0) and zeta <= 2.0 * TOLERANCE
         rebuilds = checks or (not rejected and k % 100 == 0)
-        assert control["rebuilding"] == rebuilds
-        assert control["measuring"] == (rebuilds or ends)
-        assert control["looking"] == (k in (1, 2, 4, 8) or k % 10 == 0 or ends or rebuilds)
-        assert (control["unfinished"], control["iterating"]) == (1, 1)
+        assert (record["partial.active"][0] == k) == rebuilds
+        scans = k in (1, 2, 4, 8) or k % 10 == 0 or ends or rebuilds
+        assert control["phase"] == (Phase.CHECK_LIST if scans else Phase.SWEEP)
+        assert control["stopped"] == ends
+        if scans:
+            record.record["verlet"]["flags"]["list_expired"] = 0
+            record.run(Serial(end_list_check))
+            assert control["phase"] == (Phase.MEASURE if rebuilds or ends else Phase.SCAN)
 
 
 def test_velocities_go_on_as_they_were_rebuilt() -> None:

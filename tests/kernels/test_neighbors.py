@@ -9,6 +9,7 @@ from stages import OneRecord
 
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.kernels.record import Phase
 from warpgrains.kernels.step import SEARCH
 
 TOO_WIDE = 1e-12  # by which the search may reach too far (kernels/neighbors.py)
@@ -77,7 +78,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     record.make_room(int(record["neighbors.total"][0]))
     poison(record)
     record.run(*SEARCH)
-    assert record.record["control"]["roomy"]
+    assert record.record["control"]["phase"] == Phase.LISTED
     return record.memory.listed_pairs()[0]
 
 

@@ -24,7 +24,7 @@ from checked_list import (
 
 from warpgrains.kernels import verlet
 from warpgrains.kernels.record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
-from warpgrains.kernels.stages import Each, Serial, Stage
+from warpgrains.kernels.stages import Each, If, Serial, Stage
 
 
 @wp.func
@@ -153,12 +153,9 @@ def test_changes_that_are_not_monitored_add_up(zeta: float, change: float, sampl
     record = record_with(max_row_sum=ROW_SUM, sampled_change=np.nan)
     record.record["tuning"]["monitor_threshold"] = MOST / BASE_SKIN
     record.record["step"]["zeta"] = zeta
-    record.record["control"]["sampling"] = 1 - sampling
-    record.run(Serial(verlet.add_unmonitored))
-    assert record.record["control"]["sampling"] == sampling
+    record.run(Serial(verlet.add_unmonitored), If(verlet.is_sampling_due, [Serial(verlet.begin_sampling)]))
     assert record.verlet_numbers["unmonitored_change"] == (0.0 if sampling else change)
-    if sampling:
-        assert record.verlet_numbers["sampled_change"] == change
+    assert (record.verlet_numbers["sampled_change"] == change) == sampling
 
 
 def test_step_leaves_its_peaks_for_the_next_list() -> None:

@@ -11,7 +11,7 @@ from PIL import Image, ImageSequence
 from recordings import make_scene, record
 from walls_seen import View
 
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import Frame, GrainColors, mark_color
 from warpgrains.pictures.film import Film
@@ -123,7 +123,7 @@ def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    with pytest.raises(ValueError, match="nothing was drawn"), Film(path, scene, 50, painter):
+    with pytest.raises(ValueError, match="no frame was drawn"), Film(path, scene, 50, painter):
         pass
     assert path.read_bytes() == b"earlier"
     assert list(tmp_path.iterdir()) == [path]
@@ -164,8 +164,8 @@ class TestStill:
     [
         ({"record": "run.png", "fps": 30.0}, "fps has no effect on a still"),
         ({"record": "run.mp4", "draw_as": "spheres"}, "draw_as has no effect on a film"),
-        ({"record": "run.gif", "checkpoint": "run.npz"}, "cannot continue a film"),
-        ({"record": "run.png", "checkpoint": "run.npz"}, "cannot continue a still"),
+        ({"record": "run.gif", "checkpoint": "run.npz"}, "run.gif' cannot be continued from a checkpoint"),
+        ({"record": "run.png", "checkpoint": "run.npz"}, "run.png' cannot be continued from a checkpoint"),
         ({"record": "run.mp4", "color_by": "mood"}, "unknown color_by 'mood': known: palette"),
         ({"record": "no/run.mp4"}, "cannot be written"),
         ({"record": "no/run.png"}, "cannot be written"),
@@ -173,6 +173,6 @@ class TestStill:
 )
 def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch, options, complaint):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         Simulation(Scene.load("annulus")).run(steps=1, **options)
     assert list(tmp_path.iterdir()) == []

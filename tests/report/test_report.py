@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warpgrains import Scene, SceneError
+from warpgrains import InputError, Scene
 from warpgrains.cli.main import main
 from warpgrains.files import draft_of
 from warpgrains.reference.reference import find_c_reference
@@ -130,7 +130,7 @@ class TestMoments:
 
     def test_scene_without_contacts(self) -> None:
         scene = Scene(position=[[0.5, 0.0]], radius=0.1, mass=0.1, radius_out=9.0, name="alone")
-        with pytest.raises(SceneError, match="scene 'alone' has no contacts in 5 steps"):
+        with pytest.raises(InputError, match="scene 'alone' has no contacts in 5 steps"):
             follow_history(scene, 5)
 
 

@@ -8,7 +8,7 @@ import pytest
 from command import exit_code, require_refusal
 from same_bits import contents
 
-from warpgrains import Batch, OutputError, Scene, SceneError, Simulation, SimulationError, errors
+from warpgrains import Batch, InputError, OutputError, Scene, Simulation, SimulationError, errors
 from warpgrains.usd.recorder import recover
 
 MATRIX = np.arange(400).reshape(20, 20)
@@ -78,7 +78,7 @@ CALLS = {
     "restore scene k": (lambda s, b: b.restore(2, b.state(0)), "k is 2"),
     "drag": (lambda s, b: s.scene.replace(drag=MATRIX), r"drag is array\(.* \.\.\.: it must be a number"),
     "gravity": (lambda s, b: s.scene.replace(gravity=MATRIX), "gravity is array.*: it must be two numbers"),
-    "name": (lambda s, b: s.scene.replace(name=MATRIX), "name is array.*: it must be a text"),
+    "name": (lambda s, b: s.scene.replace(name=MATRIX), "name is array.*: it must be a string"),
     "order": (lambda s, b: s.scene.replace(order=MATRIX), "unknown order array.* known: color, sequential"),
     "port": (lambda s, b: s.view(port=-1), "port is -1: it must be between 1 and 65535"),
     "steps": (lambda s, b: s.run(MATRIX), "steps is array.*: it must be a whole number"),
@@ -90,7 +90,7 @@ CALLS = {
 def test_is_refused_in_one_line(simulation, batch, tmp_path, monkeypatch, call, complaint):
     monkeypatch.chdir(tmp_path)
     before = simulation.state()
-    with pytest.raises(SceneError, match=complaint) as refusal:
+    with pytest.raises(InputError, match=complaint) as refusal:
         call(simulation, batch)
     assert "\n" not in str(refusal.value)
     assert len(str(refusal.value)) < 400
@@ -208,7 +208,7 @@ class TestOverflow:
     def test_domain_whose_squares_are_not_finite(self):
         for size, radius in ((1e156, 1e150), (1e-165, 1e-167)):
             with pytest.raises(
-                SceneError, match=r"radius_out is 1e.* m: it must be between 1e-140 and 1e.150 m"
+                InputError, match=r"radius_out is 1e.* m: it must be between 1e-140 and 1e.150 m"
             ):
                 Scene(position=[[0.2 * size, 0.0]], radius=radius, mass=1.0, radius_out=size)
 
@@ -218,7 +218,7 @@ class TestOverflow:
         path = tmp_path / "large.toml"
         grains = f'layout = "{layout}"\ncount = 5\nradius = 1e154\nmass = 1.0'
         path.write_text(f"[domain]\nradius_out = 1e156\n[grains]\n{grains}\n")
-        with pytest.raises(SceneError, match=r"radius_out is 1e\+156 m: it must be between"):
+        with pytest.raises(InputError, match=r"radius_out is 1e\+156 m: it must be between"):
             Scene.load(path)
 
     @pytest.mark.parametrize("size", [1e-140, 1e150])

@@ -11,10 +11,10 @@ from command import answer, exit_code
 from forks import ForkServer
 from recordings import make_frames, record
 
-from warpgrains import SceneError
+from warpgrains import InputError
 from warpgrains.analysis.plots import plot
 from warpgrains.analysis.recording import Recording
-from warpgrains.cli import apart
+from warpgrains.cli import sandboxed
 from warpgrains.usd.check import inspect_recording
 
 POINTS = '#usda 1.0\ndef Xform "World" {{\n  def Points "Grains" {{\n{}\n  }}\n}}\n'
@@ -58,7 +58,7 @@ def forks():
 
 @pytest.mark.parametrize("content", FOREIGN.values(), ids=FOREIGN.keys())
 def test_foreign_file(tmp_path, content, capfd, monkeypatch, forks):
-    monkeypatch.setattr(apart.subprocess, "run", forks.run)
+    monkeypatch.setattr(sandboxed.subprocess, "run", forks.run)
     path = tmp_path / "foreign.usda"
     path.write_text(content)
     assert answer(capfd, "check", path)[0] in (1, 2)
@@ -75,7 +75,7 @@ def test_foreign_file_in_python(tmp_path, content):
     for read in (inspect_recording, Recording, lambda path: plot(path, tmp_path / "foreign.png")):
         try:
             said = repr(read(path))
-        except SceneError as refusal:
+        except InputError as refusal:
             said = str(refusal)
         assert "\n" not in said
 
@@ -84,7 +84,7 @@ def test_foreign_file_in_python(tmp_path, content):
 def test_what_is_foreign_is_named(tmp_path, name, kind):
     path = tmp_path / "foreign.usda"
     path.write_text(FOREIGN[name])
-    with pytest.raises(SceneError, match=f"is a {kind}, not an array of numbers"):
+    with pytest.raises(InputError, match=f"is a {kind}, not an array of numbers"):
         inspect_recording(path)
 
 
@@ -96,18 +96,18 @@ def test_file_that_crashes_its_reader(tmp_path, capfd):
 
 
 def test_file_that_hangs_its_reader(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(apart, "SECONDS", 3.0)
+    monkeypatch.setattr(sandboxed, "SECONDS", 3.0)
     os.mkfifo(tmp_path / "fifo.usda")
     path = tmp_path / "hanging.usda"
     path.write_text('#usda 1.0\ndef "World" (references = @./fifo.usda@) {}\n')
     start = monotonic()
     assert exit_code("check", path) == 2
     assert monotonic() - start < 20.0
-    assert "is not read within 3 s" in capfd.readouterr().err
+    assert "could not be read within 3 s" in capfd.readouterr().err
 
 
 def test_file_that_takes_too_much_memory(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(apart, "BYTES", 2**20)
+    monkeypatch.setattr(sandboxed, "BYTES", 2**20)
     path = record(tmp_path / "run.usdc", make_frames(2))
     assert exit_code("check", path) == 2
     assert "takes more memory than its size allows" in capfd.readouterr().err

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from same_bits import contents
 from trimmed import trimmed
 
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.files import read_table, table_text
 from warpgrains.scene.reader import scene_fields
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -79,7 +79,7 @@ def check_scene(content):
             assert np.isfinite(scene.position).all()
             again = Scene(**scene_fields(scene.text, path))
             assert contents(again) == contents(scene)
-        except SceneError as refusal:
+        except InputError as refusal:
             require_one_line(refusal)
         assert list(Path(folder).iterdir()) == [path]
 
@@ -94,7 +94,7 @@ def check_grains(content):
         try:
             scene = Scene(**scene_fields(document, Path(folder, "scene.toml")))
             assert scene.n > 0
-        except SceneError as refusal:
+        except InputError as refusal:
             require_one_line(refusal)
 
 
@@ -117,7 +117,7 @@ def check_checkpoint(content):
         path.write_bytes(content)
         try:
             found = read_checkpoint(path)
-        except SceneError as refusal:
+        except InputError as refusal:
             require_one_line(refusal)
         else:
             assert contents(found.state) == contents(_good().state)
@@ -151,7 +151,7 @@ def check_header(header):
         np.savez(path, **saved()[2] | {"header": entry})
         try:
             found = read_checkpoint(path)
-        except SceneError as refusal:
+        except InputError as refusal:
             require_one_line(refusal)
             return
         assert all(
@@ -175,7 +175,7 @@ def check_result(content):
         path.write_bytes(content)
         try:
             assert float(require_result(read_table(path), LABELS, COLUMNS)["seconds"]) is not None
-        except SceneError as refusal:
+        except InputError as refusal:
             require_one_line(refusal)
 
 

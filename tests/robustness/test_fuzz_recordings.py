@@ -17,7 +17,7 @@ from recordings import make_frames, record
 from test_foreign_recordings import FOREIGN
 from trimmed import trimmed
 
-from warpgrains.cli import apart
+from warpgrains.cli import sandboxed
 from warpgrains.usd.output import SUFFIXES
 
 BY_PLOT, BY_THE_REAL_COMMAND = 20, 200  # every so many files
@@ -63,7 +63,7 @@ def test_recordings(count, capfd, monkeypatch):
                 picture.unlink(missing_ok=True)
             if kind % BY_THE_REAL_COMMAND == 0:
                 with monkeypatch.context() as real:
-                    real.setattr(apart.subprocess, "run", run)
+                    real.setattr(sandboxed.subprocess, "run", run)
                     assert answers == {command: answer(capfd, command, path) for command in answers}
                 picture.unlink(missing_ok=True)
             seen.update((command, code) for command, (code, *_) in answers.items())
@@ -73,7 +73,7 @@ def test_recordings(count, capfd, monkeypatch):
     run, seen = subprocess.run, Counter()
     quiet = {"deadline": None, "suppress_health_check": list(HealthCheck), "database": None}
     with ForkServer() as forks, monkeypatch.context() as patch:
-        patch.setattr(apart.subprocess, "run", forks.run)
+        patch.setattr(sandboxed.subprocess, "run", forks.run)
         settings(max_examples=count, derandomize=count < 100, **quiet)(given(usd_files())(check))()
     print(*sorted(seen.items()))
     assert count < 100 or {(how, code) for how in ("check", "plot") for code in (0, 2)} <= seen.keys()

@@ -74,7 +74,7 @@ def test_what_is_no_recording_is_not_replaced_through_a_link(linked, capfd):
     link, target = linked("run.usdc")
     target.write_text("notes")
     assert exit_code("run", "annulus", "--steps", 1, "-o", link) == 2
-    require_refusal(capfd, "is no recording of warpgrains: it is not replaced")
+    require_refusal(capfd, "not a recording of warpgrains")
     assert target.read_text() == "notes"
 
 

@@ -12,7 +12,7 @@ import pytest
 from command import exit_code, require_refusal
 from recordings import make_frames, make_scene, record
 
-from warpgrains import Scene, SceneError, Simulation, locks
+from warpgrains import InputError, Scene, Simulation, locks
 from warpgrains.errors import OutputError
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -74,7 +74,7 @@ class TestLock:
             raise OSError(errno.ENOLCK, "No locks available")
 
         monkeypatch.setattr(locks, "flock", refuse)
-        with pytest.warns(UserWarning, match=r"run\.npz' has no locks"):
+        with pytest.warns(UserWarning, match=r"run\.npz' does not support locks"):
             Lock(tmp_path / "run.npz").release()
 
     def test_place_that_cannot_be_locked(self):
@@ -181,7 +181,7 @@ class TestPython:
     def test_failed_beginning_leaves_no_lock(self, tmp_path):
         log_of(tmp_path / "run.usdc").touch()
         for _ in range(2):
-            with pytest.raises(SceneError, match="holds frames of another run"):
+            with pytest.raises(InputError, match="holds frames of another run"):
                 Recorder(tmp_path / "run.usdc", make_scene(), 60)
 
 
@@ -215,5 +215,5 @@ class TestRunLocks:
             raise OSError(errno.ENOLCK, "no locks")
 
         monkeypatch.setattr(locks, "lockf", none)
-        with pytest.warns(UserWarning, match="has no locks"):
+        with pytest.warns(UserWarning, match="does not support locks"):
             assert RunLocks(tmp_path / "claims").acquire([1]) == [1]

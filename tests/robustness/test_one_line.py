@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweeps import batch, table
 
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.files import csv_line, read_table, table_text
 from warpgrains.scene.document import toml_text, toml_value
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -56,7 +56,7 @@ def test_scene_file(tmp_path, text, capfd):
 
 @pytest.mark.parametrize("name", ["a" * 5000, "a\0b", "a\nb", "\udcff", "", ".", "/dev/null/x"])
 def test_name_of_a_scene(name, tmp_path, capfd):
-    with pytest.raises(SceneError) as refusal:
+    with pytest.raises(InputError) as refusal:
         Scene.load(name)
     assert "\n" not in str(refusal.value)
     assert exit_code("run", name) == 2
@@ -84,7 +84,7 @@ def test_archives_that_claim_more_than_there_is(tmp_path, capfd):
     require_refusal(capfd, "grains.npz' cannot be read")
     immense_npz(tmp_path / "run.npz", "header")
     assert exit_code("run", "--resume", tmp_path / "run.npz") == 2
-    require_refusal(capfd, "is no checkpoint")
+    require_refusal(capfd, "is not a checkpoint")
 
 
 def test_checkpoint_that_unpacks_to_more_than_it_is(tmp_path):
@@ -92,7 +92,7 @@ def test_checkpoint_that_unpacks_to_more_than_it_is(tmp_path):
     simulation.save(tmp_path / "run.npz")
     with np.load(tmp_path / "run.npz") as entries:
         np.savez_compressed(tmp_path / "run.npz", **dict(entries))
-    with pytest.raises(SceneError, match="is no checkpoint"):
+    with pytest.raises(InputError, match="is not a checkpoint"):
         read_checkpoint(tmp_path / "run.npz")
 
 
@@ -137,7 +137,7 @@ def test_home_that_cannot_be_written():
     )
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
-    assert "set WARP_CACHE_PATH to a folder that can" in done.stderr
+    assert "set WARP_CACHE_PATH to a writable folder" in done.stderr
 
 
 class TestNames:
@@ -152,7 +152,7 @@ class TestNames:
         assert "\n" not in toml_value(name)
 
     def test_that_are_no_text(self):
-        with pytest.raises(SceneError, match="is no text"):
+        with pytest.raises(InputError, match="is not valid text"):
             toml_value("\udcff")
 
     @pytest.mark.parametrize("name", ["\U0001f980", "line\n[physics]\ndrag = 9.0\n#", "=cmd()+1", "-1"])

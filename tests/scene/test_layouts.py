@@ -6,7 +6,7 @@ from time import process_time
 import numpy as np
 import pytest
 
-from warpgrains import Scene, SceneError
+from warpgrains import InputError, Scene
 from warpgrains.scene.layouts import column, lattice, random, rows
 from warpgrains.scene.placing import place_at_random
 from warpgrains.scene.region import Region
@@ -71,7 +71,7 @@ def one_after_the_other(walls, radius, generator):
             x = walls.radius_out * (2.0 * generator.random(2) - 1.0)
             d, reach = position[placed] - x, radius[placed] + radius[i]
             clear = (d[:, 0] * d[:, 0] + d[:, 1] * d[:, 1] >= reach * reach).all()
-            if clear and walls.holds(x[np.newaxis], radius[i : i + 1]).all():
+            if clear and walls.contains(x[np.newaxis], radius[i : i + 1]).all():
                 position[i] = x
         placed.append(i)
     return position
@@ -136,14 +136,18 @@ def test_column_stands_a_little_apart_on_the_outer_wall():
         (rows, {"count": 5, "radius": 0.1, "spacing": 0}, "grains.spacing is 0.0"),
         (lattice, {"radius": 0.1, "spacing": 1e-9}, "grains.spacing is 1e-09 radii: it must be at least 0.1"),
         (rows, {"count": 5, "radius": 0.1, "height": "1"}, "grains.height is '1': it must be a number"),
-        (rows, {"count": 50, "radius": 0.1}, "grains.count is 50: the rows have room for 5 grains only"),
+        (rows, {"count": 50, "radius": 0.1}, "grains.count is 50: only 5 grains fit in the rows"),
         (lattice, {"count": 500, "radius": 0.1}, "grains.count is 500: only"),
         (
             lattice,
             {"radius": 1e-6},
-            "grains.radius is 1e-06 m: the lattice would have more than 10000000 places",
+            "grains.radius is 1e-06 m: the lattice would have more than 10000000 sites",
         ),
-        (random, {"count": 5, "radius": [0.1]}, "grains.radius is a list of 1: that is how many"),
+        (
+            random,
+            {"count": 5, "radius": [0.1]},
+            "grains.radius is a list of 1: its length is the number of grains",
+        ),
         (
             random,
             {"count": 5, "radius": [0.2, 0.1]},
@@ -155,6 +159,6 @@ def test_column_stands_a_little_apart_on_the_outer_wall():
     ],
 )
 def test_bad_key_is_one_line_naming_it(layout, keys, message):
-    with pytest.raises(SceneError, match="^" + re.escape(message)) as caught:
+    with pytest.raises(InputError, match="^" + re.escape(message)) as caught:
         layout(Annulus(0.5, 1.0), **keys)
     assert "\n" not in str(caught.value)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from warpgrains import Scene, SceneError
+from warpgrains import InputError, Scene
 from warpgrains.scene.layouts import random
 from warpgrains.scene.radii import drawn_radii
 from warpgrains.scene.region import Region, region_of
@@ -130,7 +130,7 @@ def test_radii_from_a_file(tmp_path):
     for bad, complaint in (("no.csv", "cannot be read"), ("x.csv", "has no radii")):
         (tmp_path / "x.csv").write_text("mass\n1.0\n")
         path.write_text(SCENE + f'radius = {{file = "{bad}"}}\n')
-        with pytest.raises(SceneError, match=complaint):
+        with pytest.raises(InputError, match=complaint):
             Scene.load(path)
 
 
@@ -146,13 +146,13 @@ def test_a_sweep_reads_radii_of_a_file(tmp_path):
 
 def test_what_does_not_fit_says_what_would():
     with pytest.raises(
-        SceneError, match=r"packing_fraction is 0.95: .* so about \d+ of these radii fit"
+        InputError, match=r"packing_fraction is 0.95: .* so about \d+ of these radii fit"
     ) as caught:
         random(WALLS, radius=0.03, packing_fraction=0.95)
     fits = int(str(caught.value).partition("about ")[2].split()[0])
     assert scene_of(random(WALLS, radius=0.03, count=fits)).count_overlaps() == (0, 0)
     assert fits * 0.03**2 * np.pi / WALLS.area > 0.7
-    with pytest.raises(SceneError, match="count is 2000: the grains have 1\\.87 times the area"):
+    with pytest.raises(InputError, match="count is 2000: the grains have 1\\.87 times the area"):
         random(WALLS, radius=0.03, count=2000)
 
 
@@ -182,18 +182,18 @@ def test_what_does_not_fit_says_what_would():
                 "radius": {"distribution": "normal", "mean": 0.01, "deviation": 0.001, "smallest": 0.09},
                 "count": 3,
             },
-            "hardly a radius drawn",
+            "of the radii drawn are between",
         ),
         ({"radius": 0.1, "count": 3, "region": [1, 2]}, "it must be a table"),
         ({"radius": 0.1, "count": 3, "region": {"z": [1, 2]}}, "unknown key of grains.region 'z'"),
         ({"radius": 0.1, "count": 3, "region": {"x": [2, 1]}}, "the smaller one comes first"),
-        ({"radius": 0.1, "count": 3, "region": {"x": [2, 3]}}, "no space between the walls"),
+        ({"radius": 0.1, "count": 3, "region": {"x": [2, 3]}}, "no point between the walls"),
         ({"radius": 0.1, "count": 3, "region": {"distance": [0.0, 0.5]}}, "must be between the walls"),
         ({"radius": 0.1, "count": 1, "region": {"x": [0.5, 0.6]}}, "so about 0 of these radii fit"),
     ],
 )
 def test_bad_keys_are_one_line(keys, message):
-    with pytest.raises(SceneError, match=message.replace("(", r"\(")) as caught:
+    with pytest.raises(InputError, match=message.replace("(", r"\(")) as caught:
         random(WALLS, **keys)
     assert "\n" not in str(caught.value)
 

@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from warpgrains import Scene, SceneError
+from warpgrains import InputError, Scene
 from warpgrains.scene.geometry import overlapping_pairs
 
 INF, NAN = float("inf"), float("nan")
@@ -43,7 +43,7 @@ def test_replace_checks_again():
     made = scene().replace(drag=0.5)
     assert made.drag == 0.5
     assert np.array_equal(made.position, scene().position)
-    with pytest.raises(SceneError, match="drag is -1"):
+    with pytest.raises(InputError, match="drag is -1"):
         made.replace(drag=-1.0)
 
 
@@ -88,15 +88,15 @@ BAD_VALUES = [
     ),
     (
         {"position": [[0.7, 0.0], [0.0, 0.0]], "radius_in": 0.0},
-        "position of grain 1 is (0.0, 0.0): the origin",
+        "position of grain 1 is (0.0, 0.0): a grain cannot be at the origin",
     ),
     (
         {"position": [[0.7, 0.0], [0.0, 0.7], [0.0, 0.8], [0.7, 0.0]]},
-        "position of grain 3 is (0.7, 0.0): grain 0 has the same centre",
+        "position of grain 3 is (0.7, 0.0): grain 0 has the same center",
     ),
     ({"radius": [0.1, 0.1]}, "radius has shape (2,): there are 3 grains"),
     ({"mass": [0.1] * 4}, "mass has shape (4,): there are 3 grains"),
-    ({"velocity": np.zeros((2, 2))}, "velocity has shape (2, 2): position has shape (3, 2)"),
+    ({"velocity": np.zeros((2, 2))}, "velocity has shape (2, 2): it must be that of position, (3, 2)"),
     ({"velocity": np.zeros(2)}, "velocity has shape (2,): it must be (n, 2)"),
     ({"position": [0.7, 0.0]}, "position has shape (2,): it must be (n, 2)"),
     ({"position": [[0.7, 0.0, 0.0]]}, "position has shape (1, 3): it must be (n, 2)"),
@@ -125,7 +125,7 @@ BAD_VALUES = [
     ({"order": "colour"}, "unknown order 'colour': did you mean 'color'? Known: color, sequential"),
     (
         {"drag": 5.0, "mass": [0.2, 0.1, 0.3], "dt": 0.02},
-        "dt is 0.02 s: in one step, drag 5.0 kg/s would turn round grain 1 of mass 0.1 kg;"
+        "dt is 0.02 s: in one step, drag 5.0 kg/s would reverse grain 1 of mass 0.1 kg;"
         " dt must be less than 0.02 s",
     ),
 ]
@@ -135,7 +135,7 @@ BAD_VALUES = [
     ("changes", "message"), BAD_VALUES, ids=lambda value: value if isinstance(value, str) else ""
 )
 def test_bad_value_is_one_line_naming_field_grain_and_value(changes, message):
-    with pytest.raises(SceneError) as caught:
+    with pytest.raises(InputError) as caught:
         scene(**changes)
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
@@ -181,9 +181,9 @@ def test_same_grains_with_other_settings():
     for name in Scene.__dataclass_fields__:
         assert np.array_equal(getattr(changed, name), getattr(anew, name)), name
     assert changed.position is before.position
-    with pytest.raises(SceneError, match=r"^drag is -1.0: it must be 0 or more"):
+    with pytest.raises(InputError, match=r"^drag is -1.0: it must be 0 or more"):
         before.with_settings(drag=-1.0)
-    with pytest.raises(SceneError, match="would turn round grain 0"):
+    with pytest.raises(InputError, match="would reverse grain 0"):
         before.with_settings(drag=50.0)
-    with pytest.raises(SceneError, match="method 'exact' stops on the residual"):
+    with pytest.raises(InputError, match="method 'exact' stops on the residual"):
         before.with_settings(method="exact", stop="zeta")

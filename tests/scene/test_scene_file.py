@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from warpgrains import Scene, SceneError
+from warpgrains import InputError, Scene
 from warpgrains.scene.document import shipped_scenes
 
 FILE = """
@@ -96,15 +96,19 @@ BAD_FILES = [
     ("drag = 0.25", "drag = nan", "drag is nan: it must be finite"),
     ("drag = 0.25", 'drag = "small"', "drag is 'small': it must be a number"),
     ("mass = 2.0", "", "grains.mass or grains.density is missing"),
-    ("mass = 2.0", "mass = 2.0\ndensity = 1.0", "[grains] has mass and density: it needs one of them"),
+    ("mass = 2.0", "mass = 2.0\ndensity = 1.0", "[grains] has mass and density: give only one"),
     ("mass = 2.0", "density = 0.0", "grains.density is 0.0: it must be greater than 0"),
     ("mass = 2.0", "mas = 2.0", "unknown key in [grains] 'mas': did you mean 'mass'?"),
     ("radius = [0.125, 0.25]", "", "grains.radius is missing"),
     ("radius = [0.125, 0.25]\nmass = 2.0", "density = 1.0", "grains.radius is missing"),
     ("velocity = [1.0, 2.0]", "velocity = [1.0]", "grains.velocity is [1.0]: it must be two numbers"),
     ("velocity = [1.0, 2.0]", "velocity = [[1.0], 2.0]", "velocity is ragged"),
-    (PLACES, "", "[grains] has none of them: it needs one of layout, position, file"),
-    ("[grains]", '[grains]\nlayout = "rows"', "[grains] has layout and position: it needs one of"),
+    (PLACES, "", "[grains] needs exactly one of layout, position, file: it has none"),
+    (
+        "[grains]",
+        '[grains]\nlayout = "rows"',
+        "[grains] needs exactly one of layout, position, file: it has layout and position",
+    ),
     (PLACES, 'layout = "row"', "unknown grains.layout 'row': did you mean 'rows'?"),
     (PLACES, "layout = [1]", "unknown grains.layout [1]"),
     (PLACES, 'layout = "rows"', "grains.count is missing: layout 'rows'"),
@@ -124,7 +128,7 @@ BAD_FILES = [
 def test_bad_file_is_one_line(write, good, bad, message):
     assert good in FILE
     path = write(FILE.replace(good, bad))
-    with pytest.raises(SceneError) as caught:
+    with pytest.raises(InputError) as caught:
         Scene.load(path)
     assert str(caught.value).removeprefix(f"{path.parent}/").startswith(message)
     assert "\n" not in str(caught.value)
@@ -138,7 +142,7 @@ def test_bad_file_is_one_line(write, good, bad, message):
         ("a.csv", "x,z\n0.75,0\n", "unknown column 'z'"),
         ("a.csv", "x\n0.75\n", "column 'y' is missing"),
         ("a.csv", "", "the first line must name the columns"),
-        ("a.csv", "radius\n1\n", "has no positions"),
+        ("a.csv", "radius\n1\n", "has no positions: it needs an array position, or columns x and y"),
         ("a.csv", "x,y\n", "position has shape (0, 2)"),
         ("a.csv", "x,y,mass\n0.75,0,1\n", "grains.mass is given twice"),
         ("a.csv", "x,y\n\x00,1\n", "grains.file 'a.csv'"),
@@ -154,7 +158,7 @@ def test_bad_grain_file_is_one_line(write, tmp_path, name, content, message):
     else:
         (tmp_path / name).write_text(content)
     path = write(f'domain.radius_out = 1.0\n[grains]\nfile = "{name}"\nradius = 0.1\nmass = 2.0\n')
-    with pytest.raises(SceneError, match=re.escape(message)) as caught:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
         Scene.load(path)
     assert "\n" not in str(caught.value)
 
@@ -172,15 +176,15 @@ def test_bad_grain_file_is_one_line(write, tmp_path, name, content, message):
     ],
 )
 def test_bad_override(override, message):
-    with pytest.raises(SceneError, match=re.escape(message)):
+    with pytest.raises(InputError, match=re.escape(message)):
         Scene.load("annulus", [override])
 
 
 def test_scene_that_is_not_there_or_no_text(tmp_path):
-    with pytest.raises(SceneError, match=r"'anulus': did you mean 'annulus'\? Known: annulus, bidisperse, "):
+    with pytest.raises(InputError, match=r"'anulus': did you mean 'annulus'\? Known: annulus, bidisperse, "):
         Scene.load("anulus")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SceneError, match=r"binary\.toml cannot be read"):
+    with pytest.raises(InputError, match=r"binary\.toml cannot be read"):
         Scene.load(tmp_path / "binary.toml")
 
 

@@ -37,6 +37,14 @@ def test_shown_in_a_line_with_units():
     assert repr(wg.Batch([start, start])) == "Batch(2 scenes of annulus, grains 30 in all)"
 
 
+def test_former_names_remain():
+    assert wg.SceneError is wg.InputError
+    start = wg.Scene.load("annulus")
+    simulation = wg.Simulation(start)
+    for shown in (start, simulation, simulation.run(steps=1), wg.Batch([start])):
+        assert shown.facts() == shown.summary()
+
+
 @pytest.mark.parametrize("name", ["annulus", "<b>&"])
 def test_shown_as_a_table(name):
     shown = wg.Scene.load("annulus").replace(name=name)._repr_html_()

@@ -7,8 +7,8 @@ import pytest
 from command import exit_code, require_refusal
 from same_bits import contents
 
-from warpgrains import Scene, SceneError, Simulation
-from warpgrains.simulation.until import EVERY
+from warpgrains import InputError, Scene, Simulation
+from warpgrains.simulation.until import TEST_INTERVAL
 
 
 def test_rest_is_where_a_twin_finds_it():
@@ -19,7 +19,7 @@ def test_rest_is_where_a_twin_finds_it():
     assert summary.met
     twin, since = Simulation(scene), None
     while True:
-        twin.run(steps=EVERY)
+        twin.run(steps=TEST_INTERVAL)
         calm = np.hypot(*twin.velocity.T).max() <= 0.05
         since = (twin.steps if since is None else since) if calm else None
         if since is not None and twin.steps - since >= 35:
@@ -45,15 +45,15 @@ def test_a_callable_is_asked():
     summary = simulation.run(until=lambda other: other.position[:, 1].min() < -1.0)
     assert summary.met
     assert simulation.position[:, 1].min() < -1.0
-    assert summary.steps % EVERY == 0
+    assert summary.steps % TEST_INTERVAL == 0
     twin = Simulation(Scene.load("annulus"))
-    twin.run(steps=summary.steps - EVERY)
+    twin.run(steps=summary.steps - TEST_INTERVAL)
     assert twin.position[:, 1].min() >= -1.0
 
 
 def test_what_is_not_met_is_told():
     simulation = Simulation(Scene.load("annulus"))
-    with pytest.warns(UserWarning, match="rest was not met within 0.2 s"):
+    with pytest.warns(UserWarning, match="rest was not reached within 0.2 s"):
         summary = simulation.run(until="rest", steps=20)
     assert not summary.met
     assert summary.steps == 20
@@ -61,13 +61,13 @@ def test_what_is_not_met_is_told():
 
 def test_without_gravity_bounds_must_be_given():
     scene = Scene(position=[[0.5, 0.0]], radius=0.1, mass=1.0, radius_out=1.0, gravity=(0.0, 0.0))
-    with pytest.raises(SceneError, match="needs time, and speed or energy"):
+    with pytest.raises(InputError, match="needs time, and speed or energy"):
         Simulation(scene).run(until="rest")
     assert Simulation(scene).run(until="rest,speed=1e-3,time=0.1", steps=100).steps == 20
 
 
 def test_a_callable_cannot_go_into_a_checkpoint(tmp_path):
-    with pytest.raises(SceneError, match="no checkpoint can hold"):
+    with pytest.raises(InputError, match="a checkpoint cannot hold"):
         Simulation(Scene.load("annulus")).run(until=lambda _: True, checkpoint=tmp_path / "kept.npz")
     assert not list(tmp_path.iterdir())
 
@@ -95,7 +95,7 @@ def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
         ("rst", "did you mean 'rest'"),
         ("rest,sped=1", "did you mean 'speed'"),
         ("rest,speed=0", "until: speed is 0.0"),
-        ("rest,speed", "'speed' is no number"),
+        ("rest,speed", "'speed' is not a number"),
         ("rest,time=nan", "until: time is nan"),
         ("", "unknown until ''"),
     ],

@@ -47,8 +47,8 @@ def errors_amid(
 
 
 def messages(what: str) -> set[str]:
-    end = f": wait until that has ended, or give each thread a {what} of its own"
-    by = ("another thread", "the call that this callback belongs to")
+    end = f": wait until it has ended, or use one {what} per thread"
+    by = ("another thread", "the call that runs this callback")
     return {f"this {what} is being advanced by {one}{end}" for one in by}
 
 

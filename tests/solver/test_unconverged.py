@@ -78,7 +78,7 @@ def test_raising_leaves_the_last_good_state(method: str, tmp_path) -> None:
 def test_raising_names_the_grains_that_cannot_fit() -> None:
     simulation = Simulation(chain(5, 1e-3), on_unconverged="raise")
     with pytest.raises(
-        SimulationError, match=r"grains 0, 1, 2, 3, 4 cannot fit, no velocities below .* m/s part them"
+        SimulationError, match=r"grains 0, 1, 2, 3, 4 cannot fit, no velocities below .* m/s separate them"
     ):
         simulation.step()
     assert contents(simulation.position) == contents(simulation.scene.position)

@@ -14,7 +14,7 @@ from sample_scenes import SUDDEN, chain, dense_start
 from schemes import contact_mass
 from scipy import sparse
 
-from warpgrains import Batch, Scene, SceneError, Simulation, SimulationError
+from warpgrains import Batch, InputError, Scene, Simulation, SimulationError
 from warpgrains.accuracy import certify
 from warpgrains.analysis.exact_step import StepProblem
 from warpgrains.scene.walls import OUTER
@@ -282,7 +282,7 @@ def test_one_bound_in_closed_form(scale: float, method: ModuleType) -> None:
 
 
 def test_stop_on_zeta_is_refused() -> None:
-    with pytest.raises(SceneError, match="stop is 'zeta': method 'exact' stops on the residual"):
+    with pytest.raises(InputError, match="stop is 'zeta': method 'exact' stops on the residual"):
         heap(10, method="exact", stop="zeta")
 
 
@@ -294,6 +294,6 @@ def test_without_the_library_the_extra_is_named(
         monkeypatch.delitem(sys.modules, f"warpgrains.solver.{module}")
     monkeypatch.delattr("warpgrains.solver.exact")
     monkeypatch.setitem(sys.modules, "qdldl", None)
-    with pytest.raises(SceneError, match=r"method 'exact' needs qdldl: pip install 'warpgrains\[exact\]'"):
+    with pytest.raises(InputError, match=r"method 'exact' needs qdldl: pip install 'warpgrains\[exact\]'"):
         make(heap(10, method="exact"))
     Simulation(heap(10, method="accelerated")).step()

@@ -2,9 +2,9 @@
 
     python tests/support/bounds_fuzz.py STEPS [SEED [LONGEST]]
 
-Scenes are dense, jammed, huge, tiny or spread; methods, orders, schemes, walls, threads, restores and resumed
-checkpoints are drawn at random. Runs of one scene have up to LONGEST steps (60) before something changes. It
-ends with status 1 at the first index that is outside of its array.
+Scenes are dense, jammed, huge, tiny or spread; methods, orders, schemes, walls, friction, threads, restores
+and resumed checkpoints are drawn at random. Runs of one scene have up to LONGEST steps (60) before something
+changes. It ends with status 1 at the first index that is outside of its array.
 """
 
 import os
@@ -42,6 +42,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
     angle = rng.uniform(0.0, rng.choice([2.0, 1.0, 0.05]) * np.pi, n)
     position = np.maximum(distance, 1.001 * inner)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     method = str(rng.choice(METHODS[: 2 + (n < 60)]))
+    rough = method != "exact" and rng.random() < 0.4
     return Scene(
         position=position,
         velocity=rng.normal(0.0, rng.choice([0.0, 1.0, 20.0]), (n, 2)),
@@ -57,6 +58,9 @@ def random_scene(rng: np.random.Generator) -> Scene:
         method=method,
         scheme=str(rng.choice(["text", "leapfrog"])),
         wall=str(rng.choice(["tangent", "round"])),
+        friction=float(rng.choice([0.05, 0.5, 2.0])) if rough else 0.0,
+        angular_velocity_out=float(rng.normal(0.0, 10.0)) if rough else 0.0,
+        spin=rng.normal(0.0, 10.0, n) if rough else None,
         stop="residual" if method == "exact" else str(rng.choice(["zeta", "residual"])),
     )
 

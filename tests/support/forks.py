@@ -1,4 +1,4 @@
-"""`python -m warpgrains.cli.apart` in forks of one process that has its libraries: a twentieth of the time.
+"""`python -m warpgrains.cli.sandboxed` in forks of one process that has its libraries, to save time.
 
 A fork calls what the command calls, under the same limits. Before it come the imports and USD's look for
 plugins, by no thread that a fork would miss; nothing is taken down after.
@@ -20,9 +20,9 @@ from typing import Any, NoReturn, Self
 
 from pxr import Usd, Work
 
-from warpgrains.cli import apart
+from warpgrains.cli import sandboxed
 
-COMMAND = [sys.executable, "-m", "warpgrains.cli.apart"]
+COMMAND = [sys.executable, "-m", "warpgrains.cli.sandboxed"]
 
 
 class ForkServer:
@@ -80,7 +80,7 @@ def _do(arguments: list[str], streams: list[int]) -> NoReturn:
         for stream, number in zip((os.open(os.devnull, os.O_RDONLY), *streams), range(3), strict=True):
             os.dup2(stream, number)
         Work.SetMaximumConcurrencyLimit()
-        code = apart._main(*arguments)
+        code = sandboxed._main(*arguments)
         sys.stderr.flush()
     except BaseException:
         traceback.print_exc()

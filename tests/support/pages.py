@@ -58,3 +58,18 @@ def program(name: str) -> str:
 def commands_in_words(name: str) -> list[str]:
     """Return the commands that the sentences and tables of a page name."""
     return _COMMAND.findall(PAGES[name].read_text())
+
+
+_NO_SENTENCES = re.compile(
+    r"<!--.*?-->|^```.*?^```$|^\|[^\n]*$|^#+ [^\n]*$", re.M | re.S
+)  # tables, code, titles
+_LINK = re.compile(r"!?\[([^][]*)\]\([^()]*\)")
+_END_OF_PARAGRAPH = re.compile(r"\n\s*\n|\n(?=\s*(?:[-*]|\d+\.) )")
+_END_OF_SENTENCE = re.compile(r"(?<=[.!?])(?<!\beq\.)(?<!\beqs\.)[)*]*\s+(?=[A-Z`\"*(\d-])")
+
+
+def sentences(name: str) -> list[str]:
+    """Return the sentences of a page, in paragraphs and lists; links are replaced by what they show."""
+    text = _LINK.sub(r"\1", _NO_SENTENCES.sub("\n\n", PAGES[name].read_text()))
+    paragraphs = (" ".join(one.split()) for one in _END_OF_PARAGRAPH.split(text))
+    return [sentence for one in paragraphs for sentence in _END_OF_SENTENCE.split(one) if sentence]

@@ -104,7 +104,16 @@ def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None, team: int
     contacts = listed(pairs, np.zeros(n, int) if at_walls is None else at_walls)
     record = OneRecord(grains_apart(n), len(contacts) + 1, team)
     write_rows(record, contacts)
-    for name in ("group", "sweep_index", "sequence", "next_level"):
+    for name in (
+        "group",
+        "color_rank",
+        "sweep_index",
+        "sequence",
+        "tile",
+        "tile_end",
+        "next_level",
+        "next_tile",
+    ):
         record[f"workspace.{name}"][:] = -7
     record["workspace.used_colors"][:] = 2**64 - 1
     record["contacts.set_start"][:] = -7

@@ -79,7 +79,7 @@ class TestResults:
 
     def test_what_fails_says_why(self, done):
         for row in table(done / "results.csv")[2:4]:
-            assert "in one step, drag 100.0 kg/s would turn round grain 0" in row["error"]
+            assert "in one step, drag 100.0 kg/s would reverse grain 0" in row["error"]
             assert row["grains"] == row["pile_height"] == ""
 
     def test_failing_step(self, tmp_path, capfd):

@@ -72,7 +72,7 @@ def test_run_that_kills_its_workers_is_named(tmp_path, workers, monkeypatch, cap
     workers.scheduler.allowed_failures = 3
     printed = capfd.readouterr()
     assert "run 2 is not finished: Attempted to run task" in printed.err
-    assert "not finished      1 (--resume goes on)" in printed.out
+    assert "not finished      1 (continue with --resume)" in printed.out
     assert [row["run"] for row in table(out / "results.csv")] == ["0", "1", "3"]
     assert batch(sweep, "-o", out, "--resume", "--scheduler", workers.scheduler_address) == 0
     assert [row["run"] for row in table(out / "results.csv")] == ["0", "1", "2", "3"]

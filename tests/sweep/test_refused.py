@@ -9,7 +9,7 @@ import pytest
 from command import require_refusal
 from sweeps import SMALL, batch, results, write
 
-from warpgrains import SceneError
+from warpgrains import InputError
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.plot import SweepPlot
 from warpgrains.sweep.sweep import Sweep
@@ -22,8 +22,11 @@ AXES = 'scene = "annulus"\n[axes]\n'
     [
         (0.1, "axes.a.b is 0.1: it must be a list, a range, a log_range or seeds"),
         ([], "axes.a.b is []: it must have at least one value"),
-        ({}, "axes.a.b has none of them: it needs one of range, log_range, seeds"),
-        ({"range": [0, 1], "seeds": 2}, "axes.a.b has range and seeds: it needs one"),
+        ({}, "axes.a.b needs exactly one of range, log_range, seeds: it has none"),
+        (
+            {"range": [0, 1], "seeds": 2},
+            "axes.a.b needs exactly one of range, log_range, seeds: it has range and seeds",
+        ),
         ({"range": [0, 1], "step": 2}, "unknown key in axes.a.b 'step'"),
         ({"range": [0, 1]}, "axes.a.b.count is missing: a range needs it"),
         ({"range": [0, 1], "count": 1}, "axes.a.b.count is 1: it must be between 2 and"),
@@ -35,7 +38,7 @@ AXES = 'scene = "annulus"\n[axes]\n'
     ],
 )
 def test_axis(axis, complaint):
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(InputError) as error:
         axis_values("a.b", axis)
     assert complaint in str(error.value)
 
@@ -44,8 +47,11 @@ def test_axis(axis, complaint):
     ("text", "complaint"),
     [
         ("scene = ", "is not TOML"),
-        ("", "a sweep has none of them: it needs one of scene, folder"),
-        ('scene = "annulus"\nfolder = "."', "a sweep has scene and folder"),
+        ("", "a sweep needs exactly one of scene, folder: it has none"),
+        (
+            'scene = "annulus"\nfolder = "."',
+            "a sweep needs exactly one of scene, folder: it has scene and folder",
+        ),
         ("scene = 3", "scene is 3: it must be the name of a scene"),
         ('scene = "anulus"', "unknown scene"),
         ('folder = "nowhere"', "has no scenes"),
@@ -63,15 +69,15 @@ def test_axis(axis, complaint):
         (f"{AXES}physics.drag = [1]\n[set]\nphysics.drag = 1", "physics.drag is in [set] and in [axes]"),
         (
             f'combine = "zip"\n{AXES}physics.drag = [1]\ntime.dt = [1, 2]',
-            "as many values each, not physics.drag 1, time.dt 2",
+            "the same number of values, not physics.drag 1, time.dt 2",
         ),
-        (f'{AXES}grains.file = ["no.npz"]', "grains.file is 'no.npz': there is no such file"),
+        (f'{AXES}grains.file = ["no.npz"]', "grains.file is 'no.npz': it does not exist"),
     ],
 )
 def test_sweep_file(tmp_path, text, complaint):
     (tmp_path / "piped").mkdir()
     os.mkfifo(tmp_path / "piped" / "scene.toml")  # to which nobody may ever write
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(InputError) as error:
         Sweep.load(write(tmp_path, text))
     assert complaint in str(error.value)
     assert "\n" not in str(error.value)
@@ -82,12 +88,12 @@ def test_sweep_file(tmp_path, text, complaint):
     [
         ("", "SWEEP is missing"),
         ("no_sweep", "unknown sweep, neither a file nor a shipped one"),
-        ("SWEEP --index 0", "--index and --count go together"),
+        ("SWEEP --index 0", "--index and --count must be given together"),
         ("SWEEP --index 3 --count 3", "--index is 3: it must be between 0 and 2"),
         ("SWEEP --count 0 --index 0", "--count is 0"),
         ("SWEEP --fps 30", "--fps needs --usd"),
         ("SWEEP --usd --fps -1", "--fps is -1.0"),
-        ("SWEEP --device gpu", "device 'gpu' is unknown here"),
+        ("SWEEP --device gpu", "device 'gpu' does not exist"),
         ("SWEEP --threads 0", "threads is 0"),
         ("SWEEP --scheduler tcp://127.0.0.1:1 --slurm 2", "not allowed with"),
         ("SWEEP --scheduler nowhere", "no dask scheduler answers at 'nowhere'"),
@@ -131,14 +137,14 @@ OTHER_AXIS = ("[5, 15]", "[5, 14]")
 @pytest.mark.parametrize(
     ("output", "change", "options", "complaint"),
     [
-        ("done", (), "", "--resume continues a sweep"),
-        ("kept", (), "", "--resume continues a sweep"),
-        ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is another scene than this sweep starts from"),
+        ("done", (), "", "use --resume to continue the sweep"),
+        ("kept", (), "", "use --resume to continue the sweep"),
+        ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene"),
         ("done", OTHER_AXIS, "--resume", "run 1 in '"),
-        ("kept", OTHER_AXIS, "--resume", "is another scene than this run of the sweep: choose another -o"),
-        ("done", (), "--resume --until rest", "has another --until: choose another -o"),
-        ("done", (), "--resume --measure stress", "measures something else: choose another -o"),
-        ("kept", (), "--resume --measure stress", "measures something else: choose another -o"),
+        ("kept", OTHER_AXIS, "--resume", "is the scene of another sweep: choose another -o"),
+        ("done", (), "--resume --until rest", "another --until: choose another -o"),
+        ("done", (), "--resume --measure stress", "has other columns: choose another -o"),
+        ("kept", (), "--resume --measure stress", "has other columns: choose another -o"),
     ],
 )
 def test_output_of_another_sweep(tmp_path, request, capfd, output, change, options, complaint):
@@ -161,7 +167,7 @@ def test_output_of_another_sweep(tmp_path, request, capfd, output, change, optio
     ],
 )
 def test_picture(text, complaint):
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         SweepPlot.parse(text)
 
 
@@ -169,12 +175,12 @@ def test_picture(text, complaint):
     ("text", "complaint"),
     [
         (None, "cannot be read"),
-        ("a,c,error\n1,,it broke\n", "no run has come to its end"),
+        ("a,c,error\n1,,it broke\n", "no run is finished"),
         ("a,b,error\n1,2,\n", "unknown column to plot 'c'"),
     ],
 )
 def test_table_to_draw(tmp_path, text, complaint):
     if text is not None:
         (tmp_path / "results.csv").write_text(text)
-    with pytest.raises(SceneError, match=complaint):
+    with pytest.raises(InputError, match=complaint):
         SweepPlot.parse("x=a,y=c").draw(tmp_path / "results.csv")

@@ -67,7 +67,7 @@ DAMAGED_RESULTS = {
 @pytest.mark.parametrize("damage", DAMAGED_RESULTS.values(), ids=DAMAGED_RESULTS.keys())
 def test_damaged_result_is_named(tmp_path, whole, damage, capfd):
     rows = resume_damaged(tmp_path, whole, damage)
-    assert rows[1]["error"] == "result.csv is damaged: delete the run's folder to do it again"
+    assert rows[1]["error"] == "result.csv is damaged: delete the folder of the run to repeat it"
     assert "failed            1, first run 1: result.csv is damaged" in capfd.readouterr().out
     shutil.rmtree(tmp_path / "out" / "runs" / "00001")
     assert batch(write(tmp_path, GOOD), "-o", tmp_path / "out", "--resume") == 0
@@ -114,10 +114,10 @@ def piped(path):
 
 
 DAMAGED_FILES = {
-    "no log": (lambda run: (run / "recording.usdc.frames").unlink(), "holds no frames"),
+    "no log": (lambda run: (run / "recording.usdc.frames").unlink(), "does not exist"),
     "a frame is damaged": (lambda run: damage_frame(run / "recording.usdc.frames"), "holds 0 of the"),
-    "checkpoint": (lambda run: (run / "checkpoint.npz").write_bytes(b"PK"), "is no checkpoint"),
-    "scene": (lambda run: (run / "scene.toml").write_bytes(b"\xff\xff"), "is no text"),
+    "checkpoint": (lambda run: (run / "checkpoint.npz").write_bytes(b"PK"), "is not a checkpoint"),
+    "scene": (lambda run: (run / "scene.toml").write_bytes(b"\xff\xff"), "is not text"),
     "empty scene": (lambda run: (run / "scene.toml").write_bytes(b""), "scene.toml' is damaged"),
     "half a scene": (lambda run: cut_scene(run, 0.5), "scene.toml' is damaged"),
     "scene without its last line": (lambda run: cut_scene(run, -1), "scene.toml' is damaged"),
@@ -151,7 +151,7 @@ def test_log_that_cannot_be_read_is_left_for_repair(tmp_path, whole, capfd, monk
 
     monkeypatch.setattr(FrameLog, "reopen", fail)
     assert batch(write(tmp_path, GOOD), "-o", out, "--resume", "--usd") == 1
-    assert "not finished      1 (--resume goes on), first run 1: " in capfd.readouterr().out
+    assert "not finished      1 (continue with --resume), first run 1: " in capfd.readouterr().out
 
 
 def test_checkpoint_of_another_run_is_not_continued(tmp_path, whole):
@@ -171,7 +171,7 @@ def test_damaged_part_is_done_again(tmp_path, damage, capfd):
     damage(part)
     capfd.readouterr()
     assert batch(sweep, "-o", out, "--resume") == 0
-    assert f"'{part}' is damaged: its runs are done again" in capfd.readouterr().err
+    assert f"'{part}' is damaged: its runs are repeated" in capfd.readouterr().err
     assert part.with_name(f"{part.name}.damaged").exists()
     assert results(out) == before
 
@@ -180,5 +180,5 @@ def test_file_in_the_place_of_a_run(tmp_path, capfd):
     (tmp_path / "out" / "runs").mkdir(parents=True)
     (tmp_path / "out" / "runs" / "00001").touch()
     assert batch(write(tmp_path, GOOD), "-o", tmp_path / "out") == 1
-    assert "not finished      1 (--resume goes on), first run 1: " in capfd.readouterr().out
+    assert "not finished      1 (continue with --resume), first run 1: " in capfd.readouterr().out
     assert len(table(tmp_path / "out" / "results.csv")) == 3

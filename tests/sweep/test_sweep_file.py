@@ -5,7 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from warpgrains import Scene, SceneError
+from warpgrains import InputError, Scene
 from warpgrains.scene.document import toml_text
 from warpgrains.sweep.axes import axis_values
 from warpgrains.sweep.sweep import Sweep
@@ -128,5 +128,5 @@ class TestText:
         assert tomllib.loads(toml_text(document)) == document
 
     def test_what_no_scene_holds(self):
-        with pytest.raises(SceneError, match="is a date: no scene holds one"):
+        with pytest.raises(InputError, match="is a date: a scene file cannot hold it"):
             toml_text(tomllib.loads("[a]\nb = 2024-01-01"))

@@ -26,7 +26,7 @@ def test_run_that_another_process_has_is_left_to_it(tmp_path, held_elsewhere, do
     holder = held_elsewhere(run / "checkpoint.npz")
     assert batch(write(tmp_path), "-o", out) == 1
     printed = capfd.readouterr().out
-    assert "not finished      1 (--resume goes on), first run 1: '" in printed
+    assert "not finished      1 (continue with --resume), first run 1: '" in printed
     assert f"is being written by process {holder.pid}" in printed
     assert list(run.iterdir()) == [run / ".checkpoint.npz.lock"]
     assert [row["run"] for row in table(out / "results.csv")] == ["0", "2", "3", "4", "5"]
@@ -69,5 +69,5 @@ def test_run_of_another_sweep_begun_meanwhile_is_left(tmp_path, kept, monkeypatc
     finish = command._finish
     monkeypatch.setattr(command, "_finish", come_between)
     assert batch(sweep, "-o", out) == 1
-    assert "00000/scene.toml' is another scene" in capfd.readouterr().out
+    assert "00000/scene.toml' is the scene of another sweep" in capfd.readouterr().out
     assert (out / "runs" / "00000" / "scene.toml").read_text() == another

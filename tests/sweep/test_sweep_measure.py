@@ -65,7 +65,7 @@ def test_series_that_is_gone_is_named(tmp_path, slices):
     slices.left = 1_000
     assert batch(write(tmp_path), "-o", out, *MEASURED, "--every", 9, "--resume") == 1
     errors = [row["error"] for row in table(out / "results.csv")]
-    assert "does not hold the rows before step" in errors[1]
+    assert "lacks rows before step" in errors[1]
     assert errors[0] == errors[5] == ""
 
 
@@ -74,7 +74,7 @@ def test_what_measures_otherwise_is_refused(tmp_path, measured, followed, capfd)
         out = tmp_path / name
         shutil.copytree(done, out)
         assert batch(write(tmp_path), "-o", out, "--resume") == 2
-        assert "measures something else: choose another -o" in capfd.readouterr().err
+        assert "has other columns: choose another -o" in capfd.readouterr().err
         assert results(out) == results(done)
         assert batch(write(tmp_path), "-o", out, "--resume", *MEASURED) == 1
         assert results(out) == results(done)

@@ -131,13 +131,13 @@ def test_late_results_are_not_lost(tmp_path, kept, monkeypatch):
     """Runs that finish while the tables are written: who writes last has them all."""
     shutil.copytree(kept, tmp_path / "out")
     last = tmp_path / "out" / "runs" / "00005" / "result.csv"
-    late, write_whole = last.rename(tmp_path / "late.csv"), sweep_folder.write_whole
+    late, write_atomically = last.rename(tmp_path / "late.csv"), sweep_folder.write_atomically
 
     def write_as_another_run_finishes(*arguments):
-        write_whole(*arguments)
+        write_atomically(*arguments)
         if late.exists():
             late.rename(last)
 
-    monkeypatch.setattr(sweep_folder, "write_whole", write_as_another_run_finishes)
+    monkeypatch.setattr(sweep_folder, "write_atomically", write_as_another_run_finishes)
     assert batch(write(tmp_path), "-o", tmp_path / "out", "--resume", "--index", 0, "--count", 6) == 0
     assert results(tmp_path / "out") == results(kept)

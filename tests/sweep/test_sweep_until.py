@@ -63,7 +63,7 @@ def test_summary_counts_runs_that_move_still(tmp_path, ended, capfd):
 def test_another_end_is_refused(tmp_path, ended, capfd):
     shutil.copytree(ended, tmp_path / "out")
     assert batch(write(tmp_path, SWEEP), "-o", tmp_path / "out", "--resume") == 2
-    assert "has another --until: choose another -o" in capfd.readouterr().err
+    assert "another --until: choose another -o" in capfd.readouterr().err
     assert results(tmp_path / "out") == results(ended)
 
 
@@ -73,7 +73,7 @@ def test_a_scene_that_the_criterion_does_not_fit_fails(tmp_path):
     )
     assert batch(write(tmp_path, text), "-o", tmp_path / "out", "--until", "rest") == 1
     bad, good = table(tmp_path / "out" / "results.csv")
-    assert "needs time, and speed or energy, where there is no gravity" in bad["error"]
+    assert "needs time, and speed or energy, in a scene without gravity" in bad["error"]
     assert (good["error"], good["met"]) == ("", "0")
 
 

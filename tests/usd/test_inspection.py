@@ -3,7 +3,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
 from recordings import GRAINS, grains_of, make_frames, record
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.usd.check import inspect_recording
 
 
@@ -143,7 +143,7 @@ def shrink_the_extent_of_forces(stage):
 @pytest.mark.parametrize(
     ("damage", "problem"),
     [
-        (drop_the_grains, "there are no UsdGeom.Points or PointInstancer at /World/Grains"),
+        (drop_the_grains, "no UsdGeom.Points or PointInstancer at /World/Grains"),
         (shorten_velocities, "velocities hold 2 values, not 5 for 5 grains (frame 1)"),
         (shift_velocities, "Grains.velocities has other time codes than the grains' positions"),
         (shorten_ids, "ids hold 2 values, not 5 for 5 grains (frame 0 and 3 more)"),
@@ -161,20 +161,20 @@ def shrink_the_extent_of_forces(stage):
         (put_a_nan_in_points, "points are not all finite (frame 2)"),
         (put_an_infinity_in_velocities, "velocities are not all finite (frame 2)"),
         (drop_an_extent, "Grains.extent has other time codes than the grains' positions"),
-        (tighten_an_extent, "extent does not cover what it bounds (frame 3)"),
+        (tighten_an_extent, "extent does not contain all grains or bands (frame 3)"),
         (leave_a_gap_in_time, "the time codes of the grains are not consecutive integers"),
-        (end_too_early, "startTimeCode and endTimeCode are 0 and 2, the frames 0 to 3"),
+        (end_too_early, "startTimeCode and endTimeCode are 0 and 2, but the frames are 0 to 3"),
         (lie_about_the_rate, "timeCodesPerSecond 50 differs from framesPerSecond 24"),
         (turn_upright, "upAxis is Z, not Y"),
         (measure_in_centimetres, "metersPerUnit is 0.01, not 1"),
-        (weigh_in_nothing, "kilogramsPerUnit is not stated"),
-        (forget_the_default, "there is no defaultPrim"),
-        (drop_all_frames, "the grains have no frames"),
+        (weigh_in_nothing, "kilogramsPerUnit is missing"),
+        (forget_the_default, "defaultPrim is missing"),
+        (drop_all_frames, "the grains have no time samples"),
         (drop_forces_of_a_frame, "Forces.points has other time codes than the grains' positions"),
         (shorten_segments, "points hold 20 values, not 8 for 2 bands (frame 1)"),
         (shorten_raw_forces, "primvars:force hold 1 values, not 5 for 5 bands (frame 1)"),
         (shorten_raw_speeds, "primvars:speed hold 1 values, not 5 for 5 grains (frame 1)"),
-        (shrink_the_extent_of_forces, "extent does not cover what it bounds (frame 1)"),
+        (shrink_the_extent_of_forces, "extent does not contain all grains or bands (frame 1)"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
@@ -196,21 +196,21 @@ def test_spheres_are_inspected_too(tmp_path):
     stage.Save()
     assert inspect_recording(recording) == [
         "protoIndices hold 2 values, not 5 for 5 grains (frame 0)",
-        "extent does not cover what it bounds (frame 0 and 1 more)",
+        "extent does not contain all grains or bands (frame 0 and 1 more)",
         "protoIndices are not all below 16 (frame 1)",
     ]
 
 
 def test_refuses_what_is_not_usd(tmp_path):
-    with pytest.raises(SceneError, match=r"absent\.usdc' does not exist"):
+    with pytest.raises(InputError, match=r"absent\.usdc' does not exist"):
         inspect_recording(tmp_path / "absent.usdc")
     for name in ("text.usdc", "text.obj"):
         (tmp_path / name).write_text("not a stage")
-        with pytest.raises(SceneError, match=f"{name}' is not a USD file"):
+        with pytest.raises(InputError, match=f"{name}' is not a USD file"):
             inspect_recording(tmp_path / name)
 
 
 def test_refuses_half_a_file(recording):
     recording.write_bytes(recording.read_bytes()[:-200])
-    with pytest.raises(SceneError, match="is not a USD file"):
+    with pytest.raises(InputError, match="is not a USD file"):
         inspect_recording(recording)

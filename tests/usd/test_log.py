@@ -6,7 +6,7 @@ import pytest
 from pxr import Sdf, Usd
 from recordings import grains_of, make_frames, make_scene, points_recorder, record
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of, recover
@@ -131,7 +131,7 @@ class TestNothingIsLost:
     def test_frames_of_another_run_are_not_touched(self, tmp_path):
         log = cut_short(tmp_path / "run.usdc", make_frames(5))
         before = log.read_bytes()
-        with pytest.raises(SceneError, match=r"run.usdc.frames' holds frames of another run"):
+        with pytest.raises(InputError, match=r"run.usdc.frames' holds frames of another run"):
             points_recorder(tmp_path / "run.usdc", make_scene())
         assert log.read_bytes() == before
 
@@ -144,7 +144,7 @@ class TestNothingIsLost:
                 write(layer, path, code, value)
 
         monkeypatch.setattr(Sdf.Layer, "SetTimeSample", forget_one)
-        with pytest.raises(OSError, match=re.escape("holds 8 frames of /World/Grains.velocities after")):
+        with pytest.raises(OSError, match=re.escape("reads back 8 frames of /World/Grains.velocities, but")):
             recover(log)
         monkeypatch.undo()
         assert list(tmp_path.iterdir()) == [log]
@@ -157,7 +157,7 @@ class TestNothingIsLost:
         with recorder.log.open("r+b") as file:
             file.truncate(ends_of_records(recorder.log)[8])
         with pytest.raises(
-            OSError, match=re.escape("holds 8 frames of /World/Grains.extent after writing 12")
+            OSError, match=re.escape("reads back 8 frames of /World/Grains.extent, but 12 were written")
         ):
             recorder.close()
         assert list(tmp_path.iterdir()) == [recorder.log]
@@ -217,15 +217,15 @@ class TestResume:
 
     def test_refuses_a_log_of_fewer_frames(self, tmp_path):
         cut_short(tmp_path / "run.usdc", make_frames(6))
-        with pytest.raises(SceneError, match="holds 6 of the 7 frames"):
+        with pytest.raises(InputError, match="holds 6 of the 7 frames"):
             points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=7)
 
     def test_refuses_a_log_of_another_scene_or_drawing(self, tmp_path):
         cut_short(tmp_path / "run.usdc", make_frames(4))
         for scene, options in ((make_scene(text="other"), {}), (make_scene(), {"color_by": "radius"})):
-            with pytest.raises(SceneError, match="holds no frames of this scene"):
+            with pytest.raises(InputError, match="holds frames of another scene"):
                 points_recorder(tmp_path / "run.usdc", scene, resume_at=4, **options)
 
     def test_refuses_what_is_not_there(self, tmp_path):
-        with pytest.raises(SceneError, match="holds no frames: there is no such file"):
+        with pytest.raises(InputError, match="does not exist"):
             points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=4)

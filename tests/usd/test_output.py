@@ -22,7 +22,7 @@ def test_what_is_no_recording_is_not_replaced(tmp_path, suffix, capfd):
     for content in (b"", b"old", b"PXR-USDC" + bytes(200), b"#usda 1.0\n", b"PK\x03\x04"):
         path.write_bytes(content)
         assert exit_code("run", "annulus", "--steps", 1, "-o", path) == 2
-        require_refusal(capfd, "is no recording of warpgrains: it is not replaced")
+        require_refusal(capfd, "not a recording of warpgrains")
         assert path.read_bytes() == content
     assert list(tmp_path.iterdir()) == [path]
 
@@ -30,12 +30,12 @@ def test_what_is_no_recording_is_not_replaced(tmp_path, suffix, capfd):
 def test_stage_of_someone_else_is_not_replaced(tmp_path):
     someones_work(tmp_path / "run.usdc")
     before = (tmp_path / "run.usdc").read_bytes()
-    with pytest.raises(OutputError, match="it is not replaced"):
+    with pytest.raises(OutputError, match="refusing to overwrite"):
         record(tmp_path / "run.usdc", make_frames(2))
     assert (tmp_path / "run.usdc").read_bytes() == before
     record(tmp_path / "other.usdc", make_frames(2))
     log_of(tmp_path / "run.usdc").touch()
-    with pytest.raises(OutputError, match="it is not replaced"):
+    with pytest.raises(OutputError, match="refusing to overwrite"):
         recover(log_of(tmp_path / "run.usdc"))
 
 

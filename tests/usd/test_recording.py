@@ -10,7 +10,7 @@ import warpgrains
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.colors import speed_scale
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import Recorder
@@ -60,7 +60,7 @@ class TestTimes:
 
     @pytest.mark.parametrize("wanted", [0, -60, float("nan"), float("inf")])
     def test_refuses_a_rate_that_is_none(self, wanted):
-        with pytest.raises(SceneError, match="frames per second"):
+        with pytest.raises(InputError, match="frames per second"):
             FrameTimes.of(0.01, wanted)
 
     @pytest.mark.parametrize("fps", [24, 25, 30, 50, 60])
@@ -180,7 +180,7 @@ class TestRecord:
         recorder = Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="points")
         with pytest.raises(ValueError, match=re.escape("(5, 2), not (4, 2)")):
             recorder.record(np.zeros((4, 2)), np.zeros((5, 2)))
-        with pytest.raises(ValueError, match="nothing was recorded"):
+        with pytest.raises(ValueError, match="no frame was recorded"):
             recorder.close()
         assert list(tmp_path.iterdir()) == []
 
@@ -195,35 +195,35 @@ class TestRecord:
 class TestOutput:
     @pytest.mark.parametrize("name", ["run.obj", "run", "run.usd"])
     def test_unknown_suffix(self, tmp_path, name):
-        with pytest.raises(SceneError, match=re.escape("must end in .usdc, .usda, .usdz")):
+        with pytest.raises(InputError, match=re.escape("must end in .usdc, .usda, .usdz")):
             Recorder(tmp_path / name, make_scene(), 60)
 
     def test_unknown_coloring(self, tmp_path):
         with pytest.raises(
-            SceneError, match="unknown color_by 'mood': known: palette, pressure, radius, speed"
+            InputError, match="unknown color_by 'mood': known: palette, pressure, radius, speed"
         ):
             Recorder(tmp_path / "run.usdc", make_scene(), 60, color_by="mood")
         assert list(tmp_path.iterdir()) == []
 
     def test_unknown_way_to_draw(self, tmp_path):
-        with pytest.raises(SceneError, match="unknown draw_as 'cubes': known: discs, points, spheres"):
+        with pytest.raises(InputError, match="unknown draw_as 'cubes': known: discs, points, spheres"):
             Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="cubes")
         assert list(tmp_path.iterdir()) == []
 
     def test_folder_that_does_not_exist(self, tmp_path):
-        with pytest.raises(SceneError, match="absent' cannot be written: No such file"):
+        with pytest.raises(InputError, match="absent' cannot be written: No such file"):
             Recorder(tmp_path / "absent" / "run.usdc", make_scene(), 60)
 
     def test_folder_that_is_a_file(self, tmp_path):
         (tmp_path / "file").touch()
-        with pytest.raises(SceneError, match="file' cannot be written: Not a directory"):
+        with pytest.raises(InputError, match="file' cannot be written: Not a directory"):
             Recorder(tmp_path / "file" / "run.usdc", make_scene(), 60)
 
     def test_folder_that_refuses_files(self):
-        with pytest.raises(SceneError, match="'/proc' cannot be written"):
+        with pytest.raises(InputError, match="'/proc' cannot be written"):
             Recorder("/proc/run.usdc", make_scene(), 60)
 
     def test_output_that_is_a_folder(self, tmp_path):
         (tmp_path / "run.usdc").mkdir()
-        with pytest.raises(SceneError, match="is a folder"):
+        with pytest.raises(InputError, match="is a folder"):
             Recorder(tmp_path / "run.usdc", make_scene(), 60)

@@ -17,7 +17,7 @@ from recordings import GRAINS
 from trimmed import trimmed
 
 import warpgrains
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of, recover
 
@@ -154,13 +154,13 @@ def test_full_disk_at_random_fills(tmp_path):
 
 
 def test_recover_needs_frames(tmp_path):
-    with pytest.raises(SceneError, match="is not the log of a recording"):
+    with pytest.raises(InputError, match="is not the log of a recording"):
         recover(tmp_path / "run.usdc")
     log = tmp_path / "run.usdc.frames"
-    with pytest.raises(SceneError, match="is not the log of a recording"):
+    with pytest.raises(InputError, match="is not the log of a recording"):
         recover(log)
     for content in (b"", b"PK", b"warpgrains frames 1\n", bytes(100)):
         log.write_bytes(content)
-        with pytest.raises(SceneError, match="is not a log of frames"):
+        with pytest.raises(InputError, match="is not a log of frames"):
             recover(log)
     assert list(tmp_path.iterdir()) == [log]

@@ -11,7 +11,7 @@ from command import exit_code, require_refusal
 from recordings import make_frames, record
 from same_bits import contents
 
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import InputError, Scene, Simulation
 from warpgrains.grade.grader import Grader
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.view.homework import Homework
@@ -72,10 +72,10 @@ def test_every_curve_has_titles_of_its_axes(simulation):
 def test_a_step_that_fails_ends_it_and_is_told():
     live = Live(Simulation(Scene.load("annulus"), max_iterations=1, on_unconverged="raise"))
     live.advance(100)
-    assert live.is_over
+    assert live.has_ended
     assert "converged" in live.readout()["error"]
     live.restart()
-    assert not live.is_over
+    assert not live.has_ended
 
 
 RIGHT = (Path(__file__).parents[1] / "grade" / "right" / "plain.c").read_text()
@@ -127,10 +127,10 @@ def test_a_wrong_homework_is_colored_where_it_differs(play):
 def test_a_homework_that_ends_is_told_and_restarts(play):
     player = play(RIGHT.replace("double zeta = 0.0;", "double zeta = 0.0; if (iter == 1) getchar();"))
     player.advance(50)
-    assert player.is_over
+    assert player.has_ended
     assert "it reads the keyboard" in player.readout()["error"]
     player.restart()
-    assert not player.is_over
+    assert not player.has_ended
     assert player.steps == 0
     player.advance(1)
     assert player.readout()["stage"] == "velocities by Newton's law"
@@ -167,7 +167,7 @@ def test_recording_ends_with_its_last_frame(tmp_path):
     played.advance(2)
     assert np.allclose(played.shot().position, frames[2, 0], atol=1e-6)  # float32
     played.advance(7)
-    assert (played.steps, played.is_over) == (3, True)
+    assert (played.steps, played.has_ended) == (3, True)
     played.set_style("speed", forces=False)
     assert played.shot().chains is None
     assert played.shot().angle is None
@@ -235,7 +235,7 @@ class TestChange:
         assert contents(simulation.state()) == contents(other.state())
 
     def test_to_no_scene_is_refused(self, simulation):
-        with pytest.raises(SceneError, match="drag"):
+        with pytest.raises(InputError, match="drag"):
             simulation.change(drag=-1.0)
         assert simulation.scene.drag == 0.5
 

@@ -3,8 +3,8 @@
 >>> from warpgrains import analysis
 >>> analysis.coordination_number(simulation)
 
-Every function takes a simulation, or the `snapshot` of one, of a state or of a frame of a recording. Units
-are SI; in the plane, stress is a force by length.
+Every function takes a simulation or a snapshot, which may be of a simulation, of a state or of a frame of a
+recording. Units are SI; in two dimensions a stress is a force per length.
 """
 
 from warpgrains.analysis.contacts import (

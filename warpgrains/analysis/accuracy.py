@@ -1,4 +1,4 @@
-"""The true error of a step, on request: against the exact velocities, found without the kernels."""
+"""The true error of a step, measured against exact velocities that are computed without the kernels."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from warpgrains.simulation.simulation import Simulation
 
 @dataclass(frozen=True)
 class ErrorBound:
-    """Distance of a step's velocities from the exact ones.
+    """Bounds of the distance of a step's velocities from the exact ones.
 
     Examples
     --------
@@ -20,34 +20,35 @@ class ErrorBound:
     """
 
     error: float | None
-    """Largest difference of a component [m/s]; None where it is not above `solver_error`, so that it says
-    nothing of the step."""
+    """Largest difference of a component [m/s]; None if it is not above `solver_error`, because then it says
+    nothing about the step."""
     solver_error: float
-    """What the velocities that it is measured against may be wrong by themselves [m/s], proven by their
-    duality gap, for the step's gaps as they are rounded to double precision."""
+    """Largest possible error of the reference velocities [m/s], proven by their duality gap, for the step's
+    gaps as they are rounded to double precision."""
     at_most: float
-    """What the true error is proven not to exceed [m/s]."""
+    """Proven upper bound of the true error [m/s]."""
     witnesses: float
-    """Largest difference of a component between the exact velocities of clarabel and those of the package's
-    own interior point method [m/s], far below what can be proven, unless a step is hardly determined."""
+    """Largest difference of a component between clarabel's velocities and those of the package's interior
+    point method [m/s]; far below the proven bound, unless the step is ill-conditioned."""
 
 
 def certify(simulation: Simulation) -> ErrorBound:
     """Measure the true error of a simulation's last step.
 
     The step's convex problem (kernels/MODEL.md, eq. 10) is set up from the positions and velocities at its
-    start, over all pairs of grains that could meet in it and both walls, and solved by clarabel, an interior
-    point method, and again by that of the package. About 0.4 s for a pile of 1,000 grains.
+    start, with all pairs of grains that could touch within it and with all walls. It is solved by clarabel,
+    an interior point method, and again by that of the package. This takes about 0.4 s for a pile of 1,000
+    grains.
 
     Parameters
     ----------
     simulation : Simulation
-        It is not changed.
+        A simulation that has done a step; it is not changed.
 
     Raises
     ------
-    SceneError
-        clarabel or qdldl is not installed; they come with the extra ``[report]``.
+    InputError
+        clarabel or qdldl is not installed; the extra ``[report]`` installs both.
     SimulationError
         No step has been taken, or no velocities satisfy every gap of the step.
 
@@ -60,13 +61,13 @@ def certify(simulation: Simulation) -> ErrorBound:
     True
     """
     try:
-        from warpgrains.analysis.exact_step import StepProblem, own_witness, solve_exactly
+        from warpgrains.analysis.exact_step import StepProblem, package_witness, solve_exactly
     except ModuleNotFoundError as error:
         raise missing_extra("certify", error) from error
     velocity = simulation.velocity
     problem = StepProblem(simulation.scene, *simulation.last_start())
     exact = solve_exactly(problem, velocity)
-    other = solve_exactly(problem, velocity, own_witness)
+    other = solve_exactly(problem, velocity, package_witness)
     difference = float(np.abs(velocity - exact.velocity).max())
     return ErrorBound(
         error=difference if difference > exact.error else None,

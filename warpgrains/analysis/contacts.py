@@ -1,11 +1,12 @@
-"""Contacts: their numbers, rattlers, fabric, forces, and stress after Love and Weber.
+"""Contacts: coordination numbers, rattlers, fabric, forces, and stress after Love and Weber.
 
 Stress is positive in compression,
 
     sigma = 1 / A sum_c f_c l_c n n^T,
 
-l_c n from the centre of a grain to its contact c, f_c the force there, A an area of the grains [m2]: in the
-plane a stress is a force by length [N/m]. Contacts carry no friction, so it is symmetric.
+with l_c n the vector from the center of a grain to its contact c, f_c the force there, and A the area of the
+grains [m2]. In two dimensions a stress is a force per length [N/m]. It is symmetric, because contacts carry
+no friction.
 """
 
 from typing import NamedTuple
@@ -19,28 +20,29 @@ from warpgrains.solver.ends import Grains
 
 
 def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
-    """Return how many contacts each grain has, walls included, shape (n,).
+    """Return the number of contacts of each grain, walls included, shape (n,).
 
     Parameters
     ----------
     of : Snapshot or Simulation
     least : float
-        Contacts that carry less are left out [N]: a step solved to a tolerance leaves tiny ones.
+        Smallest force of contacts that count [N]; a step solved to a tolerance leaves tiny forces.
 
     Examples
     --------
     >>> analysis.contact_numbers(simulation)
     array([3, 4, 2, 4, 3, 4, 1, 2, 1, 4, 3, 3, 0, 3, 3])
     """
-    moment = snapshot(of)
-    return np.bincount(moment.loads.grain[moment.loads.force >= least], minlength=moment.n)
+    now = snapshot(of)
+    return np.bincount(now.loads.grain[now.loads.force >= least], minlength=now.n)
 
 
 def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
-    """Return which grains take no part in carrying loads, shape (n,).
+    """Return which grains do not carry loads, shape (n,).
 
-    A grain without friction is held by 3 contacts, or by 2 and its weight. Those with fewer are taken away
-    with their contacts, until none is left that has fewer: the others are the backbone, a k-core.
+    A frictionless grain is held by 3 contacts, or by 2 and its weight. Grains with fewer are removed with
+    their contacts, repeatedly until none has fewer. The removed grains are the rattlers; the remaining ones
+    are the backbone, a k-core.
 
     Parameters
     ----------
@@ -52,21 +54,21 @@ def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     >>> int(analysis.rattlers(simulation).sum())
     3
     """
-    moment = snapshot(of)
-    needed = 2 if any(moment.scene.gravity) else 3
-    pair = moment.pair[moment.force >= least]
-    at_wall = np.bincount(moment.wall[moment.wall_force >= least, 0], minlength=moment.n)
-    loose = np.zeros(moment.n, dtype=bool)
+    now = snapshot(of)
+    needed = 2 if any(now.scene.gravity) else 3
+    pair = now.pair[now.force >= least]
+    at_wall = np.bincount(now.wall[now.wall_force >= least, 0], minlength=now.n)
+    loose = np.zeros(now.n, dtype=bool)
     while True:
         kept = pair[~loose[pair].any(axis=1)]
-        found = np.bincount(kept.ravel(), minlength=moment.n) + at_wall < needed
+        found = np.bincount(kept.ravel(), minlength=now.n) + at_wall < needed
         if (found == loose).all():
             return loose
         loose |= found
 
 
 def coordination_number(of: Snapshot | HasState, least: float = 0.0, without_rattlers: bool = False) -> float:
-    """Return Z, the mean number of contacts a grain, walls included; 0 where there is no grain to count.
+    """Return Z, the mean number of contacts per grain, walls included; 0 without grains to count.
 
     Parameters
     ----------
@@ -80,21 +82,23 @@ def coordination_number(of: Snapshot | HasState, least: float = 0.0, without_rat
     >>> round(analysis.coordination_number(simulation), 3)
     2.667
     """
-    moment = snapshot(of)
+    now = snapshot(of)
     if not without_rattlers:
-        return float(contact_numbers(moment, least).mean())
-    loose, loads = rattlers(moment, least), moment.loads
-    pair = moment.pair[moment.force >= least]
+        return float(contact_numbers(now, least).mean())
+    loose, loads = rattlers(now, least), now.loads
+    pair = now.pair[now.force >= least]
     between = 2 * np.count_nonzero(~loose[pair].any(axis=1))
-    at_wall = np.count_nonzero(~loose[loads.grain[2 * len(moment.pair) :]])
-    held = moment.n - np.count_nonzero(loose)
+    at_wall = np.count_nonzero(~loose[loads.grain[2 * len(now.pair) :]])
+    held = now.n - np.count_nonzero(loose)
     return (between + at_wall) / held if held else 0.0
 
 
 def fabric_tensor(of: Snapshot | HasState) -> FloatArray:
-    """Return the mean of n n^T over contacts between grains, shape (2, 2): trace 1; NaN without contacts.
+    """Return the mean of n n^T over contacts between grains, shape (2, 2); its trace is 1.
 
-    Its eigenvalues are 1/2 each where contacts point anywhere alike; their difference is the anisotropy.
+    NaN without contacts.
+
+    Both eigenvalues are 1/2 if the contacts are isotropic; their difference measures the anisotropy.
 
     Examples
     --------
@@ -107,20 +111,20 @@ def fabric_tensor(of: Snapshot | HasState) -> FloatArray:
 
 
 class ForceStatistics(NamedTuple):
-    """Sizes of the forces between grains; NaN without contacts."""
+    """Statistics of the forces between grains; NaN without contacts."""
 
     contacts: int
-    """Contacts between grains."""
+    """Number of contacts between grains."""
     mean: float
-    """[N]."""
+    """Mean force [N]."""
     deviation: float
     """Standard deviation [N]."""
     largest: float
-    """[N]."""
+    """Largest force [N]."""
 
 
 def force_statistics(of: Snapshot | HasState) -> ForceStatistics:
-    """Return number, mean, deviation and maximum of the forces between grains.
+    """Return number, mean, standard deviation and maximum of the forces between grains.
 
     Examples
     --------
@@ -135,12 +139,12 @@ def force_statistics(of: Snapshot | HasState) -> ForceStatistics:
 
 
 class Distribution(NamedTuple):
-    """A probability density by bins."""
+    """A probability density as a histogram."""
 
     edges: FloatArray
     """Edges of the bins, shape (bins + 1,)."""
     density: FloatArray
-    """Probability density in each, shape (bins,); the integral is 1, but for what is beyond the edges."""
+    """Probability density in each bin, shape (bins,); the integral is 1 minus the share beyond the edges."""
 
 
 def force_distribution(of: Snapshot | HasState, bins: int = 40, most: float = 8.0) -> Distribution:
@@ -151,7 +155,7 @@ def force_distribution(of: Snapshot | HasState, bins: int = 40, most: float = 8.
     of : Snapshot or Simulation
     bins : int
     most : float
-        Where the bins end, in means.
+        Upper end of the bins, in mean forces.
 
     Examples
     --------
@@ -166,7 +170,7 @@ def force_distribution(of: Snapshot | HasState, bins: int = 40, most: float = 8.
 
 
 def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
-    """Return how hard the grains push on the outer and inner wall, and on others: sums of normal forces [N].
+    """Return the sums of the normal forces on the outer wall, the inner wall and each disc [N].
 
     Examples
     --------
@@ -179,7 +183,7 @@ def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
 
 
 def wall_force_sums(grains: Grains, wall: int) -> FloatArray:
-    """Return the sums of the forces on a wall, of many runs [N], shape (m,)."""
+    """Return the sum of the forces on a wall for many runs [N], shape (m,)."""
     force = grains.wall_force[..., wall]
     sums, is_positive = np.zeros(len(force)), force > 0.0
     for k in np.flatnonzero(is_positive.any(axis=-1)):
@@ -194,26 +198,26 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     ----------
     of : Snapshot or Simulation
     area : ndarray, optional
-        What the stress is spread over [m2], shape (n,); by default the cells of `cell_areas`, which needs
-        scipy. Weighted by it, stresses add up to `mean_stress`.
+        Area A of each grain [m2], shape (n,); by default that of its cell, see `cell_areas`, which needs
+        scipy. The mean of the stresses weighted by the cells is `mean_stress`.
 
     Raises
     ------
-    SceneError
-        scipy is not installed; it comes with the extra ``[report]``.
+    InputError
+        scipy is not installed; the extra ``[report]`` installs it.
 
     Examples
     --------
     >>> analysis.grain_stresses(simulation).shape
     (15, 2, 2)
     """
-    moment = snapshot(of)
-    area = cell_areas(moment) if area is None else area
-    return _moments(moment) / area[:, np.newaxis, np.newaxis]
+    now = snapshot(of)
+    area = cell_areas(now) if area is None else area
+    return _force_moments(now) / area[:, np.newaxis, np.newaxis]
 
 
 def mean_stress(of: Snapshot | HasState) -> FloatArray:
-    """Return the stress averaged over the space between the walls [N/m], shape (2, 2).
+    """Return the stress averaged over the area between the walls [N/m], shape (2, 2).
 
     Examples
     --------
@@ -221,8 +225,8 @@ def mean_stress(of: Snapshot | HasState) -> FloatArray:
     array([[0.2089, 0.0003],
            [0.0003, 0.1808]])
     """
-    moment = snapshot(of)
-    return _moments(moment).sum(axis=0) / moment.scene.area
+    now = snapshot(of)
+    return _force_moments(now).sum(axis=0) / now.scene.area
 
 
 def pressure(of: Snapshot | HasState) -> float:
@@ -236,12 +240,12 @@ def pressure(of: Snapshot | HasState) -> float:
     return float(np.trace(mean_stress(of)) / 2.0)
 
 
-def _moments(moment: Snapshot) -> FloatArray:
+def _force_moments(now: Snapshot) -> FloatArray:
     """Return the sum of f l n n^T over the contacts of each grain [N m], shape (n, 2, 2)."""
-    grain, normal, force = moment.loads
-    weight = force * moment.scene.radius[grain]
+    grain, normal, force = now.loads
+    weight = force * now.scene.radius[grain]
     product = {
-        (a, b): np.bincount(grain, weight * normal[:, a] * normal[:, b], moment.n)
+        (a, b): np.bincount(grain, weight * normal[:, a] * normal[:, b], now.n)
         for a, b in ((0, 0), (0, 1), (1, 1))
     }
     rows = [[product[0, 0], product[0, 1]], [product[0, 1], product[1, 1]]]

@@ -1,4 +1,4 @@
-"""Energies, what a step does to them, and how agitated the grains are."""
+"""Energies, the energy balance of steps, and the granular temperature."""
 
 from __future__ import annotations
 
@@ -82,48 +82,47 @@ def largest_speed(of: Snapshot | HasState) -> float:
 
 
 class EnergyBalance(NamedTuple):
-    """Energy [J] that gravity, drag and contacts add or take over a step, or many.
+    """Energy [J] gained from gravity and lost to drag and contacts in one or several steps.
 
-    The kinetic energy has changed by gravity_work - drag_loss - contact_loss, up to rounding.
+    The kinetic energy changes by gravity_work - drag_loss - contact_loss, up to rounding.
 
     Examples
     --------
-    >>> went = analysis.step_energy_balance(simulation)
-    >>> went._fields
+    >>> balance = analysis.step_energy_balance(simulation)
+    >>> balance._fields
     ('gravity_work', 'drag_loss', 'contact_loss')
     """
 
     gravity_work: float
-    """What gravity gave, which is what the potential energy has lost, but for a part proportional to dt;
-    a step moves grains with the velocities at its end, and velocities of the leapfrog are half a step
-    behind."""
+    """Work of gravity. It equals the loss of potential energy up to a term of order dt, because a step moves
+    grains with the velocities at its end, and velocities of the leapfrog scheme are half a step behind."""
     drag_loss: float
-    """What drag took."""
+    """Energy dissipated by drag."""
     contact_loss: float
-    """What contacts, which are inelastic, dissipated."""
+    """Energy dissipated by the inelastic contacts."""
 
 
 def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
-    """Return what became of energy in the last step, from its forces and velocities; zeros before the first.
+    """Return the energy balance of the last step from its forces and velocities; zeros before the first.
 
     From v before the step to v' after it, m (v' - v) = dt F, so the kinetic energy changes by
-    dt F . (v + v') / 2: each force has its share. With the free velocity v* = v' - dt F_contacts / M, v
-    follows from kernels/MODEL.md, eq. 2, or 16 and 17; M is the contact mass (17b).
+    dt F . (v + v') / 2, a sum over the forces. The free velocity is v* = v' - dt F_contacts / M with the
+    contact mass M (kernels/MODEL.md, eq. 17b), and v follows from it by eq. 2, or by eqs. 16 and 17.
 
     Examples
     --------
-    >>> went = analysis.step_energy_balance(simulation)
-    >>> went.drag_loss > 0.0, went.contact_loss >= 0.0
+    >>> balance = analysis.step_energy_balance(simulation)
+    >>> balance.drag_loss > 0.0, balance.contact_loss >= 0.0
     (True, True)
     """
-    moment = snapshot(of)
-    if moment.steps == 0:
+    now = snapshot(of)
+    if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
-    scene, mass = moment.scene, moment.scene.mass[:, np.newaxis]
-    gravity, force = np.array(scene.gravity), contact_forces(moment)
-    free = moment.velocity - scene.dt * force / scene.contact_mass[:, np.newaxis]
-    kick = kick_of(scene, free, moment.velocity, staggered=moment.steps > 1)
-    mean = 0.5 * (kick.before + moment.velocity)
+    scene, mass = now.scene, now.scene.mass[:, np.newaxis]
+    gravity, force = np.array(scene.gravity), contact_forces(now)
+    free = now.velocity - scene.dt * force / scene.contact_mass[:, np.newaxis]
+    kick = kick_of(scene, free, now.velocity, staggered=now.steps > 1)
+    mean = 0.5 * (kick.before + now.velocity)
     return EnergyBalance(
         gravity_work=float((kick.time * mass * mean * gravity).sum()),
         drag_loss=float((scene.drag * kick.path * mean).sum()),
@@ -132,14 +131,14 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
 
 
 def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
-    """Advance a simulation by some steps, and return what became of energy in all of them [J].
+    """Advance a simulation by some steps and return the energy balance of all of them [J].
 
     Examples
     --------
     >>> other = wg.Simulation(simulation.scene)
-    >>> went = analysis.energy_balance(other, steps=100)
-    >>> kept = went.gravity_work - went.drag_loss - went.contact_loss
-    >>> bool(np.isclose(kept, analysis.kinetic_energy(other)))
+    >>> balance = analysis.energy_balance(other, steps=100)
+    >>> gained = balance.gravity_work - balance.drag_loss - balance.contact_loss
+    >>> bool(np.isclose(gained, analysis.kinetic_energy(other)))
     True
     """
     total = np.zeros(3)
@@ -157,6 +156,6 @@ def contact_forces(of: Snapshot | HasState) -> FloatArray:
     >>> analysis.contact_forces(simulation).shape
     (15, 2)
     """
-    moment = snapshot(of)
-    grain, normal, force = moment.loads
-    return np.stack([np.bincount(grain, -force * along, moment.n) for along in normal.T], axis=1)
+    now = snapshot(of)
+    grain, normal, force = now.loads
+    return np.stack([np.bincount(grain, -force * along, now.n) for along in normal.T], axis=1)

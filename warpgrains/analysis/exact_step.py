@@ -1,19 +1,21 @@
-"""The exact velocities of a step, by an interior point method of an independent library, and their error.
+"""The exact velocities of a step, by an independent library's interior point method, with an error bound.
 
-In NumPy, apart from the kernels, a step is the convex problem (kernels/MODEL.md, eq. 10)
+Everything here is NumPy and independent of the kernels. A step is the convex problem (kernels/MODEL.md, eq.
+10)
 
     min 1/2 (v - v*)^T M (v - v*)   subject to   J v <= b,   b = gap / dt,
 
-v* the free velocities, M the contact masses (eq. 17b), a row of J for every pair of grains and for every
-grain at every wall. In units of its own, y = sqrt(M) (v - v*) / s with s the largest entry of sqrt(M) v*, and
-with rows of length 1, it is the projection of 0 onto a polyhedron: min 1/2 |y|^2 subject to A y <= h. Any y
-that satisfies A y <= h and any multipliers z >= 0 bracket the minimum; both functions are strongly convex, so
+with the free velocities v*, the contact masses M (eq. 17b), and a row of J for every pair of grains and for
+every grain at every wall. In the scaled variable y = sqrt(M) (v - v*) / s, with s the largest entry of
+sqrt(M) v*, and with rows of length 1, it is the projection of 0 onto a polyhedron: min 1/2 |y|^2 subject to A
+y <= h. Any y that satisfies A y <= h and any multipliers z >= 0 bracket the minimum. Both functions are
+strongly convex, so
 
     |y - y_exact|^2 <= |y + A^T z|^2 + 2 z^T (h - A y),
 
-twice the duality gap (Boyd and Vandenberghe, Convex Optimization, 5.5.1 and 9.1.2). This is all that is
-believed of the library's answer. To have a y that satisfies A y <= h to the last bit, the problem is solved
-again with an h that is smaller by a little more than what the first answer violates.
+twice the duality gap (Boyd and Vandenberghe, Convex Optimization, 5.5.1 and 9.1.2). No other property of the
+library's answer is trusted. To obtain a y that satisfies A y <= h to the last bit, the problem is solved
+again with h reduced by slightly more than the violation of the first answer.
 """
 
 from collections.abc import Callable
@@ -34,15 +36,15 @@ from warpgrains.solver import interior_point
 from warpgrains.solver.constraints import StepConstraints, every_wall
 from warpgrains.solver.projection import NormalMatrix, Projection, projection_of
 
-TOLERANCE = 1e-14  # asked of the library, which stops where rounding does not let it go further
-REGULARIZATION = 1e-12  # of its matrix: with its default, 1e-8, it stops at a gap of some 1e-6
-ATTEMPTS = 5  # at a point that violates nothing
-REACH = 1.5  # of the speeds that are known: how fast a grain may be before constraints must be added
+TOLERANCE = 1e-14  # requested from the library, which stops earlier if rounding prevents it
+REGULARIZATION = 1e-12  # of the library's matrix; with the default, 1e-8, it stops at a gap of about 1e-6
+ATTEMPTS = 5  # most attempts to find a point without violations
+REACH = 1.5  # in known speeds: speed of a grain up to which the constraints are complete
 
 
 @dataclass(frozen=True, eq=False)
 class StepProblem:
-    """A step from where it starts: centres [m] and velocities [m/s], shape (n, 2), and of which moment."""
+    """Start of a step: centers [m] and velocities [m/s], shape (n, 2), with their times."""
 
     scene: Scene
     position: FloatArray
@@ -56,10 +58,10 @@ class StepProblem:
         return free_velocity(self.scene, self.velocity, self.staggered)
 
     def projection(self, speed: FloatArray, sliding: FloatArray) -> Projection:
-        """Return it with all constraints that can be violated if no grain is faster than its speed [m/s].
+        """Return the problem with all constraints that grains up to their `speed` [m/s] can violate.
 
-        Where the outer wall is round, its gaps are those of grains that slide with these velocities [m/s],
-        shape (n, 2) (eq. 18).
+        Gaps at a round outer wall are those of grains with the velocities `sliding` [m/s], shape (n, 2)
+        (eq. 18).
         """
         scene, position = self.scene, self.position
         pair = pairs_within(position, scene.radius, scene.dt * speed)
@@ -72,7 +74,8 @@ class StepProblem:
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:
     """Return the pairs i < j of discs whose gap is at most the sum of their reaches, shape (m, 2).
 
-    Each is found from the disc that reaches further, so that one with a long reach costs only its own search.
+    Each pair is found from the disc with the longer reach, so that one long reach makes only one search
+    costly.
     """
     around = cKDTree(position).query_ball_point(position, radius + radius.max() + 2.0 * reach)
     i = np.repeat(np.arange(len(position)), [len(found) for found in around])
@@ -83,35 +86,35 @@ def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) ->
 
 
 class ExactStep(NamedTuple):
-    """The velocities that a step has, as far as they can be proven."""
+    """Exact velocities of a step, as far as they can be proven."""
 
     velocity: FloatArray
     """[m/s], shape (n, 2)."""
     error: float
-    """What no component of them is further than from the exact ones [m/s]."""
+    """Proven bound of the error of every component [m/s]."""
 
 
 Witness = Callable[[Projection], tuple[FloatArray, FloatArray]]
-"""What finds a point y near 0 that satisfies all constraints, and multipliers z >= 0."""
+"""A solver that returns a point y near 0 that satisfies all constraints, and multipliers z >= 0."""
 
 
 def solve_exactly(problem: StepProblem, velocity: FloatArray, witness: Witness | None = None) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
-    Velocities that the exact ones are expected near spare a search [m/s], shape (n, 2). A round wall has the
-    gaps that it leaves to these: they solve the step if they are what is found. The witness is clarabel, or
-    another.
+    `velocity` is an estimate of the result [m/s], shape (n, 2), which limits the search for pairs. It also
+    determines the gaps at a round wall, so there the result is exact if it equals the estimate. `witness` is
+    clarabel by default.
 
     Raises
     ------
     SimulationError
-        No velocities satisfy all constraints, or the library finds none that do.
+        No velocities satisfy all constraints, or the library does not find any.
     """
     speed = REACH * np.maximum(np.hypot(*problem.free_velocity.T), np.hypot(*velocity.T))
     while True:
-        exact = _solve(problem, problem.projection(speed, velocity), witness or _ask)
+        exact = _solve(problem, problem.projection(speed, velocity), witness or _solve_with_clarabel)
         found = np.hypot(*exact.velocity.T)
-        if (found <= speed).all():  # whoever is not constrained is out of reach
+        if (found <= speed).all():  # grains without a constraint cannot reach one
             return exact
         speed = np.maximum(speed, REACH * found)
 
@@ -127,7 +130,7 @@ def _solve(problem: StepProblem, step: Projection, witness: Witness) -> ExactSte
 
 
 def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, float]:
-    """Return a point of the polyhedron, and how far it may be from the one nearest to 0."""
+    """Return a point of the polyhedron, and a bound of its distance from the point nearest to 0."""
     rows, bound = projection.rows, projection.bound
     if not (bound < 0.0).any():
         return projection.free, 0.0
@@ -135,18 +138,18 @@ def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, floa
     for _ in range(ATTEMPTS):
         y, z = witness(projection._replace(bound=bound - tightening))
         slack = bound - rows @ y
-        # of a sum of at most four products, and of a difference
+        # rounding of a sum of at most four products, and of a difference
         rounding = np.finfo(float).eps * (3.0 * abs(rows) @ abs(y) + abs(bound))
         short = np.max(rounding - slack)
         if short <= 0.0:
             gap = np.sum((y + rows.T @ z) ** 2) + 2.0 * z @ (slack + rounding)
             return y, float(np.sqrt(gap))
         tightening += 2.0 * short
-    raise SimulationError("the exact velocities were not found: no answer satisfies every gap")
+    raise SimulationError("the exact velocities were not found: no solution satisfies every gap")
 
 
-def _ask(projection: Projection) -> tuple[FloatArray, FloatArray]:
-    """Return the library's y, and its z where it is not negative."""
+def _solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]:
+    """Return the library's y, and its z with negative entries set to 0."""
     unknowns, rows = len(projection.free), sparse.csc_array(projection.rows)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
@@ -162,8 +165,8 @@ def _ask(projection: Projection) -> tuple[FloatArray, FloatArray]:
     return np.array(answer.x), np.maximum(answer.z, 0.0)
 
 
-def own_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
-    """Return y and z by the interior point method of the package, from nothing."""
+def package_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
+    """Return y and z by the package's interior point method, started from zero."""
     nothing = np.zeros_like(projection.bound)
     z = interior_point.solve(projection, NormalMatrix(projection.rows), nothing, TOLERANCE).q
     return -(projection.rows.T @ z), z

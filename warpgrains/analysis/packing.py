@@ -1,9 +1,9 @@
-"""Heights and packing fractions, and the space of each grain: radical Voronoi cells, cut at the walls.
+"""Heights, packing fractions, and the area of each grain: its radical Voronoi cell, clipped at the walls.
 
-A point belongs to the grain from which |x - x_i|^2 - r_i^2 is least: for equal radii the Voronoi cell, for
-unequal ones a cell that no other grain reaches into. These cells are dual to the lower convex hull of the
-points (x, y, |x|^2 - r^2) (Aurenhammer, Power diagrams, 1987): a facet z = 2 c . x + d of the hull is a
-corner c of the cells of its three grains.
+A point belongs to the grain i with the least |x - x_i|^2 - r_i^2. For equal radii this is the Voronoi cell.
+For unequal radii it is a cell that no other grain reaches into. These cells are dual to the lower convex hull
+of the points (x, y, |x|^2 - r^2) (Aurenhammer, Power diagrams, 1987): a facet z = 2 c . x + d of the hull
+corresponds to a corner c of the cells of its three grains.
 """
 
 import numpy as np
@@ -16,11 +16,11 @@ from warpgrains.scene.geometry import area_below, area_in_disc
 from warpgrains.scene.walls import Annulus
 from warpgrains.solver.ends import Grains
 
-BEYOND = 10.0  # radii of the outer wall: three places there close the cells at the border
+BEYOND = 10.0  # in radii of the outer wall: three auxiliary points there close the outermost cells
 
 
 def upwards(gravity: ArrayLike) -> FloatArray:
-    """Return the unit vectors against gravity [m/s2], shape (..., 2); without gravity, that of y."""
+    """Return unit vectors against gravity [m/s2], shape (..., 2); without gravity, the y direction."""
     g = np.array(gravity)
     size, up = np.hypot(g[..., :1], g[..., 1:]), np.zeros_like(g)
     up[..., 1] = 1.0
@@ -28,7 +28,7 @@ def upwards(gravity: ArrayLike) -> FloatArray:
 
 
 def heights(of: Snapshot | HasState) -> FloatArray:
-    """Return how high the grains' centres are above the origin, against gravity [m], shape (n,).
+    """Return the heights of the grains' centers above the origin, against gravity [m], shape (n,).
 
     Examples
     --------
@@ -43,7 +43,7 @@ def _heights(grains: Grains) -> FloatArray:
 
 
 def pile_height(of: Snapshot | HasState) -> float:
-    """Return how far the highest point of a grain is above the lowest point of the walls [m].
+    """Return the height of the highest point of a grain above the lowest point of the walls [m].
 
     Examples
     --------
@@ -54,15 +54,15 @@ def pile_height(of: Snapshot | HasState) -> float:
 
 
 def pile_heights(grains: Grains) -> FloatArray:
-    """Return the heights of the piles of many runs [m], shape (m,)."""
+    """Return the pile heights of many runs [m], shape (m,)."""
     return (_heights(grains) + grains.radius).max(axis=-1) + grains.walls.depth
 
 
 def packing_fraction(of: Snapshot | HasState) -> float:
-    """Return which share of the space between the walls the grains fill, beneath their mean height.
+    """Return the fraction of the area between the walls that grains fill, below their mean height.
 
-    Below the mean of the heights, weighted by area, a pile is dense; its loose surface does not count, nor
-    does where the walls end. Grains and space are cut at that height exactly.
+    The mean height is weighted by area. A pile is dense below it, so that neither its loose surface nor the
+    empty space above counts. Grains and space are cut exactly at that height.
 
     Examples
     --------
@@ -85,7 +85,7 @@ def mean_heights(grains: Grains) -> FloatArray:
 
 
 def global_packing_fraction(of: Snapshot | HasState) -> float:
-    """Return which share of the whole space between the walls the grains fill.
+    """Return the fraction of the whole area between the walls that grains fill.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
 
     Raises
     ------
-    SceneError
+    InputError
         scipy is not installed; it comes with the extra ``[report]``.
 
     Examples
@@ -109,20 +109,20 @@ def cell_areas(of: Snapshot | HasState) -> FloatArray:
     >>> bool(np.isclose(analysis.cell_areas(simulation).sum(), simulation.scene.annulus.area))
     True
     """
-    moment = snapshot(of)
-    return radical_cell_areas(moment.position, moment.scene.radius, moment.scene.annulus)
+    now = snapshot(of)
+    return radical_cell_areas(now.position, now.scene.radius, now.scene.annulus)
 
 
 def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
-    """Return which share of its cell each grain fills, shape (n,); see `cell_areas`.
+    """Return the fraction of its cell that each grain fills, shape (n,); see `cell_areas`.
 
     Examples
     --------
     >>> analysis.local_packing_fractions(simulation).shape
     (15,)
     """
-    moment = snapshot(of)
-    return np.pi * moment.scene.radius**2 / cell_areas(moment)
+    now = snapshot(of)
+    return np.pi * now.scene.radius**2 / cell_areas(now)
 
 
 def radical_cell_areas(position: FloatArray, radius: FloatArray, walls: Annulus) -> FloatArray:
@@ -131,7 +131,7 @@ def radical_cell_areas(position: FloatArray, radius: FloatArray, walls: Annulus)
     _, first, count = np.unique(grain, return_index=True, return_counts=True)
     middle = np.repeat(np.add.reduceat(corner, first) / count[:, np.newaxis], count, axis=0)
     around = np.arctan2(*(corner - middle).T[::-1])
-    corner = corner[np.lexsort((around, grain))]  # each cell is convex
+    corner = corner[np.lexsort((around, grain))]  # by angle, because each cell is convex
     onward = np.arange(1, len(grain) + 1)
     onward[first + count - 1] = first
     inner = walls.radius_in / walls.radius_out
@@ -140,9 +140,9 @@ def radical_cell_areas(position: FloatArray, radius: FloatArray, walls: Annulus)
 
 
 def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Return the corners of all cells, shape (c, 2), and before them, in order, the grains they are of.
+    """Return the corners of all cells, shape (c, 2), and the grain of each corner, in ascending order.
 
-    The outer wall is at 1.
+    Lengths are in units of the outer radius.
     """
     try:
         from scipy.spatial import ConvexHull

@@ -1,4 +1,4 @@
-"""Pictures of a recording and of a history of steps, drawn by Matplotlib's Agg: no window is opened."""
+"""Plots of a recording and of a history of steps, drawn by Matplotlib's Agg without a window."""
 
 from collections.abc import Sequence
 from itertools import zip_longest
@@ -11,15 +11,15 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
-from warpgrains.files import read_table, require_place
+from warpgrains.errors import InputError
+from warpgrains.files import read_table, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
 from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
-from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
+from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
 _FRAMES_IN_A_ROW = 5
-_FRAME_SIZE = 2.4  # inches, and more where there are less than three
+_FRAME_SIZE = 2.4  # inches per frame; larger for fewer than three frames
 _CURVES_HEIGHT = 1.7  # inches
 _LINE_WIDTH = 1.0  # points
 _MARK_COLOR = "0.75"
@@ -31,7 +31,7 @@ _STEPS_MAP = "viridis"
 def plot(
     recording: str | Path, output: str | Path, frames: Sequence[int] | None = None, curves: bool = True
 ) -> list[int]:
-    """Draw frames of a recording, and what changes over time.
+    """Draw frames of a recording, and curves over time.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def plot(
     output : str or Path
         The picture, a .png, .pdf or .svg file.
     frames : sequence of int, optional
-        Numbers of the frames to draw, negative ones from the end; by default five of them, evenly spaced.
+        Numbers of the frames to draw, negative ones from the end; by default five evenly spaced frames.
     curves : bool
         Whether to draw energy, height and number of contacts over time.
 
@@ -51,13 +51,13 @@ def plot(
 
     Raises
     ------
-    SceneError
-        The recording cannot be read, is none or has no such frame, or the picture cannot be written there. A
-        file that crashes USD or has no end is refused by the command ``warpgrains plot`` only.
+    InputError
+        The file cannot be read, is no recording or lacks a frame, or the picture cannot be written. Only the
+        command ``warpgrains plot`` is safe against files that crash USD or never end.
     """
     output = Path(output)
-    require_place("picture", output, *STILLS)
-    with refusing_foreign_content(recording):
+    require_writable_path("picture", output, *STILLS)
+    with refusing_untrusted_content(recording):
         reader = RecordingReader(recording)
         numbers = _numbers(frames, len(reader.time))
         save_figure(_draw(reader, numbers, curves and len(reader.time) > 1), output)
@@ -65,12 +65,14 @@ def plot(
 
 
 def _numbers(frames: Sequence[int] | None, count: int) -> list[int]:
-    """Return the numbers of the frames to draw, none of them negative."""
+    """Return the numbers of the frames to draw, counted from the start."""
     if frames is None:
         return sorted(set(np.linspace(0, count - 1, _FRAMES_IN_A_ROW).round().astype(int).tolist()))
     for frame in frames:
         if not -count <= frame < count:
-            raise SceneError(f"there is no frame {frame}: the recording has {count}, from 0 to {count - 1}")
+            raise InputError(
+                f"frame {frame} does not exist: the recording has {count} frames, 0 to {count - 1}"
+            )
     return [frame % count for frame in frames]
 
 
@@ -110,7 +112,7 @@ def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: FloatArray)
 
 
 def measure(reader: RecordingReader) -> dict[str, FloatArray]:
-    """Return each curve by its title, shape (f,); energy and height are means, each grain counted alike."""
+    """Return the curves by title, shape (f,); energy and height are means over the grains."""
     frames = range(len(reader.time))
     energies = [0.5 * (reader.velocity(frame) ** 2).sum(axis=1).mean() for frame in frames]
     curves: dict[str, list[float]] = {"kinetic energy per mass [J/kg]": energies}
@@ -121,7 +123,7 @@ def measure(reader: RecordingReader) -> dict[str, FloatArray]:
 
 
 def plot_history(table: str | Path, output: str | Path) -> list[int]:
-    """Draw zeta and residual against the iteration, a line a step.
+    """Draw zeta and residual against the iteration, one line per step.
 
     Parameters
     ----------
@@ -137,11 +139,11 @@ def plot_history(table: str | Path, output: str | Path) -> list[int]:
 
     Raises
     ------
-    SceneError
-        The table cannot be read, or the picture cannot be written there.
+    InputError
+        The table cannot be read, or the picture cannot be written.
     """
     output = Path(output)
-    require_place("picture", output, *STILLS)
+    require_writable_path("picture", output, *STILLS)
     step, iteration, *values = _columns(Path(table))
     steps = np.unique(step)
     figure = Figure(_HISTORY_SIZE, layout="constrained")
@@ -150,7 +152,7 @@ def plot_history(table: str | Path, output: str | Path) -> list[int]:
     for axes, name, value in zip(all_axes, _LABELS, values, strict=True):
         for number in steps:
             of_step = step == number
-            drawn = np.where(value[of_step] > 0.0, value[of_step], np.nan)  # there is no logarithm of 0
+            drawn = np.where(value[of_step] > 0.0, value[of_step], np.nan)  # the logarithm of 0 is not drawn
             marker = "." if of_step.sum() < 3 else ""
             axes.semilogy(
                 iteration[of_step], drawn, color=colors.to_rgba(number), linewidth=0.8, marker=marker
@@ -169,5 +171,5 @@ def _columns(table: Path) -> list[FloatArray]:
     except (KeyError, TypeError, ValueError):
         columns = []
     if not columns or not len(rows) or not all(np.isfinite(column).all() for column in columns):
-        raise SceneError(f"'{table}' is no history of `warpgrains run --step-by-step --history`")
+        raise InputError(f"'{table}' is not a history: `warpgrains run --step-by-step --history` writes one")
     return columns

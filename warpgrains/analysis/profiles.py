@@ -1,4 +1,4 @@
-"""Distributions of grains: profiles by height and by distance from the origin, and distances of pairs."""
+"""Profiles over height and over distance from the origin, and the radial distribution function."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,14 +8,14 @@ import numpy as np
 from warpgrains.analysis.packing import heights, mean_heights, upwards
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene.geometry import area_below, distance
 from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus, outward
 
 
 class Profile(NamedTuple):
-    """Means over slices; a grain counts in each by how much of its area is inside; NaN without grains.
+    """Means over slices, in which each grain is weighted by its area inside; NaN without grains.
 
     Examples
     --------
@@ -26,16 +26,18 @@ class Profile(NamedTuple):
     edges: FloatArray
     """Edges of the slices [m], shape (bins + 1,)."""
     packing_fraction: FloatArray
-    """Share of the space that grains fill, shape (bins,)."""
+    """Fraction of the area of each slice that grains fill, shape (bins,)."""
     velocity: FloatArray
-    """Mean velocity [m/s], shape (bins, 2); its component along the profile, and a quarter turn to the left
-    of it. By height these are up and to the left, by radius outwards and anticlockwise."""
+    """Mean velocity [m/s], shape (bins, 2): the component along the profile, and the one 90 degrees to its
+    left. For heights these are upwards and to the left, for radii outwards and counter-clockwise."""
     temperature: FloatArray
-    """Granular temperature, about the mean of the slice [m2/s2], shape (bins,)."""
+    """Granular temperature relative to the mean velocity of the slice [m2/s2], shape (bins,)."""
 
 
 def height_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
-    """Return means over slices across gravity, from the lowest point of the walls to the highest.
+    """Return means over slices perpendicular to gravity.
+
+    They reach from the lowest to the highest point of the walls.
 
     Heights are measured from the origin.
 
@@ -45,55 +47,58 @@ def height_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
     >>> profile.packing_fraction.round(2)
     array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
-    moment = snapshot(of)
-    walls, up = moment.scene.annulus, upwards(moment.scene.gravity)
+    now = snapshot(of)
+    walls, up = now.scene.annulus, upwards(now.scene.gravity)
     edges = np.linspace(-walls.depth, walls.depth, bins + 1)
-    height = heights(moment)
-    area = np.array([area_below(moment.scene.radius, edge - height) for edge in edges])
-    room = np.array([walls.area_below(edge) for edge in edges])
-    return _profile(edges, area, room, _components(moment.velocity, np.broadcast_to(up, (moment.n, 2))))
+    height = heights(now)
+    area = np.array([area_below(now.scene.radius, edge - height) for edge in edges])
+    space = np.array([walls.area_below(edge) for edge in edges])
+    return _profile(edges, area, space, _components(now.velocity, np.broadcast_to(up, (now.n, 2))))
 
 
 def radial_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
-    """Return means over rings between the walls, by distance from the origin.
+    """Return means over rings about the origin between the walls.
 
     Examples
     --------
     >>> analysis.radial_profile(simulation, bins=6).packing_fraction.round(2)
     array([0.01, 0.02, 0.  , 0.  , 0.03, 0.12])
     """
-    moment = snapshot(of)
-    walls, rho = moment.scene.annulus, distance(moment.position)
+    now = snapshot(of)
+    walls, rho = now.scene.annulus, distance(now.position)
     edges = np.linspace(walls.radius_in, walls.radius_out, bins + 1)
-    area = np.array([_lens(rho, moment.scene.radius, edge) for edge in edges])
-    with np.errstate(invalid="ignore"):  # at the origin nothing is outwards
-        along = np.nan_to_num(outward(moment.position))
-    return _profile(edges, area, np.pi * edges**2, _components(moment.velocity, along))
+    area = np.array([_lens(rho, now.scene.radius, edge) for edge in edges])
+    with np.errstate(invalid="ignore"):  # no outward direction at the origin
+        along = np.nan_to_num(outward(now.position))
+    return _profile(edges, area, np.pi * edges**2, _components(now.velocity, along))
 
 
 def _components(velocity: FloatArray, along: FloatArray) -> FloatArray:
-    """Return velocities along unit vectors and a quarter turn to their left, shape (n, 2)."""
+    """Return the components of velocities along unit vectors and 90 degrees to their left, shape (n, 2)."""
     left = np.stack([-along[:, 1], along[:, 0]], axis=1)
     return np.stack([(velocity * along).sum(axis=1), (velocity * left).sum(axis=1)], axis=1)
 
 
-def _profile(edges: FloatArray, area: FloatArray, room: FloatArray, velocity: FloatArray) -> Profile:
-    """Return means over slices; areas below edges are of grains, (bins + 1, n), and of space, (bins + 1,)."""
+def _profile(edges: FloatArray, area: FloatArray, space: FloatArray, velocity: FloatArray) -> Profile:
+    """Return means over slices.
+
+    `area` holds areas below the edges of grains, (bins + 1, n), and `space` those of the space, (bins + 1,).
+    """
     weight = np.diff(area, axis=0)
     total = weight.sum(axis=1)
     with np.errstate(invalid="ignore"):
         share = weight / total[:, np.newaxis]
     mean = share @ velocity
     temperature = 0.5 * (share @ (velocity**2).sum(axis=1) - (mean**2).sum(axis=1))
-    return Profile(edges, total / np.diff(room), mean, np.maximum(temperature, 0.0))
+    return Profile(edges, total / np.diff(space), mean, np.maximum(temperature, 0.0))
 
 
 def _lens(rho: FloatArray, radius: FloatArray, edge: float) -> FloatArray:
-    """Return the areas [m2] that discs rho from the origin share with one of radius `edge` about it."""
+    """Return the areas [m2] that discs at distances rho from the origin share with that of radius `edge`."""
     touching = (rho < edge + radius) & (rho > np.abs(edge - radius))
     area = np.where(rho <= np.abs(edge - radius), np.pi * np.minimum(radius, edge) ** 2, 0.0)
     d, r = rho[touching], radius[touching]
-    near = (d**2 + r**2 - edge**2) / (2.0 * d)  # of the common chord, from the centre of the disc
+    near = (d**2 + r**2 - edge**2) / (2.0 * d)  # distance of the common chord from the center of the disc
     far = d - near
     half = np.sqrt(np.maximum(r**2 - near**2, 0.0))
     area[touching] = (
@@ -103,15 +108,15 @@ def _lens(rho: FloatArray, radius: FloatArray, edge: float) -> FloatArray:
 
 
 class RadialDistribution(NamedTuple):
-    """Pairs of grains by their distance."""
+    """Radial distribution function of grain centers."""
 
     edges: FloatArray
     """Edges of the bins [m], shape (bins + 1,)."""
     pairs: IndexArray
-    """Pairs i < j of grains of the region in each, shape (bins,)."""
+    """Number of pairs i < j in each bin, both in the region, shape (bins,)."""
     g: FloatArray
-    """g(r), shape (bins,): pairs in each, over the mean number of pairs if as many grains were at independent
-    random places of the region."""
+    """g(r), shape (bins,): `pairs` divided by its expectation for the same number of independent, uniformly
+    random points in the region."""
 
 
 def radial_distribution(
@@ -120,29 +125,29 @@ def radial_distribution(
     reach: float | None = None,
     region: Mapping[str, Sequence[float]] | None = None,
 ) -> RadialDistribution:
-    """Return g(r) of the grains of a region, which tends to 1 where the region is filled evenly.
+    """Return g(r) of the grains in a region; it tends to 1 if the region is filled uniformly.
 
-    Only the part of the circle of radius r about a grain that is in the region counts, so that g(r) is not
-    too small near its border. Where a region is partly empty, as the space above a pile is, g(r) tends to
-    more than 1: the density, averaged over the region, is smaller than that about a grain.
+    Only the part of the circle of radius r about a grain that lies in the region counts, so that the border
+    does not bias g(r). If a region is partly empty, like the space above a pile, g(r) tends to more than 1,
+    because the mean density of the region is smaller than the density around a grain.
 
     Parameters
     ----------
     of : Snapshot or Simulation
     bins : int
     reach : float, optional
-        Where the bins end [m]; by default five mean diameters.
+        Upper end of the bins [m]; by default five mean diameters.
     region : mapping, optional
-        Ranges [m] of the centres, as `grains.region` of scene files has them: of x, y and distance from
-        the origin; without any, ``{}``, all space between the walls. By default the space at least a mean
-        diameter from the walls, along which grains are layered, and, where there is gravity, beneath the mean
-        height of the grains, weighted by area, as for `packing_fraction`.
+        Ranges of the centers [m] in x, y and distance from the origin, as for `grains.region` of scene
+        files; ``{}`` is the whole space between the walls. The default excludes a mean diameter along the
+        walls, where grains are layered, and under gravity the space above the mean height of the grains,
+        weighted by area, as for `packing_fraction`.
 
     Raises
     ------
-    SceneError
-        The region is none, or has no space for centres, as the default in a pile of one layer. Or scipy is
-        not installed; it comes with the extra ``[report]``.
+    InputError
+        The region is invalid or has no space for centers, as the default in a pile of one layer; or scipy is
+        not installed, which the extra ``[report]`` installs.
 
     Examples
     --------
@@ -154,57 +159,60 @@ def radial_distribution(
         from scipy.spatial import cKDTree
     except ModuleNotFoundError as error:
         raise missing_extra("radial_distribution", error) from error
-    moment = snapshot(of)
-    counted, position = _counted(moment, region)
+    now = snapshot(of)
+    counted, position = _region_and_centers(now, region)
     position = position[counted.contains(position)]
-    reach = 10.0 * float(moment.scene.radius.mean()) if reach is None else reach
+    reach = 10.0 * float(now.scene.radius.mean()) if reach is None else reach
     i, j = cKDTree(position).query_pairs(reach, output_type="ndarray").T
     pairs, edges = np.histogram(distance(position[j] - position[i]), bins, (0.0, reach))
-    expected = _expected(_of_centres(counted, moment), position, edges)
+    expected = _expected(_region_of_centers(counted, now), position, edges)
     g = np.divide(pairs, expected, out=np.zeros(bins), where=expected > 0.0)
     return RadialDistribution(edges, pairs, g)
 
 
-def _counted(moment: Snapshot, region: Any) -> tuple[Region, FloatArray]:
-    """Return the region, and the centres [m], shape (n, 2), with up along y if the region is the default."""
-    scene = moment.scene
+def _region_and_centers(now: Snapshot, region: Any) -> tuple[Region, FloatArray]:
+    """Return region and centers [m], shape (n, 2).
+
+    If the region is the default, they are rotated so that up is y.
+    """
+    scene = now.scene
     if region is not None:
-        return region_of(scene.annulus, dict(region), "region"), moment.position
+        return region_of(scene.annulus, dict(region), "region"), now.position
     inner, outer, diameter = scene.radius_in, scene.radius_out, 2.0 * float(scene.radius.mean())
     bulk = Region(Annulus(inner + diameter if inner > 0.0 else 0.0, outer - diameter))
     if not any(scene.gravity):
-        return bulk, moment.position
+        return bulk, now.position
     x, y = upwards(scene.gravity)
-    turned = np.stack([moment.position @ np.array([y, -x]), heights(moment)], axis=1)
-    return bulk._replace(high=(np.inf, mean_heights(moment.grains).item())), turned
+    turned = np.stack([now.position @ np.array([y, -x]), heights(now)], axis=1)
+    return bulk._replace(high=(np.inf, mean_heights(now.grains).item())), turned
 
 
-def _of_centres(region: Region, moment: Snapshot) -> Region:
-    """Return the part of a region that the walls leave to centres of the smallest grains."""
-    smallest, walls = moment.scene.radius.min(), moment.scene.annulus
+def _region_of_centers(region: Region, now: Snapshot) -> Region:
+    """Return the part of a region that the centers of the smallest grains can reach."""
+    smallest, walls = now.scene.radius.min(), now.scene.annulus
     near = walls.radius_in + smallest if walls.radius_in > 0.0 else 0.0
     near, far = max(region.ring.radius_in, near), min(region.ring.radius_out, walls.radius_out - smallest)
     left = region._replace(ring=Annulus(near, far))
     if near >= far or left.area <= 0.0:
-        raise SceneError(
-            f"there is no space for centres of grains of radius {smallest:g} m in the region:"
+        raise InputError(
+            f"the region has no point for the center of a grain of radius {smallest:g} m:"
             " give a larger one, such as region={}"
         )
     return left
 
 
 def _expected(region: Region, position: FloatArray, edges: FloatArray) -> FloatArray:
-    """Return the mean number of pairs in each bin if centres are at random places, by the midpoint rule."""
+    """Return the expected number of pairs in each bin for random centers, by the midpoint rule."""
     middle = 0.5 * (edges[1:] + edges[:-1])
     inside = np.array([share_inside(region, position, r).sum() for r in middle])
     return 0.5 * (len(position) - 1) / region.area * 2.0 * np.pi * middle * np.diff(edges) * inside
 
 
 def share_inside(region: Region, position: FloatArray, r: float) -> FloatArray:
-    """Return the share of the circle of radius r [m] about each point that is in a region, shape (n,).
+    """Return the fraction of the circle of radius r [m] about each point inside a region, shape (n,).
 
-    The circle is cut where it crosses the circles and lines that bound the region; an arc between two
-    cuts is inside if its middle is.
+    The circle is cut at its intersections with the circles and lines that bound the region. An arc between
+    two cuts is inside if its midpoint is.
     """
     rho, towards = distance(position), np.arctan2(position[:, 1], position[:, 0])
     cuts = [np.zeros(len(position))]

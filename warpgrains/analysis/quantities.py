@@ -1,4 +1,4 @@
-"""Numbers of a state, by name: for series of a run, and for the tables of sweeps."""
+"""Named scalar quantities of a state, for the series of a run and the tables of sweeps."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -17,56 +17,86 @@ from warpgrains.solver.ends import Grains
 
 
 class Quantity(NamedTuple):
-    """A number that a snapshot has: a part of what a function returns, which is called once for all parts."""
+    """A scalar quantity of a snapshot.
+
+    It is one element of the result of a function, which is called once for all its elements.
+    """
 
     unit: str
-    """Empty for a pure number."""
+    """Unit; empty for a dimensionless number."""
     function: Callable[[Snapshot], Any]
     part: Callable[[Any], float] = float
     of_runs: Callable[[Grains], FloatArray] | None = None
-    """The same of many runs at once, shape (m,), where it is a column of every sweep's results."""
+    """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
+    meaning: str = ""
 
-    def of(self, moment: Snapshot) -> float:
-        """Return it alone."""
-        return self.part(self.function(moment))
+    def of(self, now: Snapshot) -> float:
+        """Return the quantity of one snapshot."""
+        return self.part(self.function(now))
 
 
-def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray]) -> Quantity:
-    return Quantity(unit, lambda moment: of_runs(moment.grains).item(), of_runs=of_runs)
+def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray], meaning: str) -> Quantity:
+    return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs, meaning=meaning)
 
 
 def _stress(a: int, b: int) -> Quantity:
-    return Quantity("N/m", contacts.mean_stress, lambda found: float(found[a, b]))
+    meaning = "component of the mean stress, compression positive"
+    return Quantity("N/m", contacts.mean_stress, lambda found: float(found[a, b]), meaning=meaning)
 
 
-def _powers(moment: Snapshot) -> EnergyBalance:
-    """Return what a step loses, over its time [W]."""
-    return EnergyBalance(*(energy / moment.scene.dt for energy in step_energy_balance(moment)))
+def _force(part: str, meaning: str) -> Quantity:
+    return Quantity("N", contacts.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
+
+
+def _powers(now: Snapshot) -> EnergyBalance:
+    """Return the energy balance of the last step divided by its duration [W]."""
+    return EnergyBalance(*(energy / now.scene.dt for energy in step_energy_balance(now)))
 
 
 QUANTITIES = {
-    "kinetic_energy": _of_runs("J", energy.kinetic_energies),
-    "potential_energy": _of_runs("J", energy.potential_energies),
-    "contact_power": Quantity("W", _powers, attrgetter("contact_loss")),
-    "drag_power": Quantity("W", _powers, attrgetter("drag_loss")),
-    "outer_wall_force": _of_runs("N", partial(contacts.wall_force_sums, wall=OUTER)),
-    "inner_wall_force": _of_runs("N", partial(contacts.wall_force_sums, wall=INNER)),
-    "pile_height": _of_runs("m", packing.pile_heights),
-    "packing_fraction": _of_runs("", packing.packing_fractions),
-    "coordination_number": Quantity("", contacts.coordination_number),
-    "rattlers": Quantity("", contacts.rattlers, lambda found: float(np.count_nonzero(found))),
-    "pressure": Quantity("N/m", contacts.pressure),
+    "kinetic_energy": _of_runs("J", energy.kinetic_energies, "sum of m v^2 / 2"),
+    "potential_energy": _of_runs("J", energy.potential_energies, "sum of -m g . x, 0 at the origin"),
+    "contact_power": Quantity(
+        "W", _powers, attrgetter("contact_loss"), meaning="power that contacts dissipate, in the last step"
+    ),
+    "drag_power": Quantity(
+        "W", _powers, attrgetter("drag_loss"), meaning="power that drag dissipates, in the last step"
+    ),
+    "outer_wall_force": _of_runs(
+        "N", partial(contacts.wall_force_sums, wall=OUTER), "sum of the contact forces on the outer wall"
+    ),
+    "inner_wall_force": _of_runs(
+        "N", partial(contacts.wall_force_sums, wall=INNER), "sum of the contact forces on the inner wall"
+    ),
+    "pile_height": _of_runs(
+        "m", packing.pile_heights, "highest point of a grain above the lowest point of the walls"
+    ),
+    "packing_fraction": _of_runs(
+        "", packing.packing_fractions, "share of the space below the mean height that grains fill"
+    ),
+    "coordination_number": Quantity(
+        "", contacts.coordination_number, meaning="mean number of contacts of a grain, walls included"
+    ),
+    "rattlers": Quantity(
+        "",
+        contacts.rattlers,
+        lambda found: float(np.count_nonzero(found)),
+        meaning="number of grains that their contacts do not hold",
+    ),
+    "pressure": Quantity("N/m", contacts.pressure, meaning="half the trace of the mean stress"),
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
     "stress_yy": _stress(1, 1),
-    "mean_force": Quantity("N", contacts.force_statistics, attrgetter("mean")),
-    "largest_force": Quantity("N", contacts.force_statistics, attrgetter("largest")),
-    "force_deviation": Quantity("N", contacts.force_statistics, attrgetter("deviation")),
-    "mean_speed": Quantity("m/s", energy.mean_speed),
-    "largest_speed": Quantity("m/s", energy.largest_speed),
-    "granular_temperature": Quantity("m2/s2", energy.granular_temperature),
+    "mean_force": _force("mean", "mean of the forces"),
+    "largest_force": _force("largest", "largest force"),
+    "force_deviation": _force("deviation", "standard deviation of the forces"),
+    "mean_speed": Quantity("m/s", energy.mean_speed, meaning="mean speed of the grains"),
+    "largest_speed": Quantity("m/s", energy.largest_speed, meaning="speed of the fastest grain"),
+    "granular_temperature": Quantity(
+        "m2/s2", energy.granular_temperature, meaning="mean square of a component of v - <v>"
+    ),
 }
-"""All of them; powers and forces are those of the last step."""
+"""All quantities by name; powers and forces are those of the last step."""
 
 GROUPS = {
     "energy": ("kinetic_energy", "potential_energy", "contact_power", "drag_power"),
@@ -77,19 +107,19 @@ GROUPS = {
     "force": ("mean_force", "largest_force", "force_deviation"),
     "speed": ("mean_speed", "largest_speed", "granular_temperature"),
 }
-"""Names for several."""
+"""Names of groups of quantities."""
 
-OF_A_SWEEP = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
-"""Those that every run of a sweep has in its result, of many runs at once."""
+SWEEP_QUANTITIES = {name: found.of_runs for name, found in QUANTITIES.items() if found.of_runs is not None}
+"""Quantities that are columns of every sweep's results, as functions of many runs."""
 
 
 def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
-    """Return the quantities of some names and groups, each once, in the given order.
+    """Return the quantities that names and groups denote, without duplicates, in the given order.
 
     Raises
     ------
-    SceneError
-        A name is that of no quantity and of no group, or there is none.
+    InputError
+        A name is neither a quantity nor a group, or no name is given.
     """
     found: dict[str, None] = {}
     for name in wanted:
@@ -99,7 +129,7 @@ def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
 
 
 def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)) -> dict[str, float]:
-    """Return some quantities by name, in the units of `QUANTITIES`.
+    """Return quantities by name, in the units of `QUANTITIES`.
 
     Parameters
     ----------
@@ -109,7 +139,7 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
 
     Raises
     ------
-    SceneError
+    InputError
         A name is unknown.
 
     Examples
@@ -117,7 +147,7 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
     >>> analysis.quantities(simulation, ["rattlers", "packing_fraction"])["rattlers"]
     3.0
     """
-    moment = snapshot(of)
+    now = snapshot(of)
     wanted = {name: QUANTITIES[name] for name in names_of(names)}
-    found = {function: function(moment) for function in {one.function for one in wanted.values()}}
+    found = {function: function(now) for function in {one.function for one in wanted.values()}}
     return {name: one.part(found[one.function]) for name, one in wanted.items()}

@@ -1,4 +1,4 @@
-"""A recording read back as arrays."""
+"""`Recording`: the frames of a recorded run as arrays."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_normals
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
 from warpgrains.tables import library
-from warpgrains.usd.reader import RecordingReader, refusing_foreign_content
+from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
 if TYPE_CHECKING:
     import xarray
 
 
 class Recording(Shown):
-    """The frames of a recording as arrays; a recording holds them as float32.
+    """The frames of a recording as arrays; the file stores them as float32.
 
     Parameters
     ----------
     path : str or Path
-        A USD file that a run has recorded.
+        A USD file that a run recorded.
 
     Attributes
     ----------
@@ -40,26 +40,27 @@ class Recording(Shown):
 
     Raises
     ------
-    SceneError
-        The file is missing, is not USD, holds no frames of grains or what no recording does.
+    InputError
+        The file is missing, is not USD, holds no frames of grains, or has content that recordings do not
+        have.
 
     Examples
     --------
     >>> recording = wg.Recording("annulus.usdc")
     >>> len(recording), recording.position.shape, recording.has_forces, recording.scene.n
     (97, (97, 15, 2), True, 15)
-    >>> recording.frame(-1).force.shape  # of the contacts
+    >>> recording.frame(-1).force.shape  # one per contact
     (15,)
     """
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        with refusing_foreign_content(path):
+        with refusing_untrusted_content(path):
             self._reader = RecordingReader(self.path)
         self.time, self.radius = self._reader.time, self._reader.radius
 
-    def facts(self) -> dict[str, str]:
-        """Return its size, times and forces, by name, as texts."""
+    def summary(self) -> dict[str, str]:
+        """Return the fields of the one-line summary by name."""
         return {
             self.path.name: f"of {len(self.radius)} grains",
             "frames": f"{len(self)}",
@@ -68,17 +69,16 @@ class Recording(Shown):
         }
 
     def __len__(self) -> int:
-        """Return the number of frames."""
         return len(self.time)
 
     @property
     def has_forces(self) -> bool:
-        """Whether contacts and their forces were recorded (``--forces``)."""
+        """True if contacts and their forces were recorded (``--forces``)."""
         return self._reader.chain_scale is not None
 
     @cached_property
     def position(self) -> FloatArray:
-        """Centres of the grains [m], shape (f, n, 2)."""
+        """Centers of the grains [m], shape (f, n, 2)."""
         return np.array([self._reader.position(k) for k in range(len(self))])
 
     @cached_property
@@ -98,12 +98,12 @@ class Recording(Shown):
 
     @cached_property
     def scene(self) -> Scene:
-        """Scene of the run, with the grains of the first frame.
+        """Scene of the run, with the grains at their positions in the first frame.
 
         Raises
         ------
-        SceneError
-            An earlier release has recorded it, and not all that a scene has.
+        InputError
+            An earlier release recorded the file, without all fields of a scene.
         """
         fields = self._reader.scene_fields()
         position, velocity = self._reader.position(0), self._reader.velocity(0)
@@ -112,24 +112,24 @@ class Recording(Shown):
         return Scene(position=position, velocity=velocity, radius=self.radius, **fields)
 
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
-        """Return a frame, for `warpgrains.analysis`.
+        """Return a frame as a snapshot, for `warpgrains.analysis`.
 
         Parameters
         ----------
         k : int
-            Its number, negative from the end.
+            Number of the frame; negative numbers count from the end.
         contacts : bool
-            Whether it is to have contacts; without, there are none in it.
+            Whether to include contacts.
 
         Raises
         ------
-        SceneError
-            There is no such frame, or contacts were not recorded.
+        InputError
+            The frame does not exist, or contacts were not recorded.
         """
         if not -len(self) <= k < len(self):
-            raise SceneError(f"there is no frame {k}: '{self.path}' has {len(self)}")
+            raise InputError(f"frame {k} does not exist: '{self.path}' has {len(self)} frames")
         if contacts and not self.has_forces:
-            raise SceneError(f"'{self.path}' holds no contacts: record them with --forces")
+            raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
         position = self._reader.position(k)
         pair, force = np.zeros((0, 2), np.int32), np.zeros(0)
@@ -163,17 +163,17 @@ class Recording(Shown):
     def to_xarray(self) -> xarray.Dataset:
         """Return positions, velocities, radii and contacts as a dataset, with units.
 
-        Positions and velocities are over time and grain. Contacts, where they were recorded, are in one list
-        along the dimension `contact`: the number of the frame, `contact_frame`; the grain, `contact_grain`;
-        the other grain, or -1 for the outer wall, -2 for the inner one and -3, -4, ... for those of
-        `Scene.walls`, `contact_other`; the unit vector
-        from the grain to the other or the wall, `contact_normal`; and the force, `contact_force`. With
-        friction, `spin` and `angle` are next to the positions, and `contact_tangential_force` to the forces.
+        Positions and velocities have the dimensions time and grain. Contacts, if they were recorded, form one
+        list along the dimension `contact`: `contact_frame` is the number of the frame, `contact_grain` the
+        grain, `contact_other` the other grain (or -1 for the outer wall, -2 for the inner one, and -3, -4,
+        ... for those of `Scene.walls`), `contact_normal` the unit vector from the grain to the other one or
+        into the wall, and `contact_force` the normal force. With friction, `spin` and `angle` have the
+        dimensions time and grain, and `contact_tangential_force` is next to `contact_force`.
 
         Raises
         ------
-        SceneError
-            xarray is not installed; it comes with the extra ``[data]``.
+        InputError
+            xarray is not installed; the extra ``[data]`` installs it.
         """
         dims = ("time", "grain", "component")
         contacts = self._contacts() if self.has_forces else {}
@@ -196,7 +196,7 @@ class Recording(Shown):
         )
 
     def _contacts(self) -> dict[str, Any]:
-        """Return the contacts of all frames, as `to_xarray` names them."""
+        """Return the contacts of all frames under the names that `to_xarray` uses."""
         chains = [self._reader.chains(k) for k in range(len(self))]
         normal = [contact_normals(self.scene, self.position[k], of.pair) for k, of in enumerate(chains)]
         frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])

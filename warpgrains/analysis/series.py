@@ -1,4 +1,4 @@
-"""Time series: quantities of a simulation as it runs, kept in a table and written as CSV."""
+"""Time series of quantities of a simulation during a run, as a table and as a CSV file."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Self
 
 from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import Row, read_table, require_place, table_text, write_whole
+from warpgrains.errors import InputError, OutputError
+from warpgrains.files import Row, read_table, require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene import checks
 from warpgrains.tables import library
@@ -24,32 +24,32 @@ FIRST = ("step", "time")
 
 
 class Series:
-    """Measures quantities of a simulation while it runs: ``simulation.run(observer=series)``.
+    """Table of quantities, measured during a run: ``simulation.run(observer=series)``.
 
     Parameters
     ----------
     measure : str or iterable of str
-        Names of `QUANTITIES` or `GROUPS`; in one text, with commas between them.
+        Names of `QUANTITIES` or `GROUPS`; a single text may hold several, separated by commas.
     every : int
-        Steps between two rows: there is one at each step that is a multiple of it.
+        Steps between two rows; they are at multiples of this number.
     path : str or Path, optional
-        CSV file to write the rows to, whole, at each checkpoint and in the end. It is locked until `close`,
-        or the end of a ``with`` block.
+        CSV file, written completely at each checkpoint and at the end. It is locked until `close` or the end
+        of a ``with`` block.
     resume_at : int, optional
-        Continue the rows that the file has up to this step.
+        Step up to which existing rows of the file are kept and continued.
 
     Attributes
     ----------
     names : tuple of str
-        The quantities.
+        Names of the quantities.
     rows : list of dict
-        What was measured: `step`, `time` [s] and the quantities, in the units of `QUANTITIES`.
+        Measurements: `step`, `time` [s] and the quantities, in the units of `QUANTITIES`.
 
     Raises
     ------
-    SceneError
-        A name is unknown, or the file cannot be written or continued; as an `OutputError`, if another process
-        writes it, or it is no series.
+    InputError
+        A name is unknown, or the file cannot be written or continued. It is an `OutputError` if another
+        process writes the file, or the file is no series.
 
     Examples
     --------
@@ -75,10 +75,10 @@ class Series:
         self._lock: Lock | None = None
         self._written = 0
         if self._path is not None:
-            require_place("series", self._path, ".csv")
+            require_writable_path("series", self._path, ".csv")
             self._lock = Lock(self._path)
             try:
-                self._take_up(self._path, resume_at)
+                self._read_rows(self._path, resume_at)
             except BaseException:
                 self.close()
                 raise
@@ -90,15 +90,15 @@ class Series:
         self.close()
 
     def observe(self, simulation: Simulation | Snapshot) -> None:
-        """Measure, unless this step is measured already."""
+        """Append a row, unless this step has one."""
         if not self.rows or self.rows[-1]["step"] < simulation.steps:
             found = quantities(simulation, self.names)
             self.rows.append({"step": simulation.steps, "time": simulation.time, **found})
 
     def flush(self) -> None:
-        """Write all rows so far to the file, if there is one."""
+        """Write all rows so far to the file, if one was given."""
         if self._path is not None and len(self.rows) > self._written:
-            write_whole(self._path, table_text(self.rows).encode())
+            write_atomically(self._path, table_text(self.rows).encode())
             self._written = len(self.rows)
 
     def to_pandas(self) -> pandas.DataFrame:
@@ -106,8 +106,8 @@ class Series:
 
         Raises
         ------
-        SceneError
-            pandas is not installed; it comes with the extra ``[data]``.
+        InputError
+            pandas is not installed; the extra ``[data]`` installs it.
         """
         columns = [*FIRST, *self.names]
         return library("pandas", "to_pandas").DataFrame(self.rows, columns=columns).set_index("step")
@@ -117,8 +117,8 @@ class Series:
 
         Raises
         ------
-        SceneError
-            xarray is not installed; it comes with the extra ``[data]``.
+        InputError
+            xarray is not installed; the extra ``[data]`` installs it.
         """
         columns = {name: [row[name] for row in self.rows] for name in (*FIRST, *self.names)}
         return library("xarray", "to_xarray").Dataset(
@@ -131,24 +131,26 @@ class Series:
         if self._lock is not None:
             self._lock.release()
 
-    def _take_up(self, path: Path, resume_at: int | None) -> None:
-        """Refuse to replace a file that is no series; read the rows to continue."""
+    def _read_rows(self, path: Path, resume_at: int | None) -> None:
+        """Read the rows to continue from an existing file. Raises OutputError if the file is no series."""
         if not path.exists():
             rows: list[Row] = []
         else:
             rows = read_table(path)
             if not rows or tuple(rows[0])[:2] != FIRST:
-                raise OutputError(f"'{path}' is there and is no series: it is not replaced")
+                raise OutputError(f"refusing to overwrite '{path}': not a series of warpgrains")
         if resume_at is None:
             return
         if rows and tuple(rows[0]) != (*FIRST, *self.names):
-            raise SceneError(f"'{path}' is a series of other quantities")
+            raise InputError(
+                f"'{path}' has other columns than --measure: choose another --series, or the same --measure"
+            )
         try:
             kept = [row for row in rows if int(row["step"]) <= resume_at]
             self.rows = [{name: float(cell) for name, cell in row.items()} for row in kept]
         except (ValueError, TypeError):
-            raise SceneError(f"'{path}' holds what is no number") from None
+            raise InputError(f"'{path}' holds a value that is not a number") from None
         for row in self.rows:
             row["step"] = int(row["step"])
         if not self.rows or self.rows[-1]["step"] <= resume_at - self.every:
-            raise SceneError(f"'{path}' does not hold the rows before step {resume_at}, to continue from")
+            raise InputError(f"'{path}' lacks rows before step {resume_at}: the series cannot be continued")

@@ -1,4 +1,4 @@
-"""Grains and their contacts at one time, the input of all analysis."""
+"""Snapshots: grains and their contacts at one time, the input of all analysis."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class HasState(Protocol):
-    """Anything with a scene and a state, such as a `Simulation`."""
+    """Protocol of objects with a scene and a state, such as a `Simulation`."""
 
     @property
     def scene(self) -> Scene:
@@ -31,19 +31,19 @@ class HasState(Protocol):
 
 
 class Loads(NamedTuple):
-    """All contacts as grains see them: of pairs those of each i, then of each j, then those with walls."""
+    """Contacts as forces on single grains: those of pairs on i, then on j, then those of walls."""
 
     grain: IndexArray
-    """The grain, shape (c,)."""
+    """Loaded grain, shape (c,)."""
     normal: FloatArray
-    """Unit vectors from its centre to the contact, shape (c, 2)."""
+    """Unit vectors from the grain's center to the contact, shape (c, 2)."""
     force: FloatArray
-    """How hard it is pushed, against the normal [N], shape (c,), all > 0."""
+    """Force on the grain against the normal [N], shape (c,), all > 0."""
 
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """Grains and contacts at one moment, as `snapshot` and `Recording.frame` make them.
+    """Grains and contacts at one time, as returned by `snapshot` and `Recording.frame`.
 
     Contacts are those that carried a force during the last step; their normals are those at its start.
 
@@ -53,9 +53,9 @@ class Snapshot:
     steps : int
         Time steps since the start.
     position, velocity : ndarray
-        Centres [m] and velocities [m/s] of the grains, shape (n, 2).
+        Centers [m] and velocities [m/s] of the grains, shape (n, 2).
     start : ndarray
-        Centres at the start of the last step [m], shape (n, 2).
+        Centers at the start of the last step [m], shape (n, 2).
     pair : ndarray
         Grains i < j in contact, shape (m, 2).
     force : ndarray
@@ -71,8 +71,8 @@ class Snapshot:
 
     Examples
     --------
-    >>> moment = analysis.snapshot(simulation)
-    >>> moment.pair.shape, moment.force.shape, moment.wall_force.shape
+    >>> now = analysis.snapshot(simulation)
+    >>> now.pair.shape, now.force.shape, now.wall_force.shape
     ((15, 2), (15,), (10,))
     """
 
@@ -102,7 +102,7 @@ class Snapshot:
 
     @property
     def grains(self) -> Grains:
-        """The grains, as those of one run."""
+        """Grains in the form for many runs, with one run."""
         scene = self.scene
         radii: Any = np.array([[scene.radius_in], [scene.radius_out]])
         wall_force = np.zeros((1, scene.n, 2 + len(scene.walls)))
@@ -124,7 +124,7 @@ class Snapshot:
 
     @cached_property
     def loads(self) -> Loads:
-        """All contacts as the grains see them."""
+        """All contacts as forces on single grains."""
         m = len(self.pair)
         pair, force = with_walls(self.pair, self.wall), np.concatenate([self.force, self.wall_force])
         (i, j), normal = pair.astype(np.int64).T, contact_normals(self.scene, self.start, pair)
@@ -147,12 +147,12 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     of : Simulation, Scene or Snapshot
         A simulation; a scene, together with a state of it; or a snapshot, which is returned.
     state : State, optional
-        Such as `Batch.state` returns.
+        State of the scene, for example from `Batch.state`.
 
     Examples
     --------
-    >>> moment = analysis.snapshot(simulation.scene, simulation.state())
-    >>> analysis.kinetic_energy(moment) == analysis.kinetic_energy(simulation)
+    >>> now = analysis.snapshot(simulation.scene, simulation.state())
+    >>> analysis.kinetic_energy(now) == analysis.kinetic_energy(simulation)
     True
     """
     if isinstance(of, Snapshot):

@@ -1,4 +1,4 @@
-"""A recording for ParaView: grains, contacts and forces as VTK HDF, written by VTK itself."""
+"""Export of recordings for ParaView: grains, contacts and forces as VTK HDF, written by VTK itself."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from warpgrains.analysis.recording import Recording
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_ends, with_walls
 from warpgrains.errors import missing_extra
-from warpgrains.files import draft_of, require_place
+from warpgrains.files import draft_of, require_writable_path
 
 SUFFIX = ".vtkhdf"
 
 
 def export(recording: str | Path, output: str | Path) -> int:
-    """Write the frames of a recording as VTK HDF with time, and return their number.
+    """Write the frames of a recording as VTK HDF with time steps, and return their number.
 
-    A frame is one polydata. Grains are its first points, each with a vertex cell, with radius [m] and
-    velocity [m/s]. Contacts, where they are recorded, are lines between grains, and from grains to the points
-    where they touch a wall, which have the radius 0; the force [N] is on the cells, 0 on vertices. With
-    friction, grains have spin [rad/s] and angle [rad], and contacts the tangential force [N].
+    Each frame is one polydata. Its first points are the grains, each with a vertex cell, with radius [m] and
+    velocity [m/s]. Contacts, if recorded, are lines between grains, or from a grain to its contact point on
+    a wall, a point of radius 0. The force [N] is cell data, 0 on vertices. With friction, grains
+    also have spin [rad/s] and angle [rad], and contacts the tangential force [N].
 
     Raises
     ------
-    SceneError
-        The recording cannot be read, the output not be written, or VTK is not installed, which comes with the
-        extra ``[data]``.
+    InputError
+        The recording cannot be read, the output cannot be written, or VTK, which the extra ``[data]``
+        installs, is missing.
     """
     output = Path(output)
-    require_place("output", output, SUFFIX)
+    require_writable_path("output", output, SUFFIX)
     try:
         from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
         from vtkmodules.vtkCommonDataModel import vtkDataObject
@@ -41,7 +41,7 @@ def export(recording: str | Path, output: str | Path) -> int:
     source = Recording(recording)
 
     class Frames(VTKPythonAlgorithmBase):
-        """Hands the writer the frame of each time that it asks for."""
+        """VTK source that provides the frame of each time that the writer requests."""
 
         def __init__(self) -> None:
             super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
@@ -67,12 +67,12 @@ def export(recording: str | Path, output: str | Path) -> int:
         writer.SetFileName(str(draft))
         writer.SetWriteAllTimeSteps(True)
         if not writer.Write():
-            raise OSError(f"'{output}' cannot be written")
+            raise OSError(f"'{output}' cannot be written: check its folder and the free space")
     return len(source)
 
 
 def _polydata(source: Recording, k: int) -> Any:
-    """Return a frame as VTK's polydata."""
+    """Return a frame as VTK polydata."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkPolyData

@@ -1,1 +1,1 @@
-"""Many scenes, advanced together."""
+"""Batches: many scenes advanced together."""

@@ -1,4 +1,4 @@
-"""Batch: many scenes, advanced together."""
+"""`Batch`: many scenes advanced together on one device, with the results of each alone."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import Done, Ending, ResidentSets
+from warpgrains.batch.resident import Ending, ResidentSets, StepsDone
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
@@ -21,12 +21,12 @@ from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
-from warpgrains.turns import Driver
+from warpgrains.turns import ExclusiveUse
 
 
 @dataclass(frozen=True, repr=False)
 class SceneSummary(Summary):
-    """A summary of one scene in a run of a batch; `seconds` is its share of one core's time.
+    """Summary of the run of one scene of a batch; `seconds` is its share of one core's time.
 
     Examples
     --------
@@ -37,32 +37,32 @@ class SceneSummary(Summary):
     """
 
     error: str | None = None
-    """Why the scene stopped before its end, at its last good state."""
+    """Reason why the scene stopped early, at its last good state; None if it did not."""
 
-    def facts(self) -> dict[str, str]:
-        """Return a summary in a line, by name."""
-        return super().facts() | ({} if self.error is None else {"error": self.error})
+    def summary(self) -> dict[str, str]:
+        """Return the fields of the one-line summary by name."""
+        return super().summary() | ({} if self.error is None else {"error": self.error})
 
 
 class Batch(Shown):
     """Many scenes on one device, of any sizes and parameters.
 
-    Each scene gets the same bits as alone in a `Simulation`, whatever else is in the batch, in whatever
-    order, on however many threads. If there are more scenes than memory holds, they take turns in it. A batch
-    that one Python thread advances refuses all others, by a `SimulationError`.
+    The results of each scene are bit-identical to those of a `Simulation`, and do not depend on the other
+    scenes, their order and the number of threads. If the scenes do not all fit in memory, they are processed
+    in groups. Advancing a batch from two Python threads at once raises `SimulationError`.
 
     Parameters
     ----------
     scenes : Scene or iterable of Scene
-        Or files or names of scenes, see `Scene.load`.
+        Scenes, scene files or names of shipped scenes, see `Scene.load`.
     device : str
         A Warp device, "cpu" or "cuda:0".
     threads : int, optional
-        OS threads that share the scenes out on a CPU; by default as many as there are cores.
+        OS threads among which the scenes are divided on a CPU; by default the number of cores.
 
     Raises
     ------
-    SceneError
+    InputError
         There is no scene, the device is unknown, or the number of threads is not positive.
     SimulationError
         A scene does not fit in memory.
@@ -73,7 +73,7 @@ class Batch(Shown):
 
     Notes
     -----
-    A copy, by `copy.copy` too, and an unpickled batch have their own memory. They continue from the exact
+    Copies (also by `copy.copy`) and unpickled batches have separate memory. They continue from the exact
     states with the same bits.
 
     Examples
@@ -93,13 +93,13 @@ class Batch(Shown):
             scenes = (as_scene("scenes", scenes),)
         self.scenes = tuple(as_scene(f"scenes[{k}]", scene) for k, scene in enumerate(scenes))
         if not self.scenes:
-            raise SceneError("a batch needs at least one scene")
+            raise InputError("a batch needs at least one scene")
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
         self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
         self._reports: list[StepReport | None] = [None] * len(self.scenes)
-        self._driver = Driver("batch")
+        self._use = ExclusiveUse("batch")
 
     def __getstate__(self) -> tuple[Any, ...]:
         states = [self.state(k) for k in range(len(self))]
@@ -112,15 +112,14 @@ class Batch(Shown):
             self.restore(k, state)
         self._reports = list(reports)
 
-    def facts(self) -> dict[str, str]:
-        """Return a summary in a line, by name."""
+    def summary(self) -> dict[str, str]:
+        """Return the fields of the one-line summary by name."""
         names = sorted({scene.name for scene in self.scenes})
         grains = sum(scene.n for scene in self.scenes)
         shown = ", ".join([*names[:3], "..."] if len(names) > 3 else names)
         return {f"{len(self)} scenes": f"of {shown}", "grains": f"{grains} in all"}
 
     def __len__(self) -> int:
-        """Return the number of scenes."""
         return len(self.scenes)
 
     def step(self) -> list[StepReport]:
@@ -129,8 +128,8 @@ class Batch(Shown):
         Raises
         ------
         SimulationError
-            A number of some scene is no longer finite: that scene's state is that before the step, and the
-            others have advanced. Or another thread advances this batch.
+            A number of some scene is no longer finite (that scene keeps the state before the step, and the
+            other scenes have advanced), or another thread advances this batch.
         """
         outcomes = self._advance([1] * len(self), lambda _: None)
         failures = [f"scene {done.k}: {done.error}" for done in outcomes if done.error is not None]
@@ -147,35 +146,35 @@ class Batch(Shown):
     ) -> list[SceneSummary]:
         """Advance every scene by many time steps.
 
-        A scene that fails stops at its last good state, and the others go on.
+        A scene that fails stops at its last good state, and the other scenes continue.
 
         Parameters
         ----------
         steps : int or sequence of int, optional
-            How many, or how many of each scene; or
+            Number of steps, or one number per scene; or
         duration : float, optional
-            for how long [s]; by default every scene for its own duration.
+            simulated time [s]; by default the duration of each scene.
         progress : bool
             Whether to show a progress bar on standard error.
         until : str or callable, optional
-            What ends each scene earlier, as in `Simulation.run`: "rest", or a callable. A callable is given a
-            scene of the batch, with the attributes `scene`, `steps`, `time`, `position`, `velocity` and the
-            method `state` of a `Simulation`.
+            Criterion that ends each scene early, as in `Simulation.run`: "rest", or a callable. The callable
+            receives a scene of the batch, with the attributes `scene`, `steps`, `time`, `position`,
+            `velocity` and the method `state` of a `Simulation`.
 
         Returns
         -------
         list of SceneSummary
-            One a scene; `error` tells why it failed, if it did, and `met` whether it ended at `until`.
+            One summary per scene; `error` is the reason of a failure, and `met` is True if `until` was met.
 
         Raises
         ------
-        SceneError
-            The steps are no number of steps; or `until` is no criterion for one of the scenes.
+        InputError
+            `steps` is invalid, or `until` is no criterion for one of the scenes.
         """
         each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
         if len(each) != len(self):
-            raise SceneError(
-                f"steps are {len(each)} numbers: a batch of {len(self)} scenes needs one of each"
+            raise InputError(
+                f"steps has {len(each)} numbers: it must have one for each of the {len(self)} scenes"
             )
         wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
         criteria = [criterion(until, scene) for scene in self.scenes]
@@ -186,10 +185,10 @@ class Batch(Shown):
 
     def _advance(
         self, steps: list[int], on_progress: OnProgress, endings: list[Ending] | None = None
-    ) -> list[Done]:
+    ) -> list[StepsDone]:
         """Advance each scene, see `ResidentSet.advance`, and keep the last reports."""
-        outcomes: list[Done] = []
-        with self._driver.advancing():
+        outcomes: list[StepsDone] = []
+        with self._use.advancing():
             for resident in self._sets.advance(steps, on_progress, endings):
                 outcomes += map(resident.done, resident.scenes)
             for done in outcomes:
@@ -198,11 +197,11 @@ class Batch(Shown):
 
     @property
     def reports(self) -> list[StepReport | None]:
-        """The last report of every scene, None before its first step."""
+        """The last report of every scene; None before its first step."""
         return list(self._reports)
 
     def position(self, k: int) -> FloatArray:
-        """Return the centres of the grains of scene k [m], shape (n, 2); a read-only copy."""
+        """Return the centers of the grains of scene k [m], shape (n, 2); a read-only copy."""
         return checks.frozen(self.state(k).position.copy())
 
     def velocity(self, k: int) -> FloatArray:
@@ -210,8 +209,11 @@ class Batch(Shown):
         return checks.frozen(self.state(k).velocity.copy())
 
     def state(self, k: int) -> State:
-        """Return the exact state of scene k, from which `restore` continues with the same bits."""
-        with self._driver.alone():
+        """Return the exact state of scene k.
+
+        After `restore`, the scene continues from it with the same bits.
+        """
+        with self._use.exclusive():
             return self._sets.state(self._number(k))
 
     def restore(self, k: int, state: State) -> None:
@@ -219,12 +221,12 @@ class Batch(Shown):
 
         Raises
         ------
-        SceneError
-            It is a state of other grains, or there is no scene k.
+        InputError
+            `state` belongs to other grains, or `k` is out of range.
         """
         k = self._number(k)
         require_state(state, self.scenes[k])
-        with self._driver.alone():
+        with self._use.exclusive():
             self._sets.restore(k, state)
 
     def _number(self, k: int) -> int:

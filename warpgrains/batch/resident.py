@@ -1,4 +1,8 @@
-"""The scenes of a batch: those that are in memory together, and the states of those that wait."""
+"""The scenes of a batch in memory, and the states of those that are not.
+
+Scenes are divided into sets that fit in memory together. One set at a time is resident; the other scenes are
+kept as states.
+"""
 
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
@@ -20,14 +24,14 @@ from warpgrains.solver.sizes import Counts, Sizes
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import paying_threads
 
-SHARE = 0.5  # of the free memory that a resident set may take
+SHARE = 0.5  # largest fraction of the free memory for a resident set
 
 Ending = tuple[Criterion, RunStatistics]
-"""What ends a scene before its last step, and the statistics of its run, which are counted on."""
+"""Stopping criterion of a scene, and the statistics of its run, which are updated."""
 
 
-class Done(NamedTuple):
-    """Statistics of the steps of scene k, its last report, and why it stopped early, if it did."""
+class StepsDone(NamedTuple):
+    """Statistics of the last steps of scene k, its last report, and the reason of an early stop, if any."""
 
     k: int
     statistics: RunStatistics
@@ -36,7 +40,7 @@ class Done(NamedTuple):
 
 
 class ResidentScene:
-    """A scene in memory; a callable that tests for its end is given it.
+    """A scene in memory. Callables that test for the end of its run receive it.
 
     Attributes
     ----------
@@ -58,7 +62,7 @@ class ResidentScene:
 
     @property
     def position(self) -> FloatArray:
-        """Centres of the grains [m], shape (n, 2); a copy."""
+        """Centers of the grains [m], shape (n, 2); a copy."""
         return self._engine.grains(self._index, "position")
 
     @property
@@ -67,31 +71,31 @@ class ResidentScene:
         return self._engine.grains(self._index, "velocity")
 
     def state(self) -> State:
-        """Return the exact state."""
+        """Return the exact state, see `Batch.state`."""
         return self._engine.state(self._index)
 
     def load(self, state: State) -> None:
-        """Continue from a state."""
+        """Load a state, from which the scene continues."""
         self._engine.load(self._index, state)
 
-    def done(self) -> Done:
-        """Return what the scene has done since its last steps were submitted."""
+    def done(self) -> StepsDone:
+        """Return what the scene did since its last steps were submitted."""
         statistics = self._engine.statistics(self._index)
         report = self._engine.report(self._index) if statistics.steps else None
-        return Done(self._k, statistics, report, self._engine.error(self._index))
+        return StepsDone(self._k, statistics, report, self._engine.error(self._index))
 
 
 class ResidentSet:
-    """Scenes in memory, by their numbers in the batch, each in the engine of its kind.
+    """Scenes in memory, by their numbers in the batch. Scenes of one kind share an engine.
 
-    `team` of the `threads` share a scene.
+    Of the `threads`, groups of `team` threads share a scene.
     """
 
     def __init__(self, scenes: dict[int, Scene], device: wp.Device, threads: int, team: int):
         self._threads = threads
         self._engines: list[tuple[Engine, list[int]]] = []
-        self._is_halted = False
-        self._done: dict[int, Done] = {}
+        self._is_canceled = False
+        self._done: dict[int, StepsDone] = {}
         self.scenes: dict[int, ResidentScene] = {}
         for kind in sorted({scene.kernel_kind for scene in scenes.values()}):
             numbers = [k for k, scene in scenes.items() if scene.kernel_kind == kind]
@@ -103,17 +107,17 @@ class ResidentSet:
     def advance(
         self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
     ) -> None:
-        """Advance each scene by its number of steps, or to where its criterion is met.
+        """Advance each scene by its number of steps, or until its criterion is met.
 
-        A scene that is halted or fails stops between two steps.
+        A scene that fails or is interrupted stops between two steps.
         """
-        self._is_halted, self._done = False, {}
+        self._is_canceled, self._done = False, {}
         if endings is None:
             self._launch(steps, on_progress)
             return
         going = {k: endings[k][1].steps + steps[k] for k in self.scenes if steps[k] > 0}
-        self._done = {k: Done(k, endings[k][1], None, None) for k in self.scenes}
-        while going and not self._is_halted:
+        self._done = {k: StepsDone(k, endings[k][1], None, None) for k in self.scenes}
+        while going and not self._is_canceled:
             due = [0] * len(steps)
             for k, end in going.items():
                 taken = endings[k][1].steps
@@ -127,25 +131,25 @@ class ResidentSet:
         advance([engine for engine, _ in self._engines], self._threads, on_progress)
 
     def _continues(self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics) -> bool:
-        """Count the steps that scene k has just done; return whether it continues to step `end`."""
+        """Update the statistics after the last steps of scene k; return True if it continues to `end`."""
         last = self.scenes[k].done()
         statistics.add(last.statistics)
         self._done[k] = last._replace(statistics=statistics, report=last.report or self._done[k].report)
         is_whole = last.error is None and last.statistics.steps == due
         return is_whole and not criterion.is_met(self.scenes[k], statistics) and statistics.steps < end
 
-    def done(self, k: int) -> Done:
-        """Return what scene k has done in the last `advance`; with an ending, in all of its run."""
+    def done(self, k: int) -> StepsDone:
+        """Return what scene k did in the last `advance`; with an ending, in its whole run."""
         return self._done.get(k) or self.scenes[k].done()
 
-    def halt(self) -> None:
-        """Let the steps under way be the last, those that take long given up."""
-        self._is_halted = True
+    def cancel(self) -> None:
+        """Stop after the steps under way; slow steps are abandoned."""
+        self._is_canceled = True
         for engine, _ in self._engines:
             engine.halt()
 
-    def alike(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
-        """Yield the scenes of an engine with the same number of grains: engine, numbers and indices."""
+    def by_grain_count(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
+        """Group scenes by engine and number of grains; yield engine, numbers and indices in the engine."""
         for engine, numbers in self._engines:
             n = np.array([scene.n for scene in engine.scenes])
             for count in np.unique(n):
@@ -154,30 +158,36 @@ class ResidentSet:
 
 
 class ResidentSets:
-    """Scenes in sets that fit in memory, one at a time; SimulationError where one scene alone does not."""
+    """The scenes of a batch, divided into sets of which one at a time is in memory.
+
+    Raises SimulationError if one scene alone does not fit.
+    """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
         for method in {scene.method for scene in scenes}:
             exact_solver(method)
         self._scenes, self._device, self._threads = scenes, device, threads
-        alone = device.is_cuda  # where no threads share a scene
+        alone = device.is_cuda  # a GPU has no threads that share a scene
         self._teams = [1 if alone or paying_threads(scene) == 1 else threads for scene in scenes]
         self._sets = self._divide()
         self._states: list[State | None] = [None] * len(scenes)
         self._resident: ResidentSet | None = None
         self._in_memory = -1
-        self._is_halted = False
+        self._is_canceled = False
 
     def _divide(self) -> list[list[int]]:
-        """Put small scenes together as long as there is memory; those that threads share come alone."""
+        """Group small scenes while they fit in memory.
+
+        A scene that several threads share forms a set alone.
+        """
         sizes = self._bytes()
         largest = int(sizes.argmax())
         require_memory(sizes[largest].item(), self._scenes[largest].n, self._device)
-        room, used = SHARE * free_memory(self._device), 0.0
+        capacity, used = SHARE * free_memory(self._device), 0.0
         sets: list[list[int]] = []
         for k, team in enumerate(self._teams):
             if team == 1:
-                if not sets or used + sizes[k] > room:
+                if not sets or used + sizes[k] > capacity:
                     sets.append([])
                     used = 0.0
                 sets[-1].append(k)
@@ -185,7 +195,7 @@ class ResidentSets:
         return sets + [[k] for k, team in enumerate(self._teams) if team > 1]
 
     def _bytes(self) -> Counts:
-        """Return the memory that each scene takes [bytes]."""
+        """Return the memory of each scene [bytes]."""
         sizes = np.zeros(len(self._scenes), np.int64)
         kinds = [(scene.kernel_kind, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
         for kind in set(kinds):
@@ -199,13 +209,13 @@ class ResidentSets:
         return None if self._resident is None else self._resident.scenes.get(k)
 
     def state(self, k: int) -> State:
-        """Return the exact state of scene k."""
+        """Return the exact state of scene k, in memory or not."""
         if (resident := self._resident_scene(k)) is not None:
             return resident.state()
         return deepcopy(self._states[k]) or first_state(self._scenes[k])
 
     def restore(self, k: int, state: State) -> None:
-        """Continue scene k from a state."""
+        """Continue scene k from a state, in memory or not."""
         if (resident := self._resident_scene(k)) is not None:
             resident.load(state)
         else:
@@ -214,26 +224,26 @@ class ResidentSets:
     def advance(
         self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
     ) -> Iterator[ResidentSet]:
-        """Advance the scenes set after set, see `ResidentSet.advance`; yield each set after its steps.
+        """Advance the scenes set after set, see `ResidentSet.advance`. Yields each set after its steps.
 
-        The sets after one that is halted are not advanced.
+        After `cancel` the remaining sets are not advanced.
         """
-        self._is_halted = False
+        self._is_canceled = False
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._in_memory):
-            if self._is_halted:
+            if self._is_canceled:
                 return
-            resident = self.enter(number)
+            resident = self.make_resident(number)
             resident.advance(steps, on_progress, endings)
             yield resident
 
-    def halt(self) -> None:
-        """Let the steps under way be the last, see `ResidentSet.halt`."""
-        self._is_halted = True
+    def cancel(self) -> None:
+        """Stop after the steps under way, see `ResidentSet.cancel`."""
+        self._is_canceled = True
         if self._resident is not None:
-            self._resident.halt()
+            self._resident.cancel()
 
-    def enter(self, number: int = 0) -> ResidentSet:
-        """Have a set in memory, in place of the one that is."""
+    def make_resident(self, number: int = 0) -> ResidentSet:
+        """Load a set into memory, replacing the present one, and return it."""
         if self._resident is not None and number == self._in_memory:
             return self._resident
         if self._resident is not None:

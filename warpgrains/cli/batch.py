@@ -1,4 +1,4 @@
-"""`warpgrains batch`: carry out the unfinished runs of a sweep, and print a summary."""
+"""`warpgrains batch`: execute the unfinished runs of a sweep, and print a summary."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import in_columns, progress_bar, start_warp, stdout_kept_clean
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.console import in_columns, progress_bar, start_warp, stdout_to_stderr
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE, ExecutionOptions
 from warpgrains.simulation.until import rest_bounds
@@ -25,21 +25,21 @@ _BAR = "{percentage:3.0f}%|{bar}| {n:.1f}/{total} runs [{elapsed}, {remaining} l
 
 
 def run(arguments: Namespace) -> bool:
-    """Carry out a sweep, or what is left of it, and draw its results if asked to.
+    """Execute the unfinished runs of a sweep, and plot its results if requested.
 
     Returns
     -------
     bool
-        Whether some run has failed, or is not finished.
+        Whether some run has failed or is unfinished.
     """
     path, plot = Path(arguments.output), _plot(arguments)
     if arguments.sweep is None:
         if plot is None:
-            raise SceneError("SWEEP is missing, or --plot to draw the results that are there")
+            raise InputError("SWEEP is missing: give a sweep, or --plot to draw existing results")
         print(plot.draw(path / RESULTS))
         return False
     sweep = Sweep.load(arguments.sweep)
-    gc.freeze()  # no run becomes garbage, and to look at a million of them again and again takes long
+    gc.freeze()  # no run becomes garbage, and repeated scans of a million runs would take long
     columns = _columns(sweep.axes, arguments)
     folder = SweepFolder(path.absolute(), columns)
     if plot is not None:
@@ -47,10 +47,10 @@ def run(arguments: Namespace) -> bool:
     share = _share(sweep, arguments)
     start, left = perf_counter(), folder.unfinished(sweep, share, arguments.resume)
     try:
-        with stdout_kept_clean():
+        with stdout_to_stderr():
             reasons = _finish(folder, sweep, left, len(share), arguments)
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("to go on: the same command with --resume") from None
+        raise KeyboardInterrupt("to continue: the same command with --resume") from None
     finally:
         tables = folder.write_tables(sweep)
     rows = _summary(share, left, tables, reasons, perf_counter() - start)
@@ -62,7 +62,7 @@ def run(arguments: Namespace) -> bool:
 
 
 def _plot(arguments: Namespace) -> SweepPlot | None:
-    """Return the picture that is asked for, if any; a bad one is refused before hours of runs."""
+    """Return the requested plot, if any. An invalid one is refused here, before hours of runs."""
     if arguments.plot is None:
         return None
     try:
@@ -73,11 +73,11 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
 
 
 def _columns(axes: tuple[str, ...], arguments: Namespace) -> Columns:
-    """Return the columns of the results; raise SceneError if something cannot be measured, or end a run."""
+    """Return the columns of the results. Raises InputError if a quantity or the criterion is invalid."""
     if arguments.every is not None:
         checks.whole_number("--every", arguments.every)
         if arguments.measure is None:
-            raise SceneError("--every needs --measure")
+            raise InputError("--every needs --measure")
     measured: tuple[str, ...] = ()
     if arguments.measure is not None:
         from warpgrains.analysis.quantities import names_of
@@ -89,10 +89,10 @@ def _columns(axes: tuple[str, ...], arguments: Namespace) -> Columns:
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
-    """Return the runs of this process: all of them, or every `--count`-th from `--index`."""
+    """Return the runs of this process: all, or every `--count`-th one from `--index`."""
     index, count = arguments.index, arguments.count
     if (index is None) != (count is None):
-        raise SceneError("--index and --count go together")
+        raise InputError("--index and --count must be given together")
     if count is None:
         return sweep.runs
     count = checks.whole_number("--count", count)
@@ -102,7 +102,7 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
 def _finish(
     folder: SweepFolder, sweep: Sweep, left: list[Run], total: int, arguments: Namespace
 ) -> dict[int, str]:
-    """Finish the runs that are left, here or on a cluster; return why some are not, by their numbers."""
+    """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
     execution = _execution(arguments)
     with progress_bar(total, total - len(left), unit="run", bar_format=_BAR) as bar:
         if arguments.scheduler is None and arguments.slurm is None:
@@ -126,7 +126,7 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
     if arguments.slurm is not None:
         checks.whole_number("--slurm", arguments.slurm)
     if arguments.fps is not None and not arguments.usd:
-        raise SceneError("--fps needs --usd")
+        raise InputError("--fps needs --usd")
     fps = DEFAULT_RATE if arguments.fps is None else checks.positive("--fps", arguments.fps)
     return ExecutionOptions(
         device=arguments.device,
@@ -146,8 +146,8 @@ def _summary(
     rows = {
         "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
         "failed": f"{len(failed)}{_first(failed)}",
-        "not finished": f"{len(missing)}{' (--resume goes on)' if missing else ''}{_first(missing)}",
-        "not converged": f"some step of {len(own & tables.unconverged)} runs",
+        "not finished": f"{len(missing)}{' (continue with --resume)' if missing else ''}{_first(missing)}",
+        "not converged": f"{len(own & tables.unconverged)} runs, in one step or more",
     }
     if tables.unmet is not None:
         rows["not at rest"] = f"{len(own & tables.unmet)} runs"

@@ -1,4 +1,4 @@
-"""The commands: a line a command in `COMMANDS`, its options, and where it is."""
+"""The table of commands, with one entry per command (`COMMANDS`), and the options of each command."""
 
 import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from warpgrains.console import interrupts_end_at_once
+from warpgrains.console import exit_on_interrupt
 from warpgrains.simulation.options import FLAGS, OPTIONS
 
 
@@ -14,17 +14,17 @@ class Command(NamedTuple):
     """A command of the command line."""
 
     home: str
-    """Module of this package, and the function that does it: it returns whether it failed, or a code."""
+    """Module of this package and its function, which returns whether the command failed, or an exit code."""
     add_options: Callable[[ArgumentParser], None]
     help: str
     description: str
 
     def do(self, arguments: Namespace) -> int:
-        """Carry it out, and return the exit code; what is heavy is imported only now."""
+        """Execute the command and return the exit code. The command's module is imported only here."""
         module, _, function = self.home.partition(".")
         if getattr(arguments, "check_bounds", False):
             os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"  # read when the kernels are imported
-        with interrupts_end_at_once():
+        with exit_on_interrupt():
             do = getattr(import_module(f"warpgrains.cli.{module}"), function)
         return int(do(arguments))
 
@@ -33,14 +33,14 @@ def _add_run(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("scene", metavar="SCENE", nargs="?", help="a TOML file, or the name of a shipped scene")
     length = parser.add_mutually_exclusive_group()
-    length.add_argument("--steps", type=int, metavar="N", help="time steps to simulate in all")
+    length.add_argument("--steps", type=int, metavar="N", help="total number of time steps")
     length.add_argument(
-        "--duration", type=float, metavar="T", help="time to simulate in all [s] (default: the scene's)"
+        "--duration", type=float, metavar="T", help="total simulated time [s] (default: the scene's)"
     )
     add("--order", metavar="ORDER", help="order of the contacts, sequential or color (default: the scene's)")
     add("--method", metavar="METHOD", help="gauss-seidel, accelerated or exact (default: the scene's)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
-    add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as pay)")
+    add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as help)")
     add("--check-bounds", action="store_true", help="test every array index in the kernels, to find defects")
     _add_set(parser)
     add("--json", action="store_true", help="print the summary as one JSON object")
@@ -48,23 +48,23 @@ def _add_run(parser: ArgumentParser) -> None:
     stepping = parser.add_argument_group("step by step").add_argument
     keys = "one step per key press, with its report: N next, R run in real time, S stop, Q quit"
     stepping("--step-by-step", action="store_true", help=keys)
-    stepping("--full-speed", action="store_true", help="let R run as fast as steps are computed")
+    stepping("--full-speed", action="store_true", help="let R run at full speed instead of real time")
     each = "file for zeta and residual of every iteration, which plot draws"
     stepping("--history", metavar="CSV", help=each)
 
 
 def _add_outputs(parser: ArgumentParser) -> None:
-    """Add the options of `RunOptions`, by what they need."""
+    """Add the options of `RunOptions`, grouped by the options that they need."""
     titles = {"record": "recording", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
     groups: dict[str, Any] = {title: parser.add_argument_group(title) for title in titles.values()}
     for name, flag in FLAGS.items():
-        default, told = OPTIONS[name].default, OPTIONS[name].metadata
-        group = groups.get(titles.get(told["needs"] or name, ""), parser)
-        given: dict[str, Any] = {"dest": name, "help": told["meaning"][0].lower() + told["meaning"][1:-1]}
+        default, option = OPTIONS[name].default, OPTIONS[name].metadata
+        group = groups.get(titles.get(option["needs"] or name, ""), parser)
+        given: dict[str, Any] = {"dest": name, "help": option["meaning"][0].lower() + option["meaning"][1:-1]}
         if default is False:
             given["action"] = "store_true"
         else:
-            given["metavar"] = told["metavar"]
+            given["metavar"] = option["metavar"]
         if default:
             given |= {"type": type(default), "help": f"{given['help']} (default: {default})"}
         if name == "every":
@@ -75,12 +75,11 @@ def _add_outputs(parser: ArgumentParser) -> None:
                 same = {"action": "store_const", "const": form, "help": f"the same as {flag} {form}"}
                 group.add_argument(f"{flag}-{form}", dest=name, **same)
         group.add_argument(*["-o"] * (name == "record"), flag, **given)
-    left = "continue the run that left this checkpoint, and what it recorded: instead of SCENE"
+    left = "continue the run of this checkpoint and its recording; takes the place of SCENE"
     groups["checkpoints"].add_argument("--resume", metavar="FILE", help=left)
 
 
 def _add_set(parser: ArgumentParser) -> None:
-    """Add the option that changes a scene."""
     parser.add_argument(
         "--set",
         action="append",
@@ -98,7 +97,7 @@ def _add_scenes(parser: ArgumentParser) -> None:
 def _add_init(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", help="the scene to write, a .toml file")
-    base = "scene to begin with, a TOML file or the name of a shipped one (default: annulus)"
+    base = "scene to start from, a TOML file or the name of a shipped one (default: annulus)"
     add("--from", dest="base", metavar="SCENE", default="annulus", help=base)
 
 
@@ -109,27 +108,48 @@ def _add_batch(parser: ArgumentParser) -> None:
     add(
         "-o", "--output", metavar="DIR", required=True, help="folder for results.csv, parts/ and runs/NUMBER/"
     )
-    add("--resume", action="store_true", help="go on with the runs that are not finished")
+    add("--resume", action="store_true", help="continue with the runs that are not finished")
     axes = "x=COLUMN,y=COLUMN[,color=COLUMN]"
-    add("--plot", metavar=axes, help="draw the results; without SWEEP, those that are there")
-    measure = "measure quantities, such as coordination,stress: results.csv has those at the end of each run"
+    add("--plot", metavar=axes, help="draw the results; without SWEEP, existing ones")
+    measure = (
+        "quantities to measure at the end of each run, such as coordination,stress: columns of results.csv"
+    )
     add("--measure", metavar="WHAT,...", help=measure)
-    add("--every", type=int, metavar="K", help="and a series.csv in the folder of each, a row every K steps")
-    until = "end each run earlier, at rest, as run --until does: results.csv tells whether, in `met`"
+    add(
+        "--every",
+        type=int,
+        metavar="K",
+        help="also write series.csv in the folder of each run, a row every K steps",
+    )
+    until = (
+        "end each run early, at rest, as run --until does; column `met` of"
+        " results.csv is 1 for a run that came to rest"
+    )
     add("--until", metavar="rest", help=until)
     add("--usd", action="store_true", help="record every run to its recording.usdc")
-    add("--folders", action="store_true", help="keep the scene, the end and the result of every run")
+    add(
+        "--folders",
+        action="store_true",
+        help="keep a folder for every run, with its scene, final checkpoint and result",
+    )
     add("--fps", type=float, metavar="F", help="frames recorded a second (default: 24)")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
-    group = parser.add_argument_group("many machines, which must all see DIR")
+    group = parser.add_argument_group("many machines, which must all share DIR")
     cluster = group.add_mutually_exclusive_group()
     cluster.add_argument("--scheduler", metavar="ADDRESS", help="dask scheduler, such as tcp://host:8786")
     cluster.add_argument(
-        "--slurm", type=int, metavar="JOBS", help="start so many dask workers by Slurm, see dask-jobqueue"
+        "--slurm",
+        type=int,
+        metavar="JOBS",
+        help="number of dask workers to start with Slurm, configured as dask-jobqueue says",
     )
-    group.add_argument("--index", type=int, metavar="I", help="do one share of the runs only, from 0, ...")
-    group.add_argument("--count", type=int, metavar="N", help="... of so many shares")
+    group.add_argument(
+        "--index", type=int, metavar="I", help="do only one share of the runs: its number, from 0"
+    )
+    group.add_argument(
+        "--count", type=int, metavar="N", help="number of shares that the runs are divided into"
+    )
 
 
 def _add_check(parser: ArgumentParser) -> None:
@@ -155,7 +175,7 @@ def _add_plot(parser: ArgumentParser) -> None:
         metavar="N,N,...",
         help="frames to draw, from 0; -1 is the last (default: five, evenly spaced)",
     )
-    add("--no-curves", dest="curves", action="store_false", help="draw nothing but the frames")
+    add("--no-curves", dest="curves", action="store_false", help="draw only the frames, without curves")
 
 
 def _add_export(parser: ArgumentParser) -> None:
@@ -167,8 +187,14 @@ def _add_export(parser: ArgumentParser) -> None:
 def _add_view(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("what", metavar="WHAT", help="a scene, or a recording")
-    add("--port", type=int, default=8080, metavar="P", help="where on 127.0.0.1 (default: 8080, or the next)")
-    add("--homework", metavar="FILE", help="a homework.c, played stage by stage beside the reference")
+    add(
+        "--port",
+        type=int,
+        default=8080,
+        metavar="P",
+        help="port on 127.0.0.1 (default: 8080, or the next free one)",
+    )
+    add("--homework", metavar="FILE", help="a homework.c to play stage by stage next to the reference")
     _add_set(parser)
 
 
@@ -182,7 +208,7 @@ def _add_report(parser: ArgumentParser) -> None:
 def _add_grade(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("homework", metavar="HOMEWORK", nargs="?", help="a homework.c, or a folder of homeworks")
-    add("-o", "--output", metavar="CSV", help="of a folder: the table of grades to write")
+    add("-o", "--output", metavar="CSV", help="table of grades to write; HOMEWORK must be a folder")
     add("--json", action="store_true", help="print the verdict as JSON: an object, or a list for a folder")
     add("--strict", action="store_true", help="require bit-identical results")
     add("--lang", choices=("en", "fr"), default="en", help="language of verdicts (default: en)")
@@ -209,26 +235,28 @@ COMMANDS = {
     "init": Command(
         "scenes.init",
         _add_init,
-        "write a scene file to begin with",
-        "Write a scene file to begin with: every key is there, explained.",
+        "write a scene file to start from",
+        "Write a scene file to start from, with every key explained.",
     ),
     "batch": Command(
         "batch.run",
         _add_batch,
-        "carry out the runs of a sweep",
-        "Carry out the runs of a sweep; exit code 1: some run failed or is not finished.",
+        "run a sweep of scenes",
+        "Run all scenes of a sweep; exit code 1: a run failed or is not finished.",
     ),
     "check": Command(
         "tools.check",
         _add_check,
         "check a recording",
-        "Check in a recording what no USD validator checks; exit code 1: something is wrong.",
+        "Check what USD validators do not: time codes, finite values, lengths of"
+        " arrays, extents; exit code 1: a problem was found.",
     ),
     "recover": Command(
         "tools.recover",
         _add_recover,
-        "make a file of what a killed run recorded",
-        "Make a file of what a killed run recorded. To finish the run: run --resume.",
+        "recover the recording of a killed run",
+        "Make a recording of the frames that a killed run left. To"
+        " continue the run instead, use run --resume.",
     ),
     "plot": Command(
         "tools.plot",
@@ -247,7 +275,7 @@ COMMANDS = {
         "view.view",
         _add_view,
         "play a scene or a recording in the browser",
-        "Serve a page that plays a scene or a recording, to this machine alone; Ctrl-C ends it.",
+        "Serve a page that plays a scene or a recording. Only this machine can open it. Ctrl-C ends it.",
     ),
     "report": Command(
         "tools.report",
@@ -259,7 +287,7 @@ COMMANDS = {
         "grade.grade",
         _add_grade,
         "grade a homework of the course",
-        "Hold a homework against the reference, function by function, and name its mistakes;"
+        "Compare a homework with the reference, function by function, and name its mistakes;"
         " exit code 1: it is wrong, 2: it cannot be graded.",
     ),
 }

@@ -1,4 +1,4 @@
-"""`warpgrains grade`: say what is right and what is wrong in homeworks."""
+"""`warpgrains grade`: grade homeworks, and print or write what is right and wrong in them."""
 
 import json
 import os
@@ -13,9 +13,9 @@ from tempfile import TemporaryDirectory
 
 from tqdm import tqdm
 
-from warpgrains.console import in_columns, stopping_on_signals
-from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import make_folder, read_table, require_place, table_text, write_whole
+from warpgrains.console import in_columns, stop_on_signals
+from warpgrains.errors import InputError, OutputError
+from warpgrains.files import make_folder, read_table, require_writable_path, table_text, write_atomically
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.page import GENERATOR, Pages
 from warpgrains.grade.sandbox import Processes
@@ -29,35 +29,41 @@ _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} 
 
 
 def grade(arguments: Namespace) -> int:
-    """Grade a homework or a folder of them, or write an empty one.
+    """Grade a homework or a folder of homeworks, or write an empty one.
 
     Returns
     -------
     int
-        0: all are right; 1: one is wrong; 2: one cannot be graded, as it cannot be read or compiled.
+        0: all are right; 1: one is wrong; 2: one cannot be graded because it cannot be read or compiled.
     """
     if arguments.template is not None:
         others = ("homework", "output", "json", "strict", "html")
         if any(getattr(arguments, name) for name in others):
-            raise SceneError("--template goes alone: it writes an empty homework")
+            raise InputError(
+                "--template takes no other option and no HOMEWORK: it only writes an empty homework"
+            )
         print("\n".join(map(str, write_template(Path(arguments.template)))))
         return RIGHT
     if arguments.homework is None:
-        raise SceneError("HOMEWORK is missing, or --template to write an empty one")
+        raise InputError(
+            "HOMEWORK is missing: give a file or a folder, or --template to write an empty homework"
+        )
     path = Path(arguments.homework)
     return _grade_folder(path, arguments) if path.is_dir() else _grade_one(path, arguments)
 
 
 def _grade_one(path: Path, arguments: Namespace) -> int:
     if arguments.output is not None:
-        raise SceneError("-o needs a folder of homeworks; --json prints the verdict on one")
+        raise InputError("-o needs a folder of homeworks: for one homework, use --json")
     if arguments.html is not None:
         _require_pages(Path(arguments.html))
     verdict = _grade_all([path], arguments.strict)[0]
     if verdict.problem:
-        raise SceneError(verdict.problem)
+        raise InputError(verdict.problem)
     if arguments.html is not None:
-        write_whole(Path(arguments.html) / "index.html", Pages(arguments.lang).homework(verdict).encode())
+        write_atomically(
+            Path(arguments.html) / "index.html", Pages(arguments.lang).homework(verdict).encode()
+        )
     print(json.dumps(verdict.as_json()) if arguments.json else verdict.text(_has_color(), arguments.lang))
     return _code(verdict)
 
@@ -65,16 +71,16 @@ def _grade_one(path: Path, arguments: Namespace) -> int:
 def _grade_folder(folder: Path, arguments: Namespace) -> int:
     paths = sorted(path for path in folder.rglob("*.c") if not path.is_dir())
     if not paths:
-        raise SceneError(f"folder '{folder}' holds no homework: no file ends in .c")
+        raise InputError(f"folder '{folder}' holds no homework: no file ends in .c")
     if arguments.html is not None:
         _require_pages(Path(arguments.html))
     if arguments.output is None:
         if not arguments.json and arguments.html is None:
-            raise SceneError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
+            raise InputError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
         verdicts = _grade_all(paths, arguments.strict)
     else:
         output = Path(arguments.output)
-        require_place("table", output, ".csv")
+        require_writable_path("table", output, ".csv")
         with Lock(output):
             _require_table(output)
             verdicts = _grade_all(paths, arguments.strict)
@@ -82,7 +88,7 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
                 verdict.as_row(arguments.lang) | {"file": _in_utf8(str(path.relative_to(folder)))}
                 for path, verdict in zip(paths, verdicts, strict=True)
             ]
-            write_whole(output, table_text(rows).encode())
+            write_atomically(output, table_text(rows).encode())
     if arguments.html is not None:
         names = [_in_utf8(str(path.relative_to(folder))) for path in paths]
         named = [replace(verdict, file=name) for verdict, name in zip(verdicts, names, strict=True)]
@@ -95,16 +101,16 @@ def _grade_folder(folder: Path, arguments: Namespace) -> int:
 
 
 def _write_pages(folder: Path, verdicts: list[Verdict], language: str) -> None:
-    """Write a page for each homework of a class, and one for all."""
+    """Write a page for each homework of a class, and an index page."""
     pages = Pages(language)
     links = [f"{k:03}_{re.sub(r'[^A-Za-z0-9.-]', '_', v.file)[-100:]}.html" for k, v in enumerate(verdicts)]
     for verdict, link in zip(verdicts, links, strict=True):
-        write_whole(folder / link, pages.homework(verdict).encode())
-    write_whole(folder / "index.html", pages.course(verdicts, links).encode())
+        write_atomically(folder / link, pages.homework(verdict).encode())
+    write_atomically(folder / "index.html", pages.course(verdicts, links).encode())
 
 
 def _require_pages(folder: Path) -> None:
-    """Make a folder for pages; raise OutputError if its index is not a page of `warpgrains grade`."""
+    """Create a folder for pages. Raises OutputError if its index is not a page of `warpgrains grade`."""
     make_folder(folder)
     index = folder / "index.html"
     if index.exists() and GENERATOR not in index.read_text(errors="replace"):
@@ -112,14 +118,14 @@ def _require_pages(folder: Path) -> None:
 
 
 def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
-    """Grade homeworks side by side."""
+    """Grade homeworks in parallel."""
     processes = Processes()
     with (
-        stopping_on_signals(processes.stop),
+        stop_on_signals(processes.stop),
         TemporaryDirectory() as folder,
         ThreadPoolExecutor(os.cpu_count()) as pool,
     ):
-        # Also the grader starts its processes in a thread, since signals interrupt the main thread.
+        # The grader, too, starts its processes in a thread, because signals interrupt the main thread.
         grader = pool.submit(Grader, Path(folder), strict, processes=processes).result()
         for warning in grader.unprotected():
             print(f"warpgrains: warning: {warning}", file=sys.stderr)
@@ -127,7 +133,7 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
         def grade_one(path: Path) -> Verdict:
             try:
                 verdict = grader.grade(path)
-            except SceneError as error:
+            except InputError as error:
                 verdict = Verdict(str(path), problem=_in_utf8(str(error)))
             return replace(verdict, file=_in_utf8(str(path)))
 
@@ -136,9 +142,9 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
 
 
 def _require_table(output: Path) -> None:
-    """Raise OutputError if a file is there that is no table of grades."""
+    """Raise OutputError if the file exists and is no table of grades."""
     if output.exists() and not {"file", "status", "mistakes"} <= set((read_table(output) or [{}])[0]):
-        raise OutputError(f"'{output}' is there, and no table of grades: it is left as it is")
+        raise OutputError(f"refusing to overwrite '{output}': not a table of grades")
 
 
 def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str:
@@ -157,7 +163,7 @@ def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str
 
 
 def _in_utf8(text: str) -> str:
-    """Write bytes of a file's name that are not UTF-8 as they are written in Python."""
+    """Escape those bytes of a file name that are not UTF-8, as Python does."""
     return text.encode(errors="surrogateescape").decode(errors="backslashreplace")
 
 

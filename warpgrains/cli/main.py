@@ -1,4 +1,4 @@
-"""The command line: reads it, has the command done, and tells in one line why it was not."""
+"""Entry point of the command line: parse it, execute the command, and print one line if it fails."""
 
 import os
 import sys
@@ -10,7 +10,7 @@ from typing import NoReturn
 from warpgrains import __version__
 from warpgrains.cli.commands import COMMANDS
 from warpgrains.console import INTERRUPTED, STDOUT, open_standard_streams
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import InputError, SimulationError
 
 DONE, FAILED, BAD_INPUT = 0, 1, 2
 _FULL = (ENOSPC, EDQUOT, EFBIG, EIO)
@@ -22,33 +22,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments
-        What follows the command's name; by default those of this process.
+        Arguments after the program's name; by default those of this process.
 
     Returns
     -------
     int
-        0 done, 1 failed, 2 bad input, 130 interrupted. The reason is one line on standard error.
+        0 success, 1 failure, 2 bad input, 130 interrupted. The reason is one line on standard error.
     """
     open_standard_streams()
     try:
         code = _do(arguments)
         sys.stdout.flush()
         return code
-    except SceneError as error:
+    except InputError as error:
         return _complain(str(error), BAD_INPUT)
-    except BrokenPipeError:  # nobody reads the output any more; Python must not try again at its end
+    except BrokenPipeError:  # the reader has closed the pipe; Python must not flush again at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)
         return FAILED
     except OSError as error:
         return _complain(_reason(error), FAILED)
     except SimulationError as error:
         return _complain(str(error), FAILED)
-    except KeyboardInterrupt as interrupt:  # it may say how to go on
+    except KeyboardInterrupt as interrupt:  # its message may say how to continue
         return _complain("; ".join(["interrupted", *map(str, interrupt.args)]), INTERRUPTED)
 
 
 def _do(arguments: Sequence[str] | None) -> int:
-    """Carry out the command, and return its exit code."""
+    """Execute the command and return its exit code."""
     try:
         parsed = _parser().parse_args(arguments)
     except SystemExit:  # after --help or --version
@@ -61,17 +61,17 @@ def _do(arguments: Sequence[str] | None) -> int:
 
 
 def _reason(error: OSError) -> str:
-    """Return what an error says; a full disk without the name of a file is that of standard output."""
+    """Return the message of an error. A full disk without a file name means standard output."""
     if error.filename is not None:
         return f"'{error.filename}': {error.strerror}"
     if error.errno not in _FULL:
         return str(error)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)  # Python must not try again at its end
+    os.dup2(os.open(os.devnull, os.O_WRONLY), STDOUT)  # Python must not flush it again at exit
     return f"standard output cannot be written: {error.strerror}"
 
 
 class _Parser(ArgumentParser):
-    """A parser whose complaints are one line, like all others."""
+    """A parser whose error messages are one line, like all others."""
 
     def error(self, message: str) -> NoReturn:
         sys.exit(_complain(message, BAD_INPUT))

@@ -19,9 +19,9 @@ from tqdm import tqdm
 
 from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
-from warpgrains.console import in_columns, interrupts_end_at_once, start_warp, stdout_kept_clean
+from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -32,36 +32,36 @@ from warpgrains.simulation.options import FLAGS, OPTIONS, RunOptions
 from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics, named
 
-# What a resumed run takes from its checkpoint.
+# Options that a resumed run reads from its checkpoint.
 KEPT = {"scene": "SCENE", "order": "--order", "method": "--method", "overrides": "--set"} | FLAGS
 for _name in ("checkpoint", "every"):
     del KEPT[_name]
 
 
 def run(arguments: Namespace) -> bool:
-    """Simulate a scene, or what is left of a run, record it if asked to, and print a summary."""
+    """Start or resume a run, record it if requested, and print a summary."""
     if arguments.step_by_step:
         return _step_by_step(arguments)
     for option in ("history", "full_speed"):
         if getattr(arguments, option):
-            raise SceneError(f"--{option.replace('_', '-')} needs --step-by-step")
+            raise InputError(f"--{option.replace('_', '-')} needs --step-by-step")
     with ExitStack() as held:
         start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
         try:
             _carry_out(start, options, arguments)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(*_how_to_go_on(options)) from None
+            raise KeyboardInterrupt(*_commands_to_continue(options)) from None
     results = results_of(start.scene, start.statistics, options)
     print(json.dumps(results) if arguments.json else summary_lines(results))
     return False
 
 
 def _step_by_step(arguments: Namespace) -> bool:
-    """Take the steps of a scene one by one."""
+    """Run a scene interactively, one step per key press."""
     if arguments.scene is None:
-        raise SceneError("SCENE is missing")
+        raise InputError("SCENE is missing: give a file or a name, listed by `warpgrains scenes`")
     for name in _given(arguments, *FLAGS, "resume", "json"):
-        raise SceneError(f"{FLAGS.get(name, f'--{name}')} cannot go with --step-by-step")
+        raise InputError(f"{FLAGS.get(name, f'--{name}')} cannot be combined with --step-by-step")
     scene = _scene(arguments)
     step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
     return False
@@ -74,14 +74,15 @@ def _scene(arguments: Namespace) -> Scene:
 
 
 def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> None:
-    """Open what a run writes to, and simulate.
+    """Open the outputs of a run, and simulate.
 
-    Bad outputs, and those that another process writes, are refused before Warp starts and compiles kernels.
+    Invalid outputs, and those that another process writes, are refused before Warp starts and compiles
+    kernels.
     """
     if options.record is not None and options.shows is None:
-        with interrupts_end_at_once():  # USD would print an interrupt while it is loaded, and go on
+        with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
-    with stdout_kept_clean(), ExitStack() as held:
+    with stdout_to_stderr(), ExitStack() as held:
         until = criterion(options.until, start.scene)
         series = _series(start, options, arguments)
         recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))
@@ -89,18 +90,18 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
         _simulate(start, options, runs.Outputs(recorder, observer, until), arguments)
 
 
-def _how_to_go_on(options: RunOptions) -> Iterator[str]:
+def _commands_to_continue(options: RunOptions) -> Iterator[str]:
     """Yield the commands that continue an interrupted run, or recover its frames."""
     if options.checkpoint is not None and Path(options.checkpoint).exists():
-        yield f"to go on: warpgrains run --resume {shlex.quote(options.checkpoint)}"
+        yield f"to continue: warpgrains run --resume {shlex.quote(options.checkpoint)}"
     if options.record is not None and Path(f"{options.record}.frames").exists():
-        yield f"for the frames so far: warpgrains recover {shlex.quote(options.record + '.frames')}"
+        yield f"to recover the frames so far: warpgrains recover {shlex.quote(options.record + '.frames')}"
 
 
 def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
-    """Return the start of a new run, and what it is to do; its checkpoint is locked."""
+    """Return the initial checkpoint and the options of a new run, after locking its checkpoint."""
     if arguments.scene is None:
-        raise SceneError("SCENE is missing, or --resume FILE")
+        raise InputError("SCENE is missing: give a scene, or --resume FILE to continue a run")
     given = _given(arguments, *FLAGS)
     _require_needed(given)
     scene = _scene(arguments)
@@ -114,52 +115,54 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
 
 
 def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
-    """Return where a run was when it left its checkpoint, and what it is to do in all.
+    """Return the checkpoint from which a run continues, and its options.
 
-    Its checkpoint is locked, and the one that it is to write from now on.
+    Locks that checkpoint and the one that the run will write.
     """
     for name in _given(arguments, *KEPT):
-        raise SceneError(f"{KEPT[name]} cannot go with --resume, which continues a run as it was begun")
+        raise InputError(f"{KEPT[name]} cannot be combined with --resume: a resumed run keeps its options")
     kept, other = Path(arguments.resume), arguments.checkpoint
     start = read_checkpoint(kept)
     if start.options is not None:
         held.enter_context(lock_checkpoint(kept))
-        start = read_checkpoint(kept)  # the run may have gone on until the lock was free
+        start = read_checkpoint(kept)  # the run may have continued before the lock was acquired
     if other is not None and (start.options is None or os.path.realpath(other) != os.path.realpath(kept)):
         held.enter_context(lock_checkpoint(Path(other)))
     begun_at = start.state.steps - start.statistics.steps
     planned = start.scene.steps if start.options is None else begun_at + start.options.steps
     end = _steps(start.scene, arguments) or planned
     if end < start.state.steps:
-        raise SceneError(f"the run is to end at step {end}: its checkpoint is at step {start.state.steps}")
+        raise InputError(
+            f"the run cannot end at step {end}: its checkpoint is already at step {start.state.steps}"
+        )
     options = start.options or RunOptions(steps=planned)
     spacing = _spacing(arguments.every, options.checkpoint or other, options.series)
     return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint"), **spacing)
 
 
 def _require_needed(given: dict[str, Any]) -> None:
-    """Raise SceneError if an option is given without one which it needs; `every` may be of two files."""
+    """Raise InputError if an option is given without one that it needs; `every` may serve two files."""
     for name in given:
         needed = OPTIONS[name].metadata["needs"]
         if name == "every" or needed is None or needed in given:
             continue
         if OPTIONS[needed].metadata["needs"] == name:
-            raise SceneError("--measure and --series go together")
-        raise SceneError(f"{FLAGS[name]} needs {FLAGS[needed]}")
+            raise InputError("--measure and --series must be given together")
+        raise InputError(f"{FLAGS[name]} needs {FLAGS[needed]}")
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
-    """Return the options for the steps between two checkpoints and two rows of a series."""
+    """Return the options for the steps between two checkpoints and between two rows of a series."""
     if every is None:
         return {}
     if checkpoint is series is None:
-        raise SceneError("--every needs --checkpoint or --measure")
+        raise InputError("--every needs --checkpoint or --measure")
     spaced = {"every": checkpoint, "measure_every": series}
     return {name: every for name, file in spaced.items() if file is not None}
 
 
 def _series(start: Checkpoint, options: RunOptions, arguments: Namespace) -> Series | None:
-    """Return the series of a run, if there is one; a resumed run goes on with its rows."""
+    """Return the series of a run, if there is one; a resumed run continues its rows."""
     if options.measure is None:
         return None
     resume_at = None if arguments.resume is None else start.state.steps
@@ -167,13 +170,13 @@ def _series(start: Checkpoint, options: RunOptions, arguments: Namespace) -> Ser
 
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
-    """Return those options that are given."""
+    """Return those of the named options that are given."""
     values = {name: getattr(arguments, name) for name in names}
     return {name: value for name, value in values.items() if value is not None and value is not False}
 
 
 def _steps(scene: Scene, arguments: Namespace) -> int | None:
-    """Return for how many steps the run is asked to be, if it is."""
+    """Return the number of steps that the options request, or None."""
     if arguments.steps is not None:
         return checks.whole_number("--steps", arguments.steps)
     if arguments.duration is not None:
@@ -188,7 +191,9 @@ def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arg
 
     simulation = continued(Simulation, start.scene, start.state, arguments.device, arguments.threads)
     if not simulation.is_compiled:
-        print("compiling kernels for such a scene, this first time only ...", file=sys.stderr, flush=True)
+        print(
+            "compiling kernels for this kind of scene, the first time only ...", file=sys.stderr, flush=True
+        )
     simulation.compile()
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
@@ -196,12 +201,12 @@ def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arg
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:
-    """Print a warning on standard error, above the progress bar."""
+    """Print a warning on standard error above the progress bar."""
     tqdm.write(f"warpgrains: warning: {message}", file=sys.stderr)
 
 
 def _warn_of_rate(scene: Scene, fps: float) -> None:
-    """Warn if a recording cannot have so many frames a second [1/s], and print its true rate."""
+    """Warn if a recording cannot have `fps` frames per second [1/s], and print its true rate."""
     rate = true_rate(scene, fps)
     if rate != fps:
         steps = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
@@ -264,5 +269,5 @@ def _without_solution(results: dict[str, Any]) -> str:
 
 
 def true_rate(scene: Scene, fps: float) -> float:
-    """Return the rate of a recording for which `fps` frames per second are wanted [1/s]."""
+    """Return the rate of a recording if `fps` frames per second are requested [1/s]."""
     return FrameTimes.of(scene.dt, fps).rate

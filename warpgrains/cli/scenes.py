@@ -1,4 +1,4 @@
-"""`warpgrains scenes` and `warpgrains init`: what scenes there are, what is in them, and how to begin one."""
+"""`warpgrains scenes` and `warpgrains init`: list, show and explain scenes, or write a new one."""
 
 import inspect
 import re
@@ -12,32 +12,32 @@ from typing import Any, NamedTuple
 
 from warpgrains.console import in_columns
 from warpgrains.errors import OutputError
-from warpgrains.files import require_place, write_whole
+from warpgrains.files import require_writable_path, write_atomically
 from warpgrains.scene.document import Table, parse_toml, read_document, read_text, shipped, toml_value
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
-from warpgrains.scene.reader import PROPERTIES, SOURCES, own_parameters
+from warpgrains.scene.reader import PROPERTIES, SOURCES, keyword_parameters
 
 REQUIRED = object()
-"""Default of a key that has none."""
+"""Marker for keys without a default."""
 KINDS = {"scene": "warpgrains run NAME", "sweep": "warpgrains batch NAME -o DIR"}
 NARROWEST, WIDTH = 90, 110
 
 
 def scenes(arguments: Namespace) -> bool:
-    """List the shipped scenes and sweeps, or show one scene and every key that it could have."""
+    """List the shipped scenes and sweeps, or show one scene with all keys of scene files."""
     print(_lists() if arguments.scene is None else _explained(arguments.scene))
     return False
 
 
 def init(arguments: Namespace) -> bool:
-    """Write a scene file to begin with, every key of it explained."""
+    """Write a new scene file in which every key is explained."""
     path = Path(arguments.file)
     if path.exists():
-        raise OutputError(f"'{path}' is there: it is not replaced")
-    require_place("scene", path, ".toml")
-    text = f"# A scene to begin with, made from {arguments.base}. Try: warpgrains run {path}\n"
-    write_whole(path, (text + commented(read_document(arguments.base))).encode())
+        raise OutputError(f"refusing to overwrite '{path}': choose another name, or delete it")
+    require_writable_path("scene", path, ".toml")
+    text = f"# A scene to start from, made from {arguments.base}. Try: warpgrains run {path}\n"
+    write_atomically(path, (text + commented(read_document(arguments.base))).encode())
     print(path)
     return False
 
@@ -55,13 +55,13 @@ def _first_remark(text: str) -> str:
 
 
 def _explained(name: str) -> str:
-    """Return a scene's file, and a table of all keys."""
+    """Return the text of a scene's file and a table of all keys."""
     text = read_text(Path(name), "scene")
     document = parse_toml(text, name)
     width = max(NARROWEST, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
     lines = [text.rstrip(), "", f"{'key':<24}{'unit':<12}{'default':<22}meaning"]
     for key in keys(document.get("grains", {}).get("layout")):
-        head = f"{key.section}.{key.name:<{23 - len(key.section)}}{key.unit:<12}{key.shown_default:<22}"
+        head = f"{key.section}.{key.name:<{22 - len(key.section)}} {key.unit:<12}{key.shown_default:<22}"
         lines += textwrap.wrap(key.meaning, width, initial_indent=head, subsequent_indent=" " * 58)
     return "\n".join(lines)
 
@@ -72,18 +72,18 @@ class Key(NamedTuple):
     section: str
     name: str
     default: Any
-    """None where there is no value for it: what it means tells what is so."""
+    """Default value; None if the description of the key gives it."""
     meaning: str
 
     @property
     def unit(self) -> str:
-        """Its unit, if it has one."""
+        """Unit of the key, or an empty text."""
         found = re.search(r"(?<!`)\[([^\]]+)\]", self.meaning)
         return found[1] if found else ""
 
     @property
     def shown_default(self) -> str:
-        """Its default as TOML."""
+        """Default value as TOML."""
         if self.default is None:
             return "none"
         if self.default is REQUIRED:
@@ -92,7 +92,7 @@ class Key(NamedTuple):
 
 
 def keys(layout: str | None) -> Iterator[Key]:
-    """Yield all keys of a scene file in their order, for one layout, or for grains of other sources."""
+    """Yield all keys of scene files in order, for one layout or, without one, for other sources of grains."""
     for section, names in SECTIONS.items():
         for name in names:
             field = FIELDS[name]
@@ -101,7 +101,7 @@ def keys(layout: str | None) -> Iterator[Key]:
     yield from (Key("grains", name, None, meaning) for name, meaning in SOURCES.items())
     if layout in LAYOUTS:
         own = {**COMMON, **parameters_of(LAYOUTS[layout])}
-        for name, parameter in own_parameters(LAYOUTS[layout]).items():
+        for name, parameter in keyword_parameters(LAYOUTS[layout]).items():
             default = REQUIRED if parameter.default is parameter.empty else parameter.default
             yield Key("grains", name, default, own[name])
     else:
@@ -110,7 +110,7 @@ def keys(layout: str | None) -> Iterator[Key]:
 
 
 def commented(document: Table) -> str:
-    """Return a scene as TOML with every key explained; those that it does not have are commented out."""
+    """Return a scene as TOML with every key explained; missing keys are commented out."""
     lines, section = [], ""
     for key in keys(document.get("grains", {}).get("layout")):
         if key.section != section:
@@ -126,7 +126,7 @@ def commented(document: Table) -> str:
 
 
 def parameters_of(documented: Callable[..., Any]) -> dict[str, str]:
-    """Return what a docstring of the numpy convention says of each parameter, on one line each."""
+    """Return the descriptions of the parameters in a numpy-style docstring, on one line each."""
     text = inspect.getdoc(documented) or ""
     found: dict[str, str] = {}
     names: list[str] = []

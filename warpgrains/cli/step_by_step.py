@@ -13,8 +13,8 @@ from time import monotonic
 from typing import Any
 
 from warpgrains.console import STDIN, start_warp
-from warpgrains.errors import SceneError
-from warpgrains.files import require_place, table_text, write_whole
+from warpgrains.errors import InputError
+from warpgrains.files import require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene.scene import Scene
 from warpgrains.solver.statistics import StepReport
@@ -22,17 +22,17 @@ from warpgrains.solver.statistics import StepReport
 _KEYS = "N: next step   R: run   S: stop   Q: quit"
 _COLUMNS = ("step", "time [s]", "iterations", "zeta [m/s]", "residual [m/s]", "contacts", "overlap [m]")
 _WIDTHS = (7, 10, 11, 12, 15, 9, 12)
-_ESCAPE, _LONGEST = b"\x1b", 16  # first byte of what a terminal sends for some keys, and their length
+_ESCAPE, _LONGEST = b"\x1b", 16  # first byte and largest length of the escape sequences of some keys
 _HISTORY = ("step", "iteration", "zeta", "residual")
 
 
 def step_by_step(scene: Scene, steps: int, arguments: Namespace) -> None:
-    """Take steps of a scene as keys are pressed, until Q or the end of the run.
+    """Advance a scene step by step on key presses, until Q or the end of the run.
 
     Raises
     ------
-    SceneError
-        The history cannot be written there.
+    InputError
+        The history cannot be written.
     SimulationError
         A step failed.
     """
@@ -40,23 +40,23 @@ def step_by_step(scene: Scene, steps: int, arguments: Namespace) -> None:
         _step_by_step(scene, steps, arguments)
         return
     output = Path(arguments.history)
-    require_place("history", output, ".csv")
+    require_writable_path("history", output, ".csv")
     with Lock(output):
         _require_history(output)
         rows = _step_by_step(scene, steps, arguments)
         if not rows:
-            raise SceneError(f"no step was taken: history '{output}' is not written")
-        write_whole(output, table_text(rows).encode())
+            raise InputError(f"no step was taken: history '{output}' is not written")
+        write_atomically(output, table_text(rows).encode())
 
 
 def _require_history(output: Path) -> None:
-    """Raise SceneError if a file is there that is no history."""
+    """Raise InputError if the file exists and is no history."""
     if output.exists() and not output.read_bytes().startswith(",".join(_HISTORY).encode()):
-        raise SceneError(f"'{output}' is there, and no history: it is left as it is")
+        raise InputError(f"refusing to overwrite '{output}': not a history of warpgrains")
 
 
 def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[str, Any]]:
-    """Return zeta and residual of every iteration of the steps taken."""
+    """Return zeta and residual of every iteration of the steps done."""
     start_warp()
     from warpgrains.simulation.simulation import Simulation
 
@@ -74,10 +74,10 @@ def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[s
 
 
 def _pressed(steps: int, spacing: float) -> Iterator[None]:
-    """Yield whenever a step is to be taken, `steps` times at most.
+    """Yield whenever a step is due, at most `steps` times.
 
-    While it runs, steps begin `spacing` seconds apart. At the end of the input no key can stop it, so that
-    the other steps are taken at once.
+    While the scene plays, steps start `spacing` seconds apart. At the end of the input no key can stop it, so
+    the remaining steps follow without delay.
     """
     running, taken, due = False, 0, 0.0
     while taken < steps:
@@ -97,10 +97,10 @@ def _pressed(steps: int, spacing: float) -> Iterator[None]:
 
 
 def _key(patience: float | None) -> str | None:
-    """Return the key that is pressed, in lower case; "" at the end of the input.
+    """Return the pressed key in lower case; "" at the end of the input.
 
-    Without a key for `patience` seconds return None; where `patience` is None wait for one. The end of a line
-    is no key where the input is no terminal. What a terminal sends for a key such as an arrow is one key.
+    Returns None if no key is pressed for `patience` seconds; if `patience` is None, waits for one. Line ends
+    count as keys only in a terminal. The escape sequence of a key such as an arrow counts as one key.
     """
     while True:
         if patience is not None and not select.select([STDIN], [], [], patience)[0]:
@@ -116,7 +116,7 @@ def _key(patience: float | None) -> str | None:
 
 @contextmanager
 def _keys_at_once() -> Iterator[None]:
-    """Have keys read as they are pressed, if they come from a terminal, and not shown."""
+    """Read keys without line buffering and echo, if the input is a terminal."""
     if not os.isatty(STDIN):
         yield
         return

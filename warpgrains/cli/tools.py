@@ -1,25 +1,25 @@
-"""`check`, `recover`, `plot`, `export` and `report`: what is done with recordings, and with the solver."""
+"""Commands for recordings (`check`, `recover`, `plot`, `export`), and the `report` on the solver."""
 
 from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
 
-from warpgrains.cli.apart import done_apart
-from warpgrains.console import start_warp, stdout_kept_clean
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.cli.sandboxed import run_sandboxed
+from warpgrains.console import start_warp, stdout_to_stderr
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.pictures.kinds import FILMS, require_drawing
 
 
 def check(arguments: Namespace) -> bool:
-    """Print what is wrong with a recording, a line a problem."""
-    problems = done_apart("usd.check.inspect_recording", arguments.file)
-    for problem in problems or ["nothing is wrong"]:
-        print(f"{arguments.file}: {problem}")
-    return bool(problems)
+    """Print each problem of a recording on one line, or its size if it has none."""
+    lines = run_sandboxed("usd.check.report_on_recording", arguments.file)
+    for line in lines:
+        print(f"{arguments.file}: {line}")
+    return not lines[0].startswith("OK: ")
 
 
 def recover(arguments: Namespace) -> bool:
-    """Make a file of the frames that a killed run left."""
+    """Make a recording from the frames of a killed run."""
     from warpgrains.usd.recorder import recover
 
     path, frames = recover(arguments.log)
@@ -28,39 +28,39 @@ def recover(arguments: Namespace) -> bool:
 
 
 def plot(arguments: Namespace) -> bool:
-    """Draw a recording, or a history."""
+    """Draw a recording or a history."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".png"))
     is_film = Path(output).suffix in FILMS
     require_drawing("plot", is_film)
     if Path(arguments.file).suffix == ".csv":
         if arguments.frames is not None or not arguments.curves:
-            raise SceneError("--frames and --no-curves have no effect on a history")
+            raise InputError("--frames and --no-curves have no effect on a history")
         from warpgrains.analysis.plots import plot_history
 
         print(f"{output}: {len(plot_history(arguments.file, output))} steps")
         return False
     if is_film:
         if arguments.frames is not None or not arguments.curves:
-            raise SceneError("--frames and --no-curves have no effect on a film")
-        numbers = done_apart("cli.apart.film", arguments.file, output=output)
+            raise InputError("--frames and --no-curves have no effect on a film")
+        numbers = run_sandboxed("cli.sandboxed.film", arguments.file, output=output)
         print(f"{output}: {len(numbers)} frames")
         return False
     given = {"output": output, "frames": arguments.frames, "curves": arguments.curves}
-    numbers = done_apart("analysis.plots.plot", arguments.file, **given)
+    numbers = run_sandboxed("analysis.plots.plot", arguments.file, **given)
     print(f"{output}: frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}")
     return False
 
 
 def export(arguments: Namespace) -> bool:
-    """Write a recording for ParaView."""
+    """Export a recording for ParaView."""
     output = arguments.output or str(Path(arguments.file).with_suffix(".vtkhdf"))
-    frames = done_apart("analysis.vtk.export", arguments.file, output=output)
+    frames = run_sandboxed("analysis.vtk.export", arguments.file, output=output)
     print(f"{output}: {frames} frames")
     return False
 
 
 def report(arguments: Namespace) -> bool:
-    """Measure speed against error of scenes, and print the names of the files that tell of it."""
+    """Measure speed against error of scenes, and print the names of the written files."""
     from warpgrains.scene.document import shipped_scenes
     from warpgrains.scene.scene import Scene
 
@@ -71,7 +71,7 @@ def report(arguments: Namespace) -> bool:
         raise missing_extra("report", error) from error
     names = arguments.scenes or shipped_scenes()
     scenes = [Scene.load(name).replace(on_unconverged="report") for name in names]
-    with stdout_kept_clean():
+    with stdout_to_stderr():
         start_warp()
         from warpgrains.report.report import write_report
 

@@ -1,4 +1,4 @@
-"""`warpgrains view`: a page that plays a scene or a recording."""
+"""`warpgrains view`: serve a page that plays a scene or a recording."""
 
 import sys
 from argparse import Namespace
@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from warpgrains.console import start_warp
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import MOST_GRAINS
@@ -37,7 +37,7 @@ def view(arguments: Namespace) -> bool:
     is_recorded = Path(arguments.what).suffix in SUFFIXES
     if arguments.homework is not None:
         if is_recorded:
-            raise SceneError("--homework needs a scene, not a recording")
+            raise InputError("--homework needs a scene, not a recording")
         return _homework(arguments, lambda player: _serve(Page, player, port))
     player: Player = _recorded(arguments) if is_recorded else _live(arguments)
     return _serve(Page, player, port)
@@ -54,7 +54,7 @@ def _homework(arguments: Namespace, serve: Callable[[Player], bool]) -> bool:
     is_the_texts = scene.scheme == "text" and scene.wall == "tangent" and scene.radius_in > 0.0
     if not is_the_texts or scene.n > MOST_GRAINS:
         needs = "scheme text, wall tangent, an inner wall"
-        raise SceneError(f"--homework needs {needs} and at most {MOST_GRAINS} grains")
+        raise InputError(f"--homework needs {needs} and at most {MOST_GRAINS} grains")
     processes = Processes()
     with TemporaryDirectory() as folder:
         grader = Grader(Path(folder), processes=processes)
@@ -75,7 +75,7 @@ def _announce(url: str) -> None:
 
 def _recorded(arguments: Namespace) -> Recorded:
     if arguments.overrides:
-        raise SceneError("--set has no effect on a recording")
+        raise InputError("--set has no effect on a recording")
     return Recorded(RecordingReader(arguments.what), Path(arguments.what).name)
 
 

@@ -1,1 +1,1 @@
-"""Contents of pictures, whichever program draws them: colors, force chains, walls and times of frames."""
+"""Contents of pictures for any program that draws them: colors, force chains, walls and times of frames."""

@@ -1,4 +1,4 @@
-"""Force chains: a band a contact, as wide as its force."""
+"""Force chains: one band per contact, whose width is proportional to the force."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 CHAIN_COLOR = (0.78, 0.10, 0.12)
-"""sRGB; no color of a scale is near it."""
+"""Color of force chains (sRGB), distinct from the colors of all scales."""
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,14 @@ class Chains:
     ends: FloatArray
     """Both ends of each segment [m], shape (m, 2, 2)."""
     width: FloatArray
-    """Width of each segment [m], shape (m,): proportional to the force up to half the smallest grain's."""
+    """Width of each segment [m], shape (m,): proportional to the force, at most half the smallest radius."""
     force: FloatArray
     """Normal force of each contact [N], shape (m,)."""
     tangential_force: FloatArray
     """Tangential force of each contact [N], shape (m,), see `PairContacts`; 0 without friction."""
     pair: IntArray
-    """The grains i < j of each, shape (m, 2); j is -1 for the outer wall, -2 for
-    the inner one, and -3, -4, ... for those of `Scene.walls`."""
+    """Grains i < j of each segment, shape (m, 2); j is -1 for the outer wall, -2 for the inner one, and -3,
+    -4, ... for those of `Scene.walls`."""
 
     def corners(self) -> FloatArray:
         """Return the corners of each band [m], counter-clockwise, shape (m, 4, 2)."""
@@ -47,30 +47,30 @@ class Chains:
 
 @dataclass(frozen=True)
 class ChainScale:
-    """Scale from forces to widths."""
+    """Linear scale from forces to widths of bands."""
 
     force: float
-    """The force that has the full width, and all beyond it [N]."""
+    """Force with the full width [N]; larger forces have it too."""
     width: float
-    """The full width [m], half the smallest grain's: grains stay visible beneath it."""
+    """Full width [m], half the smallest radius, so that grains stay visible."""
 
     @classmethod
     def of(cls, scene: Scene) -> ChainScale:
-        """Return that of a scene: its large pressure over the diameter of a mean grain."""
+        """Return the scale of a scene: a large pressure in it times the diameter of a mean grain."""
         return cls(pressure_scale(scene) * 2.0 * float(scene.radius.mean()), float(scene.radius.min()))
 
     def described(self) -> dict[str, str | float]:
-        """Return what a recording says of it: the force [N] that is drawn so wide [m]."""
+        """Return the scale as a recording stores it: the force [N] and its width [m]."""
         return {"unit": "N", "force": self.force, "width": self.width}
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> ChainScale:
-        """Return the scale that a recording describes."""
+        """Return the scale that a recording stores."""
         return cls(described["force"], described["width"])
 
 
 def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
-    """Return a band from centre to centre, and from centre to wall, for each contact that pushes.
+    """Return a band from center to center, or from center to wall, for each contact with a force.
 
     With friction, a band has the size and direction of the total force: it is turned about the contact point.
     """
@@ -103,13 +103,13 @@ def _turned(
 
 
 def with_walls(pair: IntArray, wall: IntArray) -> IntArray:
-    """Return contacts as `Chains.pair` has them: those of pairs, then those of grains and walls."""
+    """Return contacts in the form of `Chains.pair`: pairs first, then walls."""
     at_wall = np.stack([wall[:, 0], -1 - wall[:, 1]], axis=1)
     return np.concatenate([pair, at_wall]).astype(np.int32)
 
 
 def contact_normals(scene: Scene, position: FloatArray, pair: IntArray) -> FloatArray:
-    """Return unit vectors from each grain to the other, or into its wall, shape (m, 2)."""
+    """Return unit vectors from each grain to the other one or into its wall, shape (m, 2)."""
     (i, j), normal = pair.T, np.zeros(pair.shape)
     between = j >= 0
     normal[between] = pair_normals(position, i[between], j[between])
@@ -118,7 +118,7 @@ def contact_normals(scene: Scene, position: FloatArray, pair: IntArray) -> Float
 
 
 def contact_ends(scene: Scene, position: FloatArray, pair: IntArray) -> FloatArray:
-    """Return the centre of each grain, and that of the other or the point at its wall [m], (m, 2, 2)."""
+    """Return the ends of contacts [m], (m, 2, 2): a grain's center, and the other center or wall point."""
     i, j = pair.T
     foot = position[i] + scene.radius[i, np.newaxis] * contact_normals(scene, position, pair)
     return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[np.maximum(j, 0)], foot)], axis=1)

@@ -1,7 +1,8 @@
 """Tables of colors."""
 
-# Matplotlib's perceptually uniform colormaps, safe for color-blind eyes, at 32 shares of the range, for where
-# it is missing. Colors between are interpolated in sRGB; tests/usd/test_appearance.py bounds the error.
+# Matplotlib's perceptually uniform colormaps, safe for color-blind readers, at 32 points of the range, for
+# use without Matplotlib. Colors between are interpolated in sRGB; tests/usd/test_appearance.py bounds
+# the error.
 COLORS = {
     "viridis": """
         440154 470d60 48186a 482374 472e7c 453882 424186 3e4a89 3a548c 365d8d 32658e 2e6d8e 2b758e 287d8e

@@ -1,4 +1,4 @@
-"""Colors of grains, and the range of numbers that they represent."""
+"""Colors of grains, and the ranges of values that they represent."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colormaps import COLORS
 from warpgrains.drawing.mobilized import mobilized
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
 
 UNITS = {"radius": "m", "speed": "m/s", "pressure": "N/m", "spin": "rad/s", "mobilized": ""}
-"""The quantities that grains are colored by."""
+"""Quantities by which grains are colored, and their units."""
 COLORMAPS = {
     "radius": "plasma",
     "speed": "viridis",
@@ -34,7 +34,7 @@ OF_FRICTION = ("spin", "mobilized")
 OF_CONTACTS = ("pressure", "mobilized")
 """Colorings that need the contacts of a frame."""
 LEVELS = 64
-"""Colors between the ends of a scale."""
+"""Number of colors of a scale."""
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green and blue (ITU-R BT.709)
 _DARK = 0.18  # luminance of what looks half as bright as white
@@ -56,14 +56,14 @@ PALETTE: FloatArray = np.array(
 
 @dataclass(frozen=True)
 class Frame:
-    """One moment of a run, as it is drawn."""
+    """State of a run at the time of one frame, as it is drawn."""
 
     position: FloatArray
     """[m], shape (n, 2)."""
     velocity: FloatArray
     """[m/s], shape (n, 2)."""
     contacts: PairContacts | None = None
-    """Forces between grains; None, as those with walls, where nothing that is drawn needs them."""
+    """Contacts between grains; None, like those with walls, if nothing that is drawn needs forces."""
     wall_contacts: WallContacts | None = None
     spin: FloatArray | None = None
     """Angular velocities [rad/s], shape (n,); None, as the angles, where grains do not rotate."""
@@ -77,7 +77,7 @@ class Frame:
         return self.spin, self.angle
 
     def forces(self) -> tuple[PairContacts, WallContacts]:
-        """Return the contacts between grains and with the walls; ValueError where they are missing."""
+        """Return the contacts between grains and with walls. Raises ValueError if they are missing."""
         if self.contacts is None or self.wall_contacts is None:
             raise ValueError("a frame drawn with forces or pressure needs contacts and wall_contacts")
         return self.contacts, self.wall_contacts
@@ -85,14 +85,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class ColorScale:
-    """Colors of a quantity: one colormap a quantity, in recordings, pictures, films and windows."""
+    """Colors of a quantity, with the same colormap in recordings, pictures, films and windows."""
 
     quantity: str
     """One of `UNITS`."""
     low: float
-    """The value of the first color; all below it have it too."""
+    """Value of the first color; smaller values have it too."""
     high: float
-    """The value of the last color; all beyond it have it too."""
+    """Value of the last color; larger values have it too."""
 
     @property
     def label(self) -> str:
@@ -111,23 +111,23 @@ class ColorScale:
         return COLORMAPS[self.quantity]
 
     def described(self) -> dict[str, str | float]:
-        """Return what a recording says of it."""
+        """Return the scale as a recording stores it."""
         unit = {"unit": UNITS[self.quantity], "colormap": self.colormap}
         return {"quantity": self.quantity, **unit, "low": self.low, "high": self.high}
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Self:
-        """Return the scale that a recording describes."""
+        """Return the scale that a recording stores."""
         return cls(described["quantity"], described["low"], described["high"])
 
     def levels(self, values: FloatArray) -> IndexArray:
-        """Return which of the `colors` each value has, shape (n,)."""
+        """Return the index into `colors` of each value, shape (n,)."""
         reach = self.high - self.low
         share = np.clip((values - self.low) / reach, 0.0, 1.0) if reach > 0.0 else np.zeros_like(values)
         return np.rint(share * (LEVELS - 1)).astype(np.int64)
 
     def colors(self) -> FloatArray:
-        """Return its colors from low to high (sRGB), shape (64, 3)."""
+        """Colors from low to high (sRGB), shape (64, 3)."""
         return colormap(self.colormap, np.linspace(0.0, 1.0, LEVELS))
 
 
@@ -137,38 +137,38 @@ def colorings(scene: Scene) -> tuple[str, ...]:
 
 
 class GrainColors:
-    """Colors of the grains of a scene, by a quantity.
+    """Colors of the grains of a scene by a quantity.
 
-    Scales are fixed by the scene, so that a color means the same in every frame and after a restart:
-    speed against `speed_scale`, pressure against `pressure_scale`, radius between smallest and largest, spin
-    between minus and plus `spin_scale`, and mobilized friction (see `mobilized`) between 0 and 1.
+    Scales depend only on the scene, so that a color means the same in every frame and after a restart. The
+    largest value is `speed_scale` or `pressure_scale`; radii range from the smallest to the largest, spins
+    from minus to plus `spin_scale`, and mobilized friction (see `mobilized`) from 0 to 1.
 
     Parameters
     ----------
     scene : Scene
-        What is drawn.
+        The scene that is drawn.
     color_by : str
-        "speed", "pressure", "radius"; with friction "spin", "mobilized"; or "palette": colors that mean
-        nothing and tell neighbours apart.
+        "speed", "pressure", "radius"; with friction "spin", "mobilized"; or "palette": arbitrary colors that
+        distinguish neighbors.
 
     Attributes
     ----------
     scale : ColorScale or None
         Range of the colors; None for the palette.
     colors : ndarray
-        All there are (sRGB), shape (k, 3).
+        All colors (sRGB), shape (k, 3).
     still : ndarray or None
-        Which of them each grain has in every frame, shape (n,); None if each frame has its own.
+        Index of the color of each grain, shape (n,), if it is constant; None if it changes between frames.
 
     Raises
     ------
-    SceneError
-        If `color_by` is none of these, or the scene has no friction for it.
+    InputError
+        `color_by` is unknown, or needs friction that the scene does not have.
     """
 
     def __init__(self, scene: Scene, color_by: str) -> None:
         if isinstance(color_by, str) and color_by in OF_FRICTION and not scene.has_friction:
-            raise SceneError(f"color_by is {color_by!r}: it needs a scene with friction")
+            raise InputError(f"color_by is {color_by!r}: it needs a scene with friction")
         checks.one_of("color_by", color_by, colorings(scene))
         self._scene, radius = scene, scene.radius
         self.scale: ColorScale | None = None
@@ -185,7 +185,7 @@ class GrainColors:
         self.colors = self.scale.colors()
 
     def levels(self, frame: Frame) -> IndexArray:
-        """Return which of the colors each grain has in a frame, shape (n,)."""
+        """Return the index of the color of each grain in a frame, shape (n,)."""
         if self.scale is None or self.still is not None:
             assert self.still is not None
             return self.still
@@ -204,24 +204,24 @@ class GrainColors:
         return pressure(frame, self._scene.radius)
 
     def of(self, frame: Frame) -> FloatArray:
-        """Return the colors of a frame (sRGB), shape (n, 3)."""
+        """Return the colors of the grains in a frame (sRGB), shape (n, 3)."""
         return self.colors[self.levels(frame)]
 
 
 def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
-    """Return the sum of the forces on each grain over its circumference [N/m], shape (n,).
+    """Return the sum of the forces on each grain divided by its circumference [N/m], shape (n,).
 
     It is the mean of the two principal stresses that the contacts exert on the disc.
     """
     contacts, wall_contacts = frame.forces()
     grain = np.concatenate([*contacts.pair.T, wall_contacts.wall[:, 0]])
     force = np.concatenate([contacts.force, contacts.force, wall_contacts.force])
-    total = np.bincount(grain, force, len(radius)).astype(np.float64)  # of no contacts it is of integers
+    total = np.bincount(grain, force, len(radius)).astype(np.float64)  # integers without contacts
     return total / (2.0 * np.pi * radius)
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return the speed [m/s] a grain can be expected to reach: falling across, as thrown, or of a wall."""
+    """Return a speed [m/s] that grains may reach: by a fall across the domain, at the start, or at a wall."""
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
     falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
@@ -233,14 +233,14 @@ def speed_scale(scene: Scene) -> float:
 
 def spin_scale(scene: Scene) -> float:
     """Return the spin [rad/s] that many grains reach: rolling at half of `speed_scale`, or at the start."""
-    return max(float(np.abs(scene.spin).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
+    return max(float(np.abs(scene.spin_at_start).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
 
 
 def pressure_scale(scene: Scene) -> float:
-    """Return a large pressure [N/m]: all grains' weight resting on a quarter of the outer wall's width.
+    """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
 
-    Without gravity: a mean grain stopped within one step from the scene's speed, or else from its own
-    radius a step.
+    Without gravity, it is the pressure on a mean grain that is stopped within one step from the scene's
+    largest speed, or if that is zero, from a speed of one radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
     if weight > 0.0:
@@ -272,12 +272,12 @@ def mark_color(color: FloatArray) -> FloatArray:
 
 
 def linear(encoded: FloatArray) -> NDArray[np.float32]:
-    """Return the linear values of sRGB colors, which is what displayColor holds."""
+    """Return the linear values of sRGB colors, as displayColor holds them."""
     values = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     return values.astype(np.float32)
 
 
 def encoded(linear: FloatArray) -> FloatArray:
-    """Return the sRGB colors of linear values, as screens take them."""
+    """Return the sRGB colors of linear values, as screens need them."""
     clipped = np.clip(linear, 0.0, 1.0)
     return np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1.0 / 2.4) - 0.055)

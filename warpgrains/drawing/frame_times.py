@@ -1,4 +1,4 @@
-"""Times of the frames of a recording or film, and positions at these from the states after whole steps."""
+"""Times of the frames of a recording or film, and the positions at these times from the states of steps."""
 
 from __future__ import annotations
 
@@ -10,42 +10,43 @@ from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import Frame
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 if TYPE_CHECKING:
     from warpgrains.solver.forces import PairContacts, WallContacts
 
-_NOTHING = Fraction(1, 10**9)  # of a step
+_TOLERANCE = Fraction(1, 10**9)  # tolerance, in steps
 
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Frames k = 0, 1, 2, ... at the times k / rate, of a scene with steps of dt.
+    """Frames k = 0, 1, 2, ... at times k / rate, for a scene with time step dt.
 
-    Both are taken as the decimal numbers a user writes, so that no rounding of a float decides on a step.
+    Both numbers are taken as the decimals that a user writes, so that rounding does not shift a frame to
+    another step.
     """
 
     dt: float
-    """[s]."""
+    """Time step [s]."""
     rate: float
-    """Frames per second of simulated time [1/s], at most one a step."""
+    """Frames per second of simulated time [1/s], at most one per step."""
 
     @classmethod
     def of(cls, dt: float, wanted: float) -> FrameTimes:
-        """Return those with the wanted rate [1/s], or of one frame a step where steps are longer.
+        """Return frame times with the requested rate [1/s], or one frame per step if steps are longer.
 
         Raises
         ------
-        SceneError
+        InputError
             The rate is not a positive finite number.
         """
         if not 0 < wanted < float("inf"):
-            raise SceneError(f"frames per second must be a positive number, not {wanted}")
+            raise InputError(f"frames per second is {wanted}: it must be greater than 0")
         return cls(dt, min(float(wanted), float(1 / _as_written(dt))))
 
     def step(self, k: int) -> int:
-        """Return the step at whose end frame k is, or in which it lies."""
-        return ceil(k * self._steps_a_frame - _NOTHING)
+        """Return the step in which frame k lies, or at whose end it is."""
+        return ceil(k * self._steps_a_frame - _TOLERANCE)
 
     def frame(
         self,
@@ -57,13 +58,13 @@ class FrameTimes:
         spin: FloatArray | None = None,
         angle: FloatArray | None = None,
     ) -> Frame:
-        """Return frame k, made of the state after `step(k)`.
+        """Return frame k from the state after `step(k)`.
 
-        Within a step, grains move straight on and turn with the velocities after it (eqs. 3, 24): if the
-        frame lies within the step, positions and angles are those at its time.
+        Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
+        The positions and angles are those at the time of the frame.
         """
         before = self.step(k) - k * self._steps_a_frame
-        if before > _NOTHING:
+        if before > _TOLERANCE:
             position = position - float(before) * self.dt * velocity
             if spin is not None and angle is not None:
                 angle = angle - float(before) * self.dt * spin

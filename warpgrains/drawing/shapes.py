@@ -1,4 +1,4 @@
-"""Meshes of a grain of radius 1 m, and of walls: flat rings about the origin."""
+"""Meshes of a grain of radius 1 m and of walls, which are flat rings."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 WALL_COLOR = (0.35, 0.35, 0.35)
-"""sRGB."""
+"""Color of walls (sRGB)."""
 
-_SEGMENTS = 64  # of a circle about z: its polygon lacks 0.16 % of the disc
+_SEGMENTS = 64  # per circle about z; the polygon lacks 0.16 % of the disc's area
 _WALL_SEGMENTS = 256
-_THICKNESS = 0.02  # of a wall, in radius_out
+_THICKNESS = 0.02  # thickness of a wall, in radius_out
 _RINGS = 16  # of a sphere, from pole to pole
-_RIM = 0.88  # where the rim of a disc begins, in radii
-_SLOPE = 2.0  # of the rim: shading draws a line between grains that touch
-_MARKED = 8  # segments of a circle in the mark that shows how far a grain has turned
+_RIM = 0.88  # inner radius of the rim of a disc, in radii
+_SLOPE = 2.0  # slope of the rim; its shading separates grains that touch
+_MARKED = 8  # segments of a circle in the mark that shows the angle of a grain
 
 
 @dataclass(frozen=True)
@@ -30,24 +30,24 @@ class Shape:
     """A mesh of polygons."""
 
     points: FloatArray
-    """[m], shape (v, 3)."""
+    """Points [m], shape (v, 3)."""
     counts: NDArray[np.int64]
     """Corners of each polygon, shape (p,)."""
     corners: NDArray[np.int64]
     """Indices of the points at the corners of all polygons, counter-clockwise from outside, shape (c,)."""
     normals: FloatArray
-    """Of each point, shape (v, 3), or of each corner, shape (c, 3)."""
+    """Normals of the points, shape (v, 3), or of the corners, shape (c, 3)."""
     marked: BoolArray | None = None
-    """Which polygons are the mark, shape (p,)."""
+    """Polygons that form the mark, shape (p,)."""
 
     @property
     def height(self) -> float:
-        """Height towards the viewer [m]."""
+        """Extent towards the viewer [m]."""
         return float(self.points[:, 2].max())
 
 
 def disc(is_marked: bool = False) -> Shape:
-    """Return a disc that faces +z, with a sloping rim; with a mark, its top is three sectors."""
+    """Return the mesh of a disc that faces +z, with a sloping rim; with a mark, its top is three sectors."""
     height = _SLOPE * (1.0 - _RIM)
     points = np.concatenate([_circle(_SEGMENTS, _RIM, height), _circle(_SEGMENTS, 1.0, 0.0)])
     top = np.arange(_SEGMENTS)
@@ -69,7 +69,7 @@ def disc(is_marked: bool = False) -> Shape:
 
 
 def sphere(is_marked: bool = False) -> Shape:
-    """Return a sphere; its mark is a lune from pole to pole."""
+    """Return the mesh of a sphere with poles on the z axis; its mark is a lune from pole to pole."""
     polar = np.linspace(0.0, np.pi, _RINGS + 1)[1:-1]
     rings = [_circle(_SEGMENTS, np.sin(angle), np.cos(angle)) for angle in polar]
     points = np.concatenate([*rings, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]])
@@ -99,17 +99,17 @@ def marks(position: FloatArray, radius: FloatArray, angle: FloatArray) -> FloatA
 
 
 class Ring(NamedTuple):
-    """A wall as it is drawn: the flat ring between two circles."""
+    """Drawing of a wall: the flat ring between two circles."""
 
     inner: float
     """Radius of the inner circle [m]."""
     outer: float
     """Radius of the outer circle [m]."""
     center: tuple[float, float] = (0.0, 0.0)
-    """[m]."""
+    """Center [m]."""
 
     def shape(self) -> Shape:
-        """Return it in the plane z = 0, facing +z."""
+        """Return the mesh in the plane z = 0, facing +z."""
         points = np.concatenate([_circle(_WALL_SEGMENTS, radius, 0.0) for radius in self[:2]])
         points[:, :2] += self.center
         bands = _bands(np.arange(2 * _WALL_SEGMENTS).reshape(2, _WALL_SEGMENTS))
@@ -118,7 +118,7 @@ class Ring(NamedTuple):
 
 
 def rings(scene: Scene) -> dict[str, Ring]:
-    """Return the walls as they are drawn, outside the space that they leave to the grains."""
+    """Return the drawn walls by name; they lie outside the space of the grains."""
     radius_in, radius_out = scene.radius_in, scene.radius_out
     thickness = _THICKNESS * radius_out
     drawn = {"Outer": Ring(radius_out, radius_out + thickness)}
@@ -141,7 +141,7 @@ def _circle(segments: int, radius: float, height: float) -> FloatArray:
 
 
 def _bands(number: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the quadrilaterals between rings of points, numbered from top to bottom, shape (k, 4)."""
+    """Return the quadrilaterals between rings of point indices, from top to bottom, shape (k, 4)."""
     onward = np.roll(number, -1, axis=1)
     corners = [number[:-1], number[1:], onward[1:], onward[:-1]]
     return np.stack(corners, axis=-1).reshape(-1, 4)

@@ -1,1 +1,1 @@
-"""Homeworks of the course: run in a process of their own, held against the reference, and diagnosed."""
+"""Homeworks of the course: executed in a sandbox, compared with the reference, and diagnosed."""

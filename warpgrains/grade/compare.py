@@ -1,16 +1,18 @@
-"""Answers held against one another: the same but for rounding, or the first thing that differs.
+"""Comparison of answers with the reference: equal up to rounding, or the first difference.
 
-A correct homework may sum in another order. Each contact that acts then changes velocities, corrections and
-zeta by some `_ROUNDINGS` eps times the largest speed, which may be that of a gap, R_out / dt; contacts are
-inelastic, so later ones pass this on without enlarging it. So after some calls over some contacts,
+A correct homework may sum in another order. Then each active contact changes velocities, corrections and zeta
+by up to `_ROUNDINGS` eps times the largest speed, which may be that of a gap, R_out / dt. Contacts are
+inelastic, so later contacts do not amplify this error. After some calls with some contacts,
 
     velocities, corrections, zeta   differ by at most   _ROUNDINGS eps speed contacts calls
     positions                       by dt times that, and _ROUNDINGS eps R_out
 
-and what differs by more is something else. Calls begin where the reference is: nothing adds up over steps.
+and any larger difference is a mistake. Every call starts from the reference's state, so that errors do not
+accumulate over steps.
 
-A step may take one iteration less where iterMax ends it, because the text leaves it open whether iteration 0
-counts, and another number where zeta is the tolerance but for rounding. What both have done is then compared.
+A step may take one iteration less if iterMax ends it, because the text does not say whether iteration 0
+counts. It may take another number of iterations if zeta equals the tolerance up to rounding. Then only the
+iterations that both have done are compared.
 """
 
 from typing import NamedTuple
@@ -23,14 +25,14 @@ from warpgrains.grade.sandbox import FIELDS, Answer
 from warpgrains.grade.words import Words, joined
 
 DOUBLE, FLOAT = (float(np.finfo(kind).eps) for kind in (np.float64, np.float32))
-"""Relative rounding errors of the two kinds of numbers."""
+"""Relative rounding errors of double and float."""
 
 _ROUNDINGS = 32
 _UPDATE_ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")
 
 
 class Difference(NamedTuple):
-    """The first difference: `quantity`, such as "vx[3]", at a step; iteration and contact if known."""
+    """The first difference from the reference: its `quantity`, such as "vx[3]", and its place in the run."""
 
     scene: str
     step: int
@@ -45,13 +47,16 @@ class Difference(NamedTuple):
         place = [Words("scene {scene}", scene=self.scene), Words("step {step}", step=self.step)]
         place += [] if self.iteration is None else [Words("iteration {iteration}", iteration=self.iteration)]
         place += [] if self.contact is None else [self.contact]
-        expected, found = _in_digits(self.expected, self.found)
+        expected, found = _distinct_digits(self.expected, self.found)
         values = {"place": joined(place), "quantity": self.quantity, "found": found, "expected": expected}
         return Words("{place}: {quantity} is {found}, expected {expected}", **values)
 
 
 def difference(probe: Probe, expected: Answer, found: Answer, eps: float = DOUBLE) -> Difference | None:
-    """Return the first difference from the reference's answer beyond rounding errors eps; 0: in any bit."""
+    """Return the first difference from the reference's answer beyond rounding errors eps.
+
+    With eps 0, any differing bit counts.
+    """
     return None if expected == found else _Comparison(probe, expected, found, eps).first()
 
 
@@ -75,13 +80,13 @@ class _Comparison:
         first = self._first_before_end()
         if self._found.calls == self._expected.calls:
             return first or self._first_in_state(_UPDATE_ORDER)
-        if first or self._may_end_otherwise():
+        if first or self._may_end_differently():
             return first
         calls = Words("number of calls of femGrainsContactIterate")
         return self._difference(calls, self._expected.calls, self._found.calls)
 
-    def _may_end_otherwise(self) -> bool:
-        """Return whether a step may take another number of iterations than the reference's."""
+    def _may_end_differently(self) -> bool:
+        """Return whether the step may take another number of iterations than the reference."""
         call, expected, found = self._probe.call, self._expected, self._found
         if found.calls == expected.calls - 1 == call.max_iterations:
             return True
@@ -94,7 +99,7 @@ class _Comparison:
     def _first_of_iteration(self) -> Difference | None:
         first = self._first_in_state(("dvContacts", "dvBoundary"))
         first = first or self._first_in_state(("vx", "vy", "x", "y", "r", "m"))
-        if first is None and self._probe.call.iteration > 0:  # zeta of the first iteration is left open
+        if first is None and self._probe.call.iteration > 0:  # zeta of the first one is undefined
             return self._of_zeta(self._expected.zeta, self._found.zeta, self._probe.call.iteration)
         return first
 
@@ -103,7 +108,7 @@ class _Comparison:
         return None if same else self._difference(Words("zeta", "zeta"), expected, found, iteration)
 
     def _first_before_end(self) -> Difference | None:
-        """Compare what the iterations began with, what they were asked for, and what they returned."""
+        """Compare the start, the arguments and the results of the iterations."""
         n = self._probe.call.n
         if self._found.calls == 0:
             return None
@@ -146,7 +151,7 @@ class _Comparison:
         return None
 
     def _contact(self, name: str, index: int) -> Words | None:
-        """Name the contact that an entry belongs to, or the first that acts on the grain."""
+        """Return the contact that an entry belongs to, or the first active contact of the grain."""
         n, state = self._probe.call.n, self._expected.state
         i, j = np.triu_indices(n, 1)
         if name == "dvContacts":
@@ -183,8 +188,8 @@ def _same(expected: FloatArray, found: FloatArray, most: float) -> np.ndarray:
     return near | (expected == found) | (np.isnan(expected) & np.isnan(found))
 
 
-def _in_digits(one: float, other: float) -> tuple[str, str]:
-    """Write two numbers with as few digits as tell them apart."""
+def _distinct_digits(one: float, other: float) -> tuple[str, str]:
+    """Return two numbers with the fewest digits that distinguish them."""
     for digits in range(4, 18):
         words = f"{one:.{digits}g}", f"{other:.{digits}g}"
         if words[0] != words[1]:

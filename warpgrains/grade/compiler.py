@@ -1,4 +1,4 @@
-"""Compile the sandbox, the reference, the model and homeworks."""
+"""Compilation of the sandbox's program, the reference, the model and homeworks."""
 
 import os
 import re
@@ -11,17 +11,17 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from time import monotonic
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import SOURCE
 
 HOMEWORK = "homework.c"
 UPDATE, CONTACT = "femGrainsUpdate", "femGrainsContactIterate"
 WITHOUT = {UPDATE: "-DNOUPDATE", CONTACT: "-DNOCONTACTITERATE"}
-"""The two functions, and the course's marker that leaves each of them out."""
+"""The two functions, and the course's macro that excludes each of them."""
 
 SECONDS, MEMORY, OUTPUT = 30, 2**32, 2**27
-"""Limits of the compiler: a homework can make it work without end."""
+"""Limits of the compiler, because a homework can make it run for ever."""
 
 _FLAGS = ("-O2", "-Wall", "-ffp-contract=off")
 _STRICT = ("-Werror=implicit-function-declaration", "-Werror=incompatible-pointer-types")
@@ -33,29 +33,29 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 _PROGRAMS = ("cc", "as", "ld")
 _OTHERS = ("/etc/ld.so.cache", "/dev/null")
 _SEARCHED = re.compile(r"search starts here:\n(.*?)End of search list", re.DOTALL)
-_LONGEST = 2**20  # bytes of a homework, and of what the compiler says of it
+_LONGEST = 2**20  # bytes of a homework, and of the compiler's messages
 
 
 class CompileError(Exception):
-    """The compiler refused: its own lines."""
+    """Failure of a compilation, with the compiler's messages."""
 
 
 def read_homework(source: Path) -> bytes:
-    """Return the text of a homework; raise SceneError if it cannot be read."""
+    """Return the text of a homework. Raises InputError if it cannot be read."""
     try:
-        with open(source, "rb", opener=_open_at_once) as file:
+        with open(source, "rb", opener=_open_nonblocking) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise SceneError(f"'{source}' cannot be read: it is not a regular file")
+                raise InputError(f"'{source}' cannot be read: it is not a regular file")
             text = file.read(_LONGEST + 1)
     except OSError as error:
-        raise SceneError(f"'{source}' cannot be read: {error.strerror}") from None
+        raise InputError(f"'{source}' cannot be read: {error.strerror}") from None
     if len(text) > _LONGEST:
-        raise SceneError(f"'{source}' is no homework: it has more than {_LONGEST} bytes")
+        raise InputError(f"'{source}' is too large for a homework: it has more than {_LONGEST} bytes")
     return text
 
 
-def _open_at_once(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK)  # else a pipe makes it wait for a writer
+def _open_nonblocking(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK)  # otherwise opening a pipe would wait for a writer
 
 
 class Compiler:
@@ -64,19 +64,19 @@ class Compiler:
     Parameters
     ----------
     folder : Path
-        An existing one, for files that each compilation needs.
+        An existing folder, for files that each compilation needs.
     processes : Processes
-        Where its processes are counted.
+        Group of processes that the compiler's processes join.
 
     Attributes
     ----------
     is_fenced : bool
-        Whether this system keeps a homework from including files other than the compiler's own.
+        Whether a homework can include only files of the compiler on this system.
 
     Raises
     ------
-    SceneError
-        There is no C compiler, or it fails.
+    InputError
+        No C compiler is installed, or it fails.
     """
 
     def __init__(self, folder: Path, processes: Processes):
@@ -87,12 +87,12 @@ class Compiler:
         try:
             self._run(["cc", *_FLAGS, str(_HERE / "fence.c"), "-o", str(self._fence)], folder)
         except CompileError as error:
-            raise SceneError(f"the C compiler fails: {error}") from None
+            raise InputError(f"the C compiler failed: {error}") from None
         self._readable = [str(path) for path in (self._headers, *toolchain_paths())]
         self.is_fenced = self._has_fence(folder / "trial")
 
     def _has_fence(self, folder: Path) -> bool:
-        """Return whether the kernel has the fence, and the compiler works behind it."""
+        """Return whether the kernel can restrict file access, and the compiler works with the restriction."""
         process = self._processes.start([str(self._fence)], cwd=folder.parent)
         try:
             if process.wait() != 0:
@@ -107,13 +107,13 @@ class Compiler:
         return True
 
     def compile_child(self, folder: Path) -> Path:
-        """Compile the program of the child process."""
+        """Compile the program of the sandboxed process."""
         create = [*WITHOUT.values(), "-rdynamic", *map(str, _PARTS), str(SOURCE)]
-        libraries = ["-Wl,--no-as-needed", "-ldl"]  # a homework can load no further one
+        libraries = ["-Wl,--no-as-needed", "-ldl"]  # linked here because a homework cannot load more
         return self._compile(folder / "child", *create, *libraries)
 
     def compile_model(self, source: Path, folder: Path) -> Path:
-        """Compile a program whose headers are in the folder to a library there."""
+        """Compile the model to a library in a folder that contains its headers."""
         return self._compile(folder / "model.so", *_STRICT, "-fPIC", "-shared", f"-I{folder}", str(source))
 
     def compile_library(self, source: Path, folder: Path, defines: Sequence[str]) -> Path:
@@ -130,13 +130,13 @@ class Compiler:
     ) -> tuple[Path, str]:
         """Compile a homework to a library in a folder, and return it with the compiler's warnings.
 
-        It can include the compiler's own headers and fem.h, which also stands for any other header that it
-        includes by a plain name.
+        It can include the compiler's headers and fem.h. Any other header that it includes by a plain name is
+        replaced by fem.h.
 
         Raises
         ------
         CompileError
-            It does not compile, or not until some time (of `time.monotonic`).
+            It does not compile, or not before the time `until` of `time.monotonic`.
         """
         aliases = folder / "headers"
         aliases.mkdir(parents=True, exist_ok=True)
@@ -151,7 +151,7 @@ class Compiler:
         return library, self._run([*fence, "cc", *arguments], folder, until)
 
     def _run(self, command: Sequence[str], folder: Path, until: float = inf) -> str:
-        """Run the compiler, and return what it says."""
+        """Run the compiler and return its messages."""
         seconds = max(0.0, min(2.0 * SECONDS, until - monotonic()))
         with TemporaryFile() as output:
             try:
@@ -163,11 +163,11 @@ class Compiler:
                     stderr=output,
                 )
             except FileNotFoundError:
-                raise SceneError("a C compiler called `cc` is needed, and there is none") from None
+                raise InputError("no C compiler was found: install one as `cc`") from None
             try:
                 code = process.wait(seconds)
             except subprocess.TimeoutExpired:
-                raise CompileError(f"error: the compiler does not end within {seconds:.0f} s") from None
+                raise CompileError(f"error: the compiler did not finish within {seconds:.0f} s") from None
             finally:
                 self._processes.end(process)
             output.seek(0)
@@ -178,7 +178,7 @@ class Compiler:
 
 
 def _options(folder: Path, defines: Sequence[str]) -> list[str]:
-    """Return the options for a library in which only the two functions can be replaced."""
+    """Return the options for a library of which only the two functions can be replaced."""
     own = folder / "own.list"
     own.write_text(f"{{ {UPDATE}; {CONTACT}; }};\n")
     shared = ["-fPIC", "-shared", "-fsemantic-interposition", f"-Wl,--dynamic-list={own}"]
@@ -186,7 +186,7 @@ def _options(folder: Path, defines: Sequence[str]) -> list[str]:
 
 
 def toolchain_paths() -> list[Path]:
-    """Return where the programs, libraries and headers of the compiler `cc` are, without this package."""
+    """Return the folders of programs, libraries and headers of the compiler `cc`, without this package."""
     found = {Path(path) for path in _OTHERS}
     found |= {Path(path) for name in _PROGRAMS if (path := shutil.which(name))}
     for line in _lines_of("cc", "-print-search-dirs").splitlines():
@@ -199,7 +199,7 @@ def toolchain_paths() -> list[Path]:
 
 
 def _without_package(path: Path) -> Iterator[Path]:
-    """Yield a path, or what is in it beside this package."""
+    """Yield the path, or the entries in it if it contains this package, without the package."""
     if path not in (_PACKAGE, *_PACKAGE.parents):
         yield path
     elif path != _PACKAGE:
@@ -209,7 +209,7 @@ def _without_package(path: Path) -> Iterator[Path]:
 
 
 def _lines_of(*command: str) -> str:
-    """Return what a command prints."""
+    """Return the output of a command."""
     done = subprocess.run(
         command,
         stdin=subprocess.DEVNULL,

@@ -1,4 +1,7 @@
-"""Find the one or two mistakes that explain a homework: model.c, whose terms have variants, tries all."""
+"""Diagnosis of a homework: search for the one or two mistakes that explain all its wrong answers.
+
+The search tries all mistakes in a model (model.c), an implementation whose terms have wrong variants.
+"""
 
 import ctypes
 import tomllib
@@ -16,8 +19,8 @@ from warpgrains.grade.sandbox import MOST_CALLS, Answer, Call
 from warpgrains.grade.words import Words
 
 _HERE = Path(__file__).parent
-_MOST = 64  # explanations that are compared with one another
-_FIRST, _LATER, _ALL = 1, 2, 3  # iterations in which a function is wrong
+_MOST = 64  # largest number of explanations that are compared
+_FIRST, _LATER, _ALL = 1, 2, 3  # iterations in which a mistake occurs
 _ALONE = ((_ALL, 0), (_LATER, 0), (_FIRST, 0))
 _TOGETHER = ((_ALL, _ALL), (_ALL, _LATER), (_LATER, _ALL), (_LATER, _LATER))
 _SAID = {_FIRST: "{mistake}, in iteration 0", _LATER: "{mistake}, except in iteration 0"}
@@ -25,14 +28,14 @@ _Numbers = ctypes.POINTER(ctypes.c_double)
 
 
 class Hint(NamedTuple):
-    """An equation of the course text, and what to look at."""
+    """An equation of the course text, with advice on what to check."""
 
     equation: Words
     look: Words
 
 
 class Mistake(NamedTuple):
-    """A mistake of a function, its equation, and the terms of model.c that it makes wrong."""
+    """A mistake of a function, its equation, and the terms of model.c that it changes."""
 
     function: str
     name: Words
@@ -57,7 +60,7 @@ def read_mistakes() -> list[Mistake]:
 
 
 def hint_of(first: Difference, is_iteration: bool) -> Hint:
-    """Return the equation that the first wrong value is of."""
+    """Return the hint for the equation of the first wrong value."""
     entry = first.quantity.partition("[")[0]
     if is_iteration and first.iteration == 0:
         entry = "iter"
@@ -109,13 +112,13 @@ class _Found(ctypes.Structure):
 
 
 class Model:
-    """A homework whose mistakes can be chosen.
+    """Model of a homework with selectable mistakes (model.c).
 
     Parameters
     ----------
     compiler : Compiler
     folder : Path
-        An existing one, for the program.
+        An existing folder, for the program.
     """
 
     def __init__(self, compiler: Compiler, folder: Path):
@@ -137,11 +140,11 @@ class Model:
         self._library = ctypes.CDLL(str(compiler.compile_model(_HERE / "model.c", folder)))
 
     def answer(self, mistakes: Sequence[Mistake], call: Call) -> Answer:
-        """Return what a homework with some mistakes answers."""
+        """Return the answer of a homework with these mistakes."""
         variant = np.zeros(self._variants.shape[1], np.int32)
         for mistake in mistakes:
             variant += self._variants[self.mistakes.index(mistake)]
-        arrays = _room(call.n)
+        arrays = _answer_arrays(call.n)
         answer = _answer(*arrays)
         chosen = (_pointer(variant), _pointer(variant))
         self._library.answer(*chosen, ctypes.byref(_probe(call)), ctypes.byref(answer))
@@ -162,18 +165,18 @@ class Model:
         ----------
         function : str
         probes, found : sequence
-            What a homework was asked for, and its answers, perhaps to the first of these only.
+            Calls of the homework and its answers, possibly to the first calls only.
         first : int
-            The first probe whose answer is wrong, or the number of answers.
+            Index of the first wrong answer, or the number of answers.
         outside : int
-            The index beyond `dvContacts` with which the homework ended after the last answer; -1: none.
+            Index beyond `dvContacts` that ended the homework after the last answer; -1 if there is none.
         """
         chosen = [k for k, mistake in enumerate(self.mistakes) if mistake.function == function]
         variants = np.ascontiguousarray(self._variants[chosen])
         asked = (_Probe * len(probes))(*(_probe(probe.call) for probe in probes))
         answers = (_Answer * len(probes))(*(_found(answer) for answer in found))
         facts = _Found(len(found), first, outside, asked, answers)
-        room = _room(max(probe.call.n for probe in probes))
+        room = _answer_arrays(max(probe.call.n for probe in probes))
         own = _answer(*room)
         explaining = np.zeros((_MOST, 2), np.int32)
         for when in (*_ALONE, *_TOGETHER) if function == CONTACT else (_ALONE[0], _TOGETHER[0]):
@@ -184,7 +187,7 @@ class Model:
         return Explanation((), False)
 
     def _named(self, chosen: Sequence[int], row: np.ndarray, when: tuple[int, int]) -> list[Mistake]:
-        """Return the mistakes of an explanation, with the iterations in their names unless these are all."""
+        """Return the mistakes of an explanation, with iterations in their names unless these are all."""
         pairs = zip(row, when, strict=True)
         return [
             mistake._replace(name=Words(_SAID[bits], mistake=mistake.name)) if bits != _ALL else mistake
@@ -193,14 +196,14 @@ class Model:
 
 
 def _common(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
-    """Return the mistakes whose names all explanations share."""
+    """Return the mistakes that all explanations share, by their names."""
     first = {str(mistake.name): mistake for mistake in explanations[0]}
     shared = set(first).intersection(*({str(m.name) for m in each} for each in explanations))
     mistakes = tuple(mistake for name, mistake in first.items() if name in shared)
     return Explanation(mistakes, len(mistakes) == len(first))
 
 
-def _room(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _answer_arrays(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return arrays for the answer of a scene of n grains."""
     return np.zeros(7 * n + n * (n - 1) // 2), np.zeros(4 * n), np.zeros((2 * MOST_CALLS, 3))
 

@@ -1,4 +1,8 @@
-"""A homework compared with the reference: each of its functions with the reference's other one, then both."""
+"""Grader: compares a homework with the reference.
+
+Each function of the homework is first combined with the other function of the reference, then both are
+combined.
+"""
 
 import shutil
 from collections.abc import Mapping, Sequence
@@ -9,7 +13,7 @@ from pathlib import Path
 from threading import Lock
 from time import monotonic
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
 from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, CompileError, Compiler, read_homework
 from warpgrains.grade.diagnosis import Model, hint_of
@@ -20,7 +24,7 @@ from warpgrains.grade.words import Words
 from warpgrains.reference.reference import SOURCE
 
 _UNCONFINED = "filter of system calls: homeworks can open files and start processes"
-_UNFENCED = "fence around the compiler: homeworks can include any file that you can read"
+_UNFENCED = "Landlock for the compiler: homeworks can include any file that you can read"
 _UNKNOWN = "no known mistake explains it"
 _UNGUARDED = (
     "the lines #ifndef NOUPDATE, #ifndef NOCONTACTITERATE and #endif around the two functions are missing or "
@@ -30,27 +34,27 @@ _MAIN = "it defines main: hand in the two functions without the program that tes
 
 
 class Grader:
-    """What grades homeworks, one or many at once, from several threads.
+    """Grader of homeworks, usable from several threads.
 
     Parameters
     ----------
     folder : Path
-        An empty one, for what is compiled.
+        An empty folder, for compiled files.
     strict : bool
-        Whether a right homework has the bits of the reference, or differs by no more than rounding.
+        Whether to require bit-identical results, instead of results that are equal up to rounding.
     limits : Limits
-        What a homework may use.
+        Limits of a homework.
     processes : Processes
-        Where the compiler and homeworks run; once they are stopped, `grade` raises StoppedError.
+        Group of processes for the compiler and homeworks; once it is stopped, `grade` raises StoppedError.
 
     Attributes
     ----------
     confined, fenced : bool
-        Whether this system keeps homeworks from all but computing, and from including files of others.
+        Whether this system restricts homeworks to computing, and to including their own files.
 
     Raises
     ------
-    SceneError
+    InputError
         There is no C compiler.
     """
 
@@ -66,7 +70,7 @@ class Grader:
         self._compiler = Compiler(folder, self._processes)
         self.fenced = self._compiler.is_fenced
         self._program = self._compiler.compile_child(folder)
-        self._reference = {  # apart, so that a homework has nothing of the function that it is to write
+        self._reference = {  # separate, so that a homework cannot call the function that it must provide
             function: self._compiler.compile_library(SOURCE, folder, ("-DNOCREATE", WITHOUT[other]))
             for function, other in ((UPDATE, CONTACT), (CONTACT, UPDATE))
         }
@@ -83,7 +87,7 @@ class Grader:
         self._count = 0
 
     def unprotected(self) -> list[str]:
-        """Return what this system does not keep a homework from."""
+        """Return what homeworks can do on this system although they should not."""
         found = {_UNCONFINED: self.confined, _UNFENCED: self.fenced}
         return [f"this system has no {what}" for what, is_safe in found.items() if not is_safe]
 
@@ -92,8 +96,8 @@ class Grader:
 
         Raises
         ------
-        SceneError
-            It cannot be read.
+        InputError
+            The homework cannot be read.
         """
         start = monotonic()
         with self._lock:
@@ -105,26 +109,26 @@ class Grader:
             shutil.rmtree(folder, ignore_errors=True)
 
     def run(self, source: Path) -> tuple[Child, Child]:
-        """Return the running reference, and a running homework.
+        """Return the running reference and a running homework.
 
         Raises
         ------
-        SceneError
-            The homework cannot be read, does not compile, or has not both functions.
+        InputError
+            The homework cannot be read, does not compile, or lacks a function.
         """
         folder = self._folder / "run"
         try:
             library, _ = self._compiler.compile_homework(read_homework(source), folder)
             child = self._child({name: Function(library, name) for name in (UPDATE, CONTACT)}, self._limits)
         except (CompileError, EndedError) as error:
-            raise SceneError(f"'{source}' cannot be run: {error}") from None
+            raise InputError(f"'{source}' cannot be run: {error}") from None
         if child.updates and child.iterates:
             return self._child({}), child
         child.close()
-        raise SceneError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
+        raise InputError(f"'{source}' cannot be run: {UPDATE} or {CONTACT} is missing")
 
     def _grade(self, source: Path, folder: Path, start: float) -> Verdict:
-        text, until = read_homework(source), start + self._limits.in_all
+        text, until = read_homework(source), start + self._limits.total
         has_markers = any(marker[2:].encode() in text for marker in WITHOUT.values())
         libraries: dict[str, Path] = {}
         said: dict[str, str] = {}
@@ -142,7 +146,10 @@ class Grader:
         parts = [self._part(part, libraries, until) for part in (UPDATE, CONTACT)]
         both = self._part(BOTH, libraries, until, all(part.ended is None for part in parts))
         if both.status == "wrong" and all(part.status == "right" for part in parts):
-            both = replace(both, remark=Words("each is right alone: do they keep something between calls?"))
+            both = replace(
+                both,
+                remark=Words("each function is right alone: does one of the two keep a value between calls?"),
+            )
         parts.append(both)
         warnings = tuple(dict.fromkeys(warning for part in parts for warning in part.warnings))
         wrong = b"".join(part.values for part in parts)
@@ -221,7 +228,7 @@ class Grader:
     def _child(
         self, functions: Mapping[str, Function], limits: Limits = DEFAULT, until: float = inf
     ) -> Child:
-        """Start a child with some functions, and the reference's others."""
+        """Start a child process with some functions of the homework and the others of the reference."""
         update, contact = (
             functions.get(name, Function(self._reference[name], name)) for name in (UPDATE, CONTACT)
         )
@@ -229,7 +236,7 @@ class Grader:
 
 
 def _warnings(child: Child) -> tuple[Words, ...]:
-    """Return what the course forbids and a homework does all the same."""
+    """Return warnings about forbidden features of a homework that do not change its grade."""
     found = {_MAIN: child.has_main, _UNGUARDED: child.is_unguarded}
     return tuple(Words(warning) for warning, holds in found.items() if holds)
 

@@ -1,4 +1,4 @@
-"""Pages on homeworks: one for each, with a picture of what is wrong, and one for a class."""
+"""HTML pages on homeworks: one for each, with a picture of what is wrong, and one for a class."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ from warpgrains.grade.verdict import Part, Shown, Verdict, word_of
 from warpgrains.grade.words import Words, in_language
 
 GENERATOR = '<meta name="generator" content="warpgrains grade">'
-"""A line of each page, by which it is known."""
+"""A line that identifies the pages."""
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -23,12 +23,12 @@ _EXPECTED, _FOUND = "#1a7f37", "#c62828"
 
 
 class Pages:
-    """Pages in a language.
+    """Writer of pages in one language.
 
     Parameters
     ----------
     language : str
-        Of `LANGUAGES`.
+        One of `LANGUAGES`.
     """
 
     def __init__(self, language: str):
@@ -43,7 +43,7 @@ class Pages:
             scenes = list(next((part.scenes for part in verdict.parts if part.scenes), {}))
             rows = [[Words(part.name), *_words(part, scenes)] for part in verdict.parts]
             parts.append(self._table([Words("", ""), *(Words(scene, scene) for scene in scenes)], rows))
-        for part in verdict.told():
+        for part in verdict.reported_parts():
             parts.append(f"<h2>{self._say(Words(part.name))}</h2><p>{self._say(part.first)}</p><dl>")
             parts += [f"<dt>{self._say(a)}</dt><dd>{self._say(b)}</dd>" for a, b in part.advice()]
             parts.append("</dl>")
@@ -65,7 +65,9 @@ class Pages:
         parts.append(f"<h2>{self._say(Words('Mistakes'))}</h2>")
         parts.append(self._table([Words("mistake"), Words("homeworks")], names.most_common()))
         parts.append(f"<h2>{self._say(Words('The same wrong values, to the last bit'))}</h2>")
-        parts.append(f"<p>{self._say(Words('A common mistake in a common style does so as well.'))}</p>")
+        parts.append(
+            f"<p>{self._say(Words('A common mistake in a common style gives the same values, too.'))}</p>"
+        )
         parts += [f"<p>{', '.join(files)}</p>" for files in groups] or [f"<p>{self._say(Words('none'))}</p>"]
         parts.append(f"<h2>{self._say(Words('All homeworks'))}</h2>")
         heads = ("file", "verdict", "mistakes", "time [s]")
@@ -116,7 +118,7 @@ def _words(part: Part, scenes: Sequence[str]) -> list[Words]:
 
 
 def picture(shown: Shown) -> str:
-    """Return an SVG picture of a scene, with the velocities that are expected and those of the homework."""
+    """Return an SVG picture of a scene, with the expected velocities and those of the homework."""
     call, n = shown.call, shown.call.n
     x, y, _, _, radius, *_ = call.state[: 7 * n].reshape(7, n)
     answers = {_EXPECTED: shown.expected, _FOUND: shown.found}
@@ -140,7 +142,7 @@ def picture(shown: Shown) -> str:
                 end = f'x2="{x[i] + u:.6g}" y2="{y[i] + w:.6g}"'
                 stroke = f'stroke="{color}" stroke-width="{width:.4g}"'
                 lines.append(f'<line x1="{x[i]:.6g}" y1="{y[i]:.6g}" {end} {stroke}/>')
-        width /= 2  # so that equal ones show both colors
+        width /= 2  # so that both colors show if the velocities are equal
     lines.append("</g>")
     font = f'font-size="{0.06 * size:.4g}" text-anchor="middle"'
     lines += [f'<text x="{x[i]:.6g}" y="{-y[i]:.6g}" {font}>{i}</text>' for i in range(n)]

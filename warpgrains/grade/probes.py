@@ -1,8 +1,8 @@
-"""What homeworks are asked for: calls that begin where the reference is, so that no error adds up.
+"""Calls that homeworks must answer. Each starts from the reference's state, so that errors do not accumulate.
 
-Scenes are such that each mistake shows in one of them, and no two mistakes look the same: masses and radii
-that differ, gravity with two components, drag, grains that meet one another and both walls, the light and the
-heavy first, so fast at the start that they close any gap within a step. The smallest scenes come first.
+Each mistake changes the result of at least one scene, and no two mistakes have the same effect. Masses and
+radii differ, gravity has two components, there is drag, grains touch each other and both walls, the lightest
+and heaviest come first, and initial speeds close any gap within a step. The smallest scenes come first.
 """
 
 from collections.abc import Iterator
@@ -14,14 +14,14 @@ from warpgrains.arrays import FloatArray
 from warpgrains.grade.sandbox import Call, Child
 from warpgrains.scene.scene import Scene
 
-FIRST_ITERATIONS = 3  # of a step are asked for one by one, from 0
-CAP = 4  # iterations of a call that is to stop at its limit
+FIRST_ITERATIONS = 3  # number of iterations of a step that are called one by one, from 0
+CAP = 4  # limit of iterations of a call that must stop at it
 _MOST = 30
-_NOISE = 1e-9  # [m/s]: below it, zeta is nothing but rounding
+_NOISE = 1e-9  # [m/s]: smaller zeta are rounding errors
 
 
 class Probe(NamedTuple):
-    """A call, and the scene and step that it is of."""
+    """A call with its scene and step."""
 
     scene: str
     step: int
@@ -29,14 +29,14 @@ class Probe(NamedTuple):
 
 
 class Probes(NamedTuple):
-    """What is asked for of femGrainsContactIterate, and of femGrainsUpdate."""
+    """Calls of femGrainsContactIterate and of femGrainsUpdate."""
 
     contact: list[Probe]
     update: list[Probe]
 
 
 def make_probes(reference: Child) -> Probes:
-    """Let the reference advance some scenes, and keep where it came by."""
+    """Advance some scenes with the reference, and return calls that start from its states."""
     contact: list[Probe] = []
     update: list[Probe] = []
     for scene, steps in _scenes():
@@ -51,7 +51,7 @@ def make_probes(reference: Child) -> Probes:
 
 
 def _scenes() -> Iterator[tuple[Scene, range]]:
-    """Give the scenes, and at which of their steps homeworks are asked."""
+    """Yield the scenes, and the steps at which homeworks are called."""
     ring = {"gravity": (1.5, -9.81), "drag": 0.05, "dt": 0.02, "max_iterations": 1000}
     fall = {"radius": [0.1], "mass": [0.3], "radius_out": 1.3}
     yield _scene("one", [[0.05, 0.9]], [[-12.0, -45.0]], **fall, **ring), range(1, 41, 2)
@@ -85,7 +85,7 @@ def _scene(
 
 
 def start_of(scene: Scene) -> Call:
-    """Return the first step of a scene."""
+    """Return a call of femGrainsUpdate for the first step of a scene."""
     n = scene.n
     arrays = (*scene.position.T, *scene.velocity.T, scene.radius, scene.mass, np.zeros(n + n * (n - 1) // 2))
     limits = (scene.dt, scene.tolerance, scene.max_iterations, scene.radius_in, scene.radius_out)
@@ -93,7 +93,7 @@ def start_of(scene: Scene) -> Call:
 
 
 def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
-    """Return the iterations of a step, with the state that each begins with, and their zeta."""
+    """Return the iterations of a step as calls, each with the state at its start, and their zeta."""
     state, n = step.state.copy(), step.n
     velocity, mass = state[2 * n : 4 * n].reshape(2, n), state[5 * n : 6 * n]
     velocity += step.dt * (np.array(step.gravity)[:, None] - step.drag / mass * velocity)
@@ -107,7 +107,7 @@ def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:
 
 
 def _updates(step: Probe, zeta: FloatArray) -> list[Probe]:
-    """Return the step with a tolerance that its zeta passes at once, not by rounding, and with a limit."""
+    """Return the step with a tolerance that zeta passes clearly, and with a limit of iterations."""
     last, tolerance = _clearest_drop(zeta)
     call = step.call._replace(tolerance=tolerance, max_iterations=float(2 * _MOST))
     if last <= CAP + 1:
@@ -119,7 +119,7 @@ def _updates(step: Probe, zeta: FloatArray) -> list[Probe]:
 
 
 def _clearest_drop(zeta: FloatArray) -> tuple[int, float]:
-    """Return the iteration at which zeta falls most below all before, and a number in between."""
+    """Return the iteration at which zeta falls furthest below all earlier values, and a value between."""
     drops = {
         k: max(zeta[k], _NOISE) / zeta[1:k].min()
         for k in range(2, len(zeta))

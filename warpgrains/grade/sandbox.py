@@ -1,7 +1,8 @@
-"""The sandbox: a process (child.c) in which a homework runs, asked for one call after the other.
+"""The sandbox: a process (child.c) that executes a homework and answers one call after the other.
 
-It answers numbers only, which this process judges: it knows no expected result but those of the function that
-it calls. Its limits: `Limits`, a megabyte of output, no file, no process, no network.
+The child returns numbers only, and the parent judges them. The sandbox contains no expected result except
+those of the reference function that it calls. It is limited by `Limits`, to a megabyte of output, and has no
+access to files, processes and the network.
 """
 
 import os
@@ -26,9 +27,9 @@ from warpgrains.arrays import FloatArray
 from warpgrains.grade.words import Words
 
 FIELDS = ("x", "y", "vx", "vy", "r", "m", "dvBoundary", "dvContacts")
-"""Arrays of `femGrains`, one after the other in a state."""
+"""Arrays of `femGrains` in the order of a state."""
 MOST_CALLS = 1024
-"""Calls of femGrainsContactIterate whose records are answered."""
+"""Largest number of calls of femGrainsContactIterate that an answer records."""
 
 _HEADER = struct.Struct("=iiiid")
 _REQUEST = struct.Struct("=ii8d")
@@ -39,26 +40,26 @@ _FORBIDDEN = (
     "opens or changes a file",
     "starts a process or a thread",
     "opens a network connection",
-    "takes more memory than it may",
+    "uses more memory than allowed",
     "aborts (a failed assert, or memory freed twice or written beyond its end)",
     "reads the keyboard or asks for a terminal (getchar, scanf, isatty)",
     "waits (sleep, usleep)",
     "sends a signal (kill)",
 )
 _CRASHES = {
-    "SIGSEGV": "crashes: reads or writes where there is no memory, or calls itself without end (SIGSEGV)",
+    "SIGSEGV": "crashes: reads or writes outside of its memory, or calls itself without end (SIGSEGV)",
     "SIGFPE": "crashes: divides a whole number by zero (SIGFPE)",
 }
 _EXITS = {
     "SIGXFSZ": "prints more than a megabyte",
     "SIGXCPU": "computes for too long",
     "SIGKILL": "computes for too long",
-    "SIGSYS": "makes a system call that it may not, such as starting a program",
+    "SIGSYS": "makes a system call that is not allowed, such as starting a program",
 }
 
 
 class EndedError(Exception):
-    """A homework does not answer; `outside`: the index beyond `dvContacts` that it used, or -1."""
+    """Failure of a homework to answer. `outside` is the index beyond `dvContacts` that it used, or -1."""
 
     def __init__(self, english: str, outside: int = -1, **values: object):
         self.words = Words(english, **values)
@@ -67,11 +68,11 @@ class EndedError(Exception):
 
 
 class StoppedError(Exception):
-    """The processes have been stopped: no further one starts."""
+    """The processes have been stopped, so that none can start any more."""
 
 
 class Processes:
-    """Processes in sessions of their own; `stop` ends all of them, also those that they started."""
+    """Processes in separate sessions; `stop` ends all of them with their children."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -79,7 +80,7 @@ class Processes:
         self._is_stopped = False
 
     def start(self, command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
-        """Start a process, with the options of `subprocess.Popen`; raise StoppedError after `stop`."""
+        """Start a process with options of `subprocess.Popen`. Raises StoppedError after `stop`."""
         with self._lock:
             if self._is_stopped:
                 raise StoppedError
@@ -95,7 +96,7 @@ class Processes:
             self._running.discard(process)
 
     def stop(self) -> None:
-        """End all processes, and let none start from now on."""
+        """End all processes, and prevent new ones."""
         with self._lock:
             self._is_stopped = True
             for process in self._running:
@@ -112,10 +113,10 @@ class Limits(NamedTuple):
 
     megabytes: int = 512
     seconds: float = 2.0
-    """CPU time of one call; the reference needs less than a hundredth of it."""
+    """CPU time of one call; the reference needs less than 1 % of it."""
     patience: float = 60.0
-    """Wall time of one call, on however busy a machine."""
-    in_all: float = 300.0
+    """Wall time of one call, also on a busy machine."""
+    total: float = 300.0
     """Wall time of a homework."""
 
 
@@ -123,7 +124,7 @@ DEFAULT = Limits()
 
 
 class Function(NamedTuple):
-    """A function of a library."""
+    """A function and the library that defines it."""
 
     library: Path
     name: str
@@ -132,8 +133,9 @@ class Function(NamedTuple):
 class Call(NamedTuple):
     """Arguments of a call, and the struct before it.
 
-    `iteration` is that of femGrainsContactIterate; it is below 0 for femGrainsUpdate, which alone has a
-    tolerance and a limit of iterations. `state` holds the arrays of `FIELDS`, shape (7 n + n (n - 1) / 2,).
+    `iteration` is the argument of femGrainsContactIterate. It is negative for calls of femGrainsUpdate, and
+    only these have a tolerance and a limit of iterations. `state` holds the arrays of `FIELDS`, shape (7 n +
+    n (n - 1) / 2,).
     """
 
     n: int
@@ -155,15 +157,15 @@ class Answer:
     Attributes
     ----------
     zeta : float
-        Returned by femGrainsContactIterate [m/s].
+        Return value of femGrainsContactIterate [m/s].
     calls : int
-        Of femGrainsContactIterate by femGrainsUpdate.
+        Number of calls of femGrainsContactIterate by femGrainsUpdate.
     state : ndarray
-        The struct's arrays after it.
+        Arrays of the struct after the call.
     before : ndarray
-        x, y, vx, vy as the first of these calls found them, shape (4 n,).
+        x, y, vx, vy before the first of these calls, shape (4 n,).
     record : ndarray
-        iter, dt and zeta of these calls, shape (calls or fewer, 3).
+        iter, dt and zeta of the recorded calls, shape (calls or fewer, 3).
     """
 
     zeta: float
@@ -173,45 +175,45 @@ class Answer:
     record: FloatArray
 
     def __eq__(self, other: object) -> bool:
-        """Return whether all bits are the same."""
+        """Return whether all bits are equal."""
         return isinstance(other, Answer) and self.bytes == other.bytes
 
     __hash__ = object.__hash__
 
     @cached_property
     def bytes(self) -> bytes:
-        """All numbers."""
+        """All numbers as bytes."""
         numbers = np.array([self.zeta, self.calls])
         return b"".join(part.tobytes() for part in (numbers, self.state, self.before, self.record))
 
 
 class Child:
-    """A process with femGrainsUpdate of one library and femGrainsContactIterate of another.
+    """Sandboxed process with femGrainsUpdate of one library and femGrainsContactIterate of another.
 
     Parameters
     ----------
     program : Path
-        Of `compile_child`.
+        The program from `compile_child`.
     update, contact : Function
     processes : Processes
-        Those that it joins.
+        Group of processes that it joins.
     limits : Limits
     until : float
-        When it must have answered its last call, by `time.monotonic`.
+        Time of `time.monotonic` before which it must have answered its last call.
 
     Attributes
     ----------
     updates, iterates : bool
         Whether the libraries define their functions.
     has_main, is_unguarded : bool
-        Whether one defines `main`, or also the function that its marker leaves out.
+        Whether a library defines `main`, or the function that its macro should exclude.
     confined : bool
-        Whether this system can keep it from all but computing.
+        Whether this system can restrict it to computing.
 
     Raises
     ------
     EndedError
-        It ends while it is loaded.
+        It ends while it loads the libraries.
     """
 
     def __init__(
@@ -244,7 +246,7 @@ class Child:
         finally:
             os.close(there)
             os.close(here)
-        os.set_blocking(self._ask, False)  # it may not read
+        os.set_blocking(self._ask, False)  # the process may not read its input
         self._start_call()
         try:
             has, _, _ = self._receive_header()
@@ -261,7 +263,7 @@ class Child:
         Raises
         ------
         EndedError
-            It does something else.
+            The process ends, or violates the protocol, instead of answering.
         """
         numbers = (call.dt, call.tolerance, call.max_iterations, call.radius_in, call.radius_out)
         head = _REQUEST.pack(call.n, call.iteration, *numbers, *call.gravity, call.drag)
@@ -274,17 +276,17 @@ class Child:
 
     @property
     def printed(self) -> str:
-        """The beginning of what it printed."""
+        """The beginning of its output."""
         self._printed.seek(0)
         return self._printed.read(2000).decode(errors="replace")
 
     def _receive_header(self) -> tuple[int, int, float]:
-        """Return `what`, `calls` and `zeta` of child.h; raise EndedError unless it is an answer."""
+        """Return `what`, `calls` and `zeta` of child.h. Raises EndedError unless they form an answer."""
         kind, what, where, calls, zeta = _HEADER.unpack(self._receive(_HEADER.size))
         if kind == _CALLED:
             known = 0 <= what < len(_FORBIDDEN)
             raise EndedError(
-                _FORBIDDEN[what] if known else "makes system call {where}, which it may not", where=where
+                _FORBIDDEN[what] if known else "makes system call {where}, which is not allowed", where=where
             )
         if kind == _CRASHED:
             raise _crash(what)
@@ -299,14 +301,14 @@ class Child:
                 "does not end within {seconds} s: an endless loop", seconds=f"{self._limits.seconds:g}"
             )
         if kind != _ANSWERED:
-            raise EndedError("sends something that is no answer")
+            raise EndedError("sends an invalid answer")
         return what, calls, zeta
 
     def _receive_numbers(self, count: int) -> FloatArray:
         return np.frombuffer(self._receive(8 * count), np.float64)
 
     def _start_call(self) -> None:
-        """Begin to measure the wall time of a call."""
+        """Start to measure the wall time of a call."""
         self._call_until = min(self._until, monotonic() + self._limits.patience)
 
     def _send(self, request: bytes) -> None:
@@ -334,16 +336,18 @@ class Child:
         ready.register(pipe, event)
         if not ready.poll(1e3 * self._left()):
             if self._call_until == self._until:
-                limit = f"{self._limits.in_all:g}"
-                raise EndedError("takes more than {seconds} s, compiled and run in all scenes", seconds=limit)
+                limit = f"{self._limits.total:g}"
+                raise EndedError(
+                    "takes more than {seconds} s to compile and run in all scenes", seconds=limit
+                )
             raise EndedError("does not answer within {seconds} s", seconds=f"{self._limits.patience:g}")
 
     def _left(self) -> float:
-        """Return the wall time that the call has left [s]."""
+        """Return the remaining wall time of the call [s]."""
         return max(0.0, self._call_until - monotonic())
 
     def _reason(self) -> EndedError:
-        """Return why it has ended without an answer."""
+        """Return the reason why the process ended without an answer."""
         try:
             code = self._process.wait(self._left())
         except subprocess.TimeoutExpired:
@@ -354,7 +358,7 @@ class Child:
         return EndedError(_EXITS[name]) if name in _EXITS else _crash(-code)
 
     def close(self) -> None:
-        """End it."""
+        """End the process."""
         self._processes.end(self._process)
         self._close_files()
 

@@ -1,4 +1,4 @@
-"""What is said of a homework: to people, to a course's server, and in a table of many."""
+"""The verdict on a homework, for people, for a course's server, and for the table of a class."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,17 +10,17 @@ from warpgrains.grade.sandbox import Answer, Call
 from warpgrains.grade.words import Words, in_language
 
 BOTH = "both together"
-MOST_SHOWN = 3  # grains of a scene that is printed
+MOST_SHOWN = 3  # largest number of grains of a scene that is printed
 
 NOTHING = Words("", "")
 
 _PARTS = ("femGrainsUpdate", "femGrainsContactIterate", BOTH)
-_COLORS = {"right": "32", "not run": "33"}  # else red
+_COLORS = {"right": "32", "not run": "33"}  # red by default
 _GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
 class Shown(NamedTuple):
-    """The smallest scene in which a homework answers something wrong."""
+    """The smallest scene with a wrong answer."""
 
     difference: Difference
     call: Call
@@ -28,13 +28,13 @@ class Shown(NamedTuple):
     found: Answer
 
     def rows(self) -> list[list[str]]:
-        """Return the scene before the call as a table: a row of names, and one for each grain."""
+        """Return the scene before the call as a table: column names, then one row per grain."""
         arrays = self.call.state[: 7 * self.call.n].reshape(7, -1).T
         rows = [[str(i), *(f"{value:.6g}" for value in row)] for i, row in enumerate(arrays)]
         return [["", *_GRAIN], *rows]
 
     def numbers(self) -> Words:
-        """Return the numbers that belong to no grain, as C assigns them."""
+        """Return the parameters of the scene as C assignments."""
         call = self.call
         numbers = {
             **({"iter": call.iteration} if call.iteration >= 0 else {}),
@@ -54,30 +54,30 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """What is said of one function, or of both together.
+    """Verdict on one function, or on both together.
 
     Attributes
     ----------
     name, status : str
         Status: right, wrong, missing, does not compile, or not run.
     scenes : mapping
-        What is wrong in each scene, in words; empty: right.
+        What is wrong in each scene, as text; empty if nothing is.
     ended : Words or None
-        What it did instead of an answer, and where.
+        What the homework did instead of answering, and at which call.
     mistakes : tuple of Mistake
         Mistakes that together explain all wrong values.
     hint : Hint or None
-        The equation that the first wrong value is of, if no mistake explains it.
+        The equation of the first wrong value, if no mistakes explain all values.
     remark : Words
-        What else is known of it; may be empty.
+        A further remark; may be empty.
     shown : Shown or None
         The smallest scene with a wrong value.
     printed : str
-        The beginning of what it printed.
+        The beginning of the homework's output.
     warnings : tuple of Words
-        What the course forbids, though it may pass.
+        Forbidden features that do not change the grade.
     values : bytes
-        All answers of a function alone, if one is wrong.
+        All answers of a single function, if any answer is wrong.
     """
 
     name: str
@@ -94,11 +94,11 @@ class Part:
 
     @property
     def first(self) -> Words | None:
-        """The first thing that is wrong."""
+        """The first error."""
         return next(filter(None, self.scenes.values()), None) or self.ended
 
     def advice(self) -> list[tuple[Words, Words]]:
-        """Return the mistakes, equations of the text and what to look at, each after its heading."""
+        """Return the mistakes, equations of the text and suggested checks, each with its heading."""
         lines: list[tuple[Words, Words]] = []
         for mistake in self.mistakes:
             lines += [(Words("mistake"), mistake.name), *_advice(mistake.hint)]
@@ -112,21 +112,22 @@ def _advice(hint: Hint) -> list[tuple[Words, Words]]:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of a homework.
+    """Verdict on a homework.
 
     Attributes
     ----------
     file : str
     compiler : str
-        The compiler's own lines.
+        The compiler's messages.
     parts : tuple of Part
         femGrainsUpdate, femGrainsContactIterate, and both; empty if it does not compile.
     warnings : tuple of Words
-        What the course forbids, though it may pass.
+        Forbidden features that do not change the grade.
     problem : str
-        Why it cannot be read; empty if it can.
+        Reason why the file cannot be read; empty if it can.
     values : str
-        A number that two homeworks share if they answer the same wrong values, to the bit; empty: none.
+        A hash that two homeworks share if their wrong values are bit-identical; empty if all values are
+        right.
     seconds : float
         Wall time [s].
     """
@@ -141,37 +142,37 @@ class Verdict:
 
     @property
     def status(self) -> Words:
-        """In a word: right, wrong, does not compile, or cannot be read."""
+        """One of: right, wrong, does not compile, cannot be read."""
         if self.problem:
             return Words("cannot be read")
         if not self.parts or any(part.status == "does not compile" for part in self.parts):
             return Words("does not compile")
         return Words("right" if all(part.status == "right" for part in self.parts) else "wrong")
 
-    def told(self) -> list[Part]:
-        """Return the parts of which more is to be said: both together only if each alone is right."""
+    def reported_parts(self) -> list[Part]:
+        """Return the parts to report: both functions together only if each alone is right."""
         alone = [part for part in self.parts if part.name != BOTH]
         told = alone if any(part.status != "right" for part in alone) else self.parts
         return [part for part in told if part.first]
 
     def text(self, color: bool, language: str = "en") -> str:
-        """Return the verdict as people read it."""
+        """Return the verdict as text for people."""
 
         def say(text: object) -> str:
             return _printable(str(in_language(text, language)))
 
-        def told(heading: str, said: Words) -> str:
+        def paragraph(heading: str, said: Words) -> str:
             return say(Words("{heading}: {said}", heading=Words(heading), said=said))
 
         lines = [f"{_printable(self.file)}: {_colored(say(self.status), self.status, color)}"]
-        lines += [f"  {told('warning', warning)}" for warning in self.warnings]
+        lines += [f"  {paragraph('warning', warning)}" for warning in self.warnings]
         lines += ["", *_printable(self.compiler).splitlines()] if self.compiler else []
         lines += ["", *self._table(color, language)] if self.parts else []
-        for part in self.told():
+        for part in self.reported_parts():
             lines += ["", say(Words(part.name)), f"  {say(part.first)}"]
-            lines += [f"  {told(heading, said)}" for heading, said in part.advice()]
+            lines += [f"  {paragraph(heading, said)}" for heading, said in part.advice()]
             if part.shown and part.shown.call.n <= MOST_SHOWN:
-                lines += [f"  {told('scene before this call', part.shown.numbers())}"]
+                lines += [f"  {paragraph('scene before this call', part.shown.numbers())}"]
                 lines += ["    " + " ".join(f"{cell:>11}" for cell in row) for row in part.shown.rows()]
         return "\n".join(lines)
 
@@ -213,7 +214,7 @@ class Verdict:
         }
 
     def as_row(self, language: str = "en") -> dict[str, str]:
-        """Return the verdict as a line of a table; only sentences are in the language."""
+        """Return the verdict as a row of a table; only sentences are translated."""
         status = {part.name: part.status for part in self.parts}
 
         def say(texts: Any) -> str:
@@ -229,7 +230,7 @@ class Verdict:
         }
 
     def first_line(self, language: str) -> str:
-        """Return the first thing that is wrong in a line; empty if nothing is."""
+        """Return the first error on one line; empty if there is none."""
         if self.problem or self.status == "right":
             return self.problem
         errors = (line for line in self.compiler.splitlines() if "error" in line)
@@ -240,7 +241,7 @@ class Verdict:
 
 
 def word_of(wrong: Words) -> Words:
-    """Return the word that stands for a scene in a table."""
+    """Return the short word for an error in a table."""
     return wrong if wrong == "not run" else Words("wrong" if wrong else "right")
 
 
@@ -249,5 +250,5 @@ def _colored(said: str, word: str, color: bool) -> str:
 
 
 def _printable(text: str) -> str:
-    """Take away what could command a terminal."""
+    """Remove characters that could control a terminal."""
     return "".join(character for character in text if character.isprintable() or character == "\n")

@@ -1,4 +1,4 @@
-"""What is said to students, in English and French."""
+"""Texts for students, in English and French."""
 
 import tomllib
 from collections.abc import Sequence
@@ -9,12 +9,12 @@ LANGUAGES = ("en", "fr")
 
 
 class Words(str):
-    """An English text that knows its French: given, or of french.toml, with values filled in."""
+    """An English text with its French translation, which is given or read from french.toml."""
 
     french: str
 
     def __new__(cls, english: str, french: str | None = None, /, **values: object) -> "Words":
-        """Fill in values, which may be Words themselves."""
+        """Return the text with values filled in; values may be Words."""
         text = super().__new__(cls, english.format(**values) if values else english)
         template = _french()[english] if french is None else french
         said = {name: in_language(value, "fr") for name, value in values.items()}
@@ -23,12 +23,12 @@ class Words(str):
 
 
 def in_language(text: object, language: str) -> object:
-    """Return a text in a language of `LANGUAGES`; what has no French stays as it is."""
+    """Return a text in a language of `LANGUAGES`; texts without a translation stay as they are."""
     return getattr(text, "french", text) if language == "fr" else text
 
 
 def joined(texts: Sequence[Words], separator: str = ", ") -> Words:
-    """Return several texts in a row."""
+    """Return several texts joined by a separator."""
     return Words(separator.join(texts), separator.join(text.french for text in texts))
 
 

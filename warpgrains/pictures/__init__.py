@@ -1,1 +1,1 @@
-"""Pictures and films of grains, drawn by Matplotlib's Agg: without a window, or knowing of a display."""
+"""Pictures and films of grains, drawn by Matplotlib's Agg, which needs no window and no display."""

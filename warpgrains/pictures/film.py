@@ -1,4 +1,4 @@
-"""Films: frames drawn and encoded as they come, by the ffmpeg that imageio-ffmpeg ships."""
+"""Films: each frame is drawn and passed at once to ffmpeg, which imageio-ffmpeg ships."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.frame_times import FrameTimes
-from warpgrains.files import draft_of, require_place
+from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
@@ -32,38 +32,38 @@ if TYPE_CHECKING:
     from warpgrains.usd.reader import RecordingReader
 
 _FORMATS = {".mp4": "mp4", ".webp": "webp", ".gif": "gif", ".mkv": "matroska", ".png": "image2"}
-"""What ffmpeg calls the kinds of files; left to itself it takes %d in a name for a number of images."""
+"""ffmpeg's names of the file formats; without one, it takes %d in a file name for a sequence of images."""
 _CODECS = {
     ".mp4": ("libx264", "yuv420p", ["-crf", "18", "-preset", "fast", "-movflags", "+faststart"]),
     ".webp": ("libwebp_anim", "yuv420p", ["-lossless", "0", "-q:v", "80", "-loop", "0"]),
     ".mkv": ("libx264rgb", "rgb24", ["-crf", "0", "-preset", "ultrafast"]),
 }
-_SOURCE = re.compile(r"^(\[[^]]*\] )+")  # of a complaint: the part of ffmpeg that it is from
+_SOURCE = re.compile(r"^(\[[^]]*\] )+")  # prefix of an error message: the part of ffmpeg that reports it
 _HEIGHTS = {".mp4": 720, ".gif": 400, ".webp": 400}  # pixels
 _PALETTE = "palettegen=stats_mode=full"
 _WITH_PALETTE = "paletteuse=dither=none:diff_mode=rectangle"
 
 
 class Encoding:
-    """A process of ffmpeg that writes a file.
+    """An ffmpeg process that writes a file.
 
     Parameters
     ----------
     arguments
-        Inputs and filters.
+        Inputs and filters of ffmpeg.
     output
-        The file.
+        The output file.
     """
 
     def __init__(self, arguments: Sequence[str | Path], output: Path) -> None:
-        self._complaints = TemporaryFile()  # noqa: SIM115  # as long as the process
+        self._complaints = TemporaryFile()  # noqa: SIM115  # open until the process ends
         program = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error"]
         self._process = subprocess.Popen(
             [*program, *arguments, "-f", _FORMATS[output.suffix], f"file:{output}"],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._complaints,
-            process_group=0,  # Ctrl-C ends the run, which ends the process
+            process_group=0,  # Ctrl-C must reach the run only, which then ends the process
         )
 
     def write(self, pixels: NDArray[np.uint8]) -> None:
@@ -72,7 +72,7 @@ class Encoding:
         Raises
         ------
         OSError
-            The process has ended.
+            ffmpeg has ended.
         """
         assert self._process.stdin is not None
         try:
@@ -82,12 +82,12 @@ class Encoding:
             raise
 
     def finish(self) -> None:
-        """Wait until the file is whole.
+        """Wait until the file is complete.
 
         Raises
         ------
         OSError
-            It cannot be written: the message is the first line that ffmpeg says of it.
+            The file cannot be written. The message is ffmpeg's first line.
         """
         self._wait()
         if self._process.returncode:
@@ -96,7 +96,7 @@ class Encoding:
             raise OSError(EIO, complaint or f"ffmpeg ended with code {self._process.returncode}")
 
     def stop(self) -> None:
-        """End the process, and leave the file as it is."""
+        """End the process, and leave the incomplete file."""
         self._process.kill()
         self._wait()
 
@@ -112,28 +112,30 @@ def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Enc
     codec, colors, options = _CODECS[output.suffix]
     height, width = shape[:2]
     frames = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
-    # codecs need even widths and heights
+    # codecs require even widths and heights
     even = ["-vf", f"scale={width + width % 2}:{height + height % 2}"] if width % 2 or height % 2 else []
     frames += ["-r", str(Fraction(rate).limit_denominator()), "-i", "-"]
     return Encoding([*frames, "-an", "-vcodec", codec, "-pix_fmt", colors, *even, *options], output)
 
 
 class FilmWriter:
-    """A film of shots in the file `path`, `rate` a second [1/s]; it is complete when a ``with`` block ends.
+    """Writer of a film from shots, at `rate` frames per second [1/s].
+
+    It is complete at the end of the ``with`` block.
 
     Raises
     ------
     ValueError
-        It has no frame.
+        The film has no frame.
     OSError
-        It could not be encoded.
+        The film could not be encoded.
     """
 
     def __init__(self, path: Path, setting: Setting, rate: float) -> None:
         self._path, self._rate = path, rate
         self._canvas = Canvas(setting, _HEIGHTS[path.suffix])
         self._folder = TemporaryDirectory(dir=path.parent, prefix=".film.")
-        is_gif = path.suffix == ".gif"  # its palette is known when all frames are
+        is_gif = path.suffix == ".gif"  # its palette depends on all frames
         self._encoded = Path(self._folder.name) / "film.mkv" if is_gif else path
         self._encoder: Encoding | None = None
         self.frames = 0
@@ -158,7 +160,7 @@ class FilmWriter:
 
     def _finish(self) -> None:
         if self._encoder is None:
-            raise ValueError(f"nothing was drawn for '{self._path}'")
+            raise ValueError(f"no frame was drawn for '{self._path}'")
         self._encoder.finish()
         if self._encoded != self._path:
             palette = self._encoded.with_name("palette.png")
@@ -167,14 +169,14 @@ class FilmWriter:
 
 
 def draw_film(reader: RecordingReader, output: Path) -> range:
-    """Make a film of a recording, and return which of its frames it has.
+    """Make a film of a recording, and return the numbers of the recording's frames in it.
 
     Raises
     ------
-    SceneError
+    InputError
         It cannot be written there.
     """
-    require_place("film", output, *FILMS)
+    require_writable_path("film", output, *FILMS)
     frames = range(0, len(reader.time), ceil(reader.rate / FASTEST[output.suffix]))
     with draft_of(output) as draft, FilmWriter(draft, setting_of(reader), reader.rate / frames.step) as film:
         for frame in frames:
@@ -183,16 +185,18 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
 
 
 class Film:
-    """A film of a run, with the methods of a `Recorder`: the file appears when the block ends well, whole.
+    """A film of a run, with the interface of a `Recorder`.
+
+    The file appears, complete, when the block ends without an error.
 
     Raises
     ------
-    SceneError
-        The film cannot be written there; as an `OutputError`, if another process does so.
+    InputError
+        The film cannot be written. It is an `OutputError` if another process writes it.
     """
 
     def __init__(self, path: Path, scene: Scene, frames_per_second: float, painter: Painter) -> None:
-        require_place("output", path, *FILMS)
+        require_writable_path("output", path, *FILMS)
         self._path, self._painter = path, painter
         self.times = FrameTimes.of(scene.dt, frames_per_second)
         self.needs_contacts = painter.needs_contacts
@@ -228,4 +232,4 @@ class Film:
         self._writer.add(self._painter.shot(k / self.times.rate, frame))
 
     def flush(self) -> None:
-        """Do nothing: a film cannot be continued."""
+        """Do nothing, because a film cannot be continued."""

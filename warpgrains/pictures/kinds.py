@@ -1,4 +1,4 @@
-"""Kinds of pictures and films, by the ending of their files."""
+"""Kinds of pictures and films, by the suffix of their files."""
 
 from math import inf
 
@@ -7,11 +7,11 @@ from warpgrains.errors import missing_extra
 STILLS = (".png", ".pdf", ".svg")
 FILMS = (".mp4", ".gif", ".webp")
 FASTEST: dict[str | None, float] = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
-"""Frames a second [1/s] beyond which browsers do not play them."""
+"""Largest frame rate that browsers play, by suffix [1/s]."""
 
 
 def require_drawing(what: str, is_film: bool = False) -> None:
-    """Raise SceneError unless the libraries are installed that draw a picture, or make a film of it."""
+    """Raise InputError unless the libraries for a picture, or a film of it, are installed."""
     try:
         import matplotlib.axes  # noqa: F401
 

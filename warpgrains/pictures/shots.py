@@ -1,4 +1,4 @@
-"""Contents of a picture of a simulation, or of a frame of a recording."""
+"""Shots: the contents of a picture of a simulation or of a frame of a recording."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Setting:
-    """Everything that no frame changes."""
+    """Contents of a picture that are the same in all frames."""
 
     radius: FloatArray
-    """[m], shape (n,)."""
+    """Radii of the grains [m], shape (n,)."""
     walls: list[Ring]
-    """As they are drawn."""
+    """Walls as drawn."""
     scale: ColorScale | None
     chain_scale: ChainScale | None
     rotates: bool = False
@@ -37,21 +37,21 @@ class Setting:
 
 @dataclass(frozen=True)
 class Shot:
-    """A frame."""
+    """Contents of one frame."""
 
     time: float
-    """[s]."""
+    """Simulated time [s]."""
     position: FloatArray
-    """[m], shape (n, 2)."""
+    """Centers of the grains [m], shape (n, 2)."""
     color: FloatArray
-    """sRGB, shape (n, 3)."""
+    """Colors of the grains (sRGB), shape (n, 3)."""
     chains: Chains | None
     angle: FloatArray | None = None
     """By which grains have turned [rad], shape (n,); None where they do not rotate."""
 
 
 class Painter:
-    """Makes shots of frames of a scene, colored by a quantity, with force chains or without.
+    """Maker of shots of a scene, colored by a quantity, with or without force chains.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ class Painter:
     color_by : str
         See `GrainColors`.
     forces : bool
-        Whether there are force chains.
+        Whether to draw force chains.
     largest : float, optional
-        Force that has a chain of full width [N], and, over the diameter of a mean grain, the pressure of the
-        last color; by default as `ChainScale.of` estimates it from the scene.
+        Force of a chain of full width [N]. Divided by the diameter of a mean grain, it is the pressure of the
+        last color. By default `ChainScale.of` estimates it from the scene.
 
     Raises
     ------
-    SceneError
+    InputError
         The coloring is unknown.
     """
 
@@ -100,7 +100,7 @@ class Painter:
 
 
 def setting_of(reader: RecordingReader) -> Setting:
-    """Return everything that no frame of a recording changes."""
+    """Return the setting of a recording."""
     return Setting(reader.radius, reader.walls, reader.scale, reader.chain_scale, reader.has_rotation)
 
 

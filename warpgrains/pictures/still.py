@@ -1,4 +1,4 @@
-"""Still pictures: frames drawn on axes, one metre as long everywhere, with legends and the time."""
+"""Still pictures: frames drawn on axes with equal scales, with legends and the time."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from numpy.typing import NDArray
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import ColorScale, mark_color
 from warpgrains.drawing.shapes import WALL_COLOR, marks
-from warpgrains.files import draft_of, require_place
+from warpgrains.files import draft_of, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import Painter, Setting, Shot
 
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation
 
-_MARGIN = 0.02  # of the outer wall
-_OUTLINE = 0.3  # points, and less for small grains
-_CASING = 0.15  # of white around a force chain, in its width
+_MARGIN = 0.02  # in radii of the outer wall
+_OUTLINE = 0.3  # line width [points]; less for small grains
+_CASING = 0.15  # width of the white border of a force chain, in widths of the chain
 _DOTS_PER_INCH = 120
 _HEIGHT = 600  # pixels of a picture of a simulation
-_INCHES = 5.0  # height of a single frame: text grows with the picture
+_INCHES = 5.0  # height of a single frame; text scales with the picture
 _BAR: dict[str, Any] = {"fraction": 0.046, "pad": 0.02, "aspect": 30}
 
 
 class FrameArtists:
-    """Draws shots on axes, one after the other."""
+    """Artists on axes that draw one shot after the other."""
 
     def __init__(self, axes: Axes, setting: Setting) -> None:
         self._axes = axes
@@ -68,19 +68,19 @@ class FrameArtists:
 
     @property
     def changing(self) -> tuple[Any, ...]:
-        """All that `show` changes, from back to front."""
+        """Artists that `show` changes, from back to front."""
         marks = () if self._marks is None else (self._marks,)
         return self._grains, *marks, self._chains, self._time
 
     def show(self, shot: Shot) -> None:
-        """Draw a shot in the place of the last one."""
+        """Draw a shot, replacing the last one."""
         self._grains.set(offsets=shot.position, facecolor=shot.color)
         if self._marks is not None and shot.angle is not None:
             turned = marks(shot.position, self._radius, shot.angle)
             self._marks.set(verts=turned, facecolor=mark_color(shot.color))
         if shot.chains is not None:
             casing = _CASING * self._points * shot.chains.width
-            self._chains.set(verts=shot.chains.corners(), linewidth=casing)  # an array is taken at once
+            self._chains.set(verts=shot.chains.corners(), linewidth=casing)  # one array is set fastest
         self._time.set_text(f"t = {shot.time:.3g} s" if 0.0 < shot.time < 0.1 else f"t = {shot.time:.2f} s")
 
 
@@ -93,7 +93,7 @@ def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> N
 
 
 def _add_chain_legend(axes: Axes, scale: ChainScale, reach: float) -> None:
-    """Draw a force chain of full width and its force in a corner, where there are no grains."""
+    """Draw a force chain of full width with its force, in a corner without grains."""
     left, bottom, length = -0.98 * reach, -0.95 * reach, 0.12 * reach
     band = Rectangle(
         (left, bottom - scale.width / 2.0), length, scale.width, color=CHAIN_COLOR, linewidth=0.0
@@ -105,18 +105,18 @@ def _add_chain_legend(axes: Axes, scale: ChainScale, reach: float) -> None:
 
 
 class Canvas:
-    """One frame and its color bar, drawn again and again.
+    """A frame with its color bar that is redrawn for each shot.
 
     Parameters
     ----------
     setting : Setting
     height : int
-        Of the picture [pixels].
+        Height of the picture [pixels].
     """
 
     def __init__(self, setting: Setting, height: int) -> None:
         dpi = height / _INCHES
-        width = 2 * round(height * (1.2 if setting.scale is not None else 1.0) / 2.0)  # films need even ones
+        width = 2 * round(height * (1.2 if setting.scale is not None else 1.0) / 2.0)  # even, for films
         self.figure = Figure(figsize=(width / dpi, _INCHES), dpi=dpi, layout="constrained")
         self._agg = FigureCanvasAgg(self.figure)
         axes = self.figure.subplots()
@@ -126,11 +126,14 @@ class Canvas:
         self._background: Any = None
 
     def show(self, shot: Shot) -> None:
-        """Draw a shot in the place of the last one."""
+        """Draw a shot, replacing the last one."""
         self._artists.show(shot)
 
     def pixels(self, shot: Shot) -> NDArray[np.uint8]:
-        """Return a shot, shape (height, width, 3); all but the first are drawn on what stands still."""
+        """Return the picture of a shot, shape (height, width, 3).
+
+        After the first shot, only what changes is redrawn.
+        """
         if self._background is None:
             for artist in self._artists.changing:
                 artist.set_animated(True)
@@ -144,13 +147,13 @@ class Canvas:
 
 
 def save_figure(figure: Figure, output: Path, dpi: float = _DOTS_PER_INCH, **options: Any) -> None:
-    """Put a picture under its name, whole."""
+    """Write a picture atomically."""
     with draft_of(output) as draft:
         figure.savefig(draft, dpi=dpi, **options)
 
 
 class Picture:
-    """A picture, which a notebook shows.
+    """A picture, which notebooks show.
 
     Attributes
     ----------
@@ -168,14 +171,14 @@ class Picture:
         self.figure = canvas.figure
 
     def save(self, path: str | Path) -> None:
-        """Write it to a .png, .pdf or .svg file.
+        """Write the picture to a .png, .pdf or .svg file.
 
         Raises
         ------
-        SceneError
-            It cannot be written there.
+        InputError
+            The picture cannot be written.
         """
-        require_place("picture", Path(path), *STILLS)
+        require_writable_path("picture", Path(path), *STILLS)
         save_figure(self.figure, Path(path))
 
     def _repr_png_(self) -> bytes:

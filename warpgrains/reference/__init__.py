@@ -1,1 +1,1 @@
-"""The reference in C, and how to call it."""
+"""The course's reference program in C, and its interface to Python."""

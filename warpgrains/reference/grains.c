@@ -6,6 +6,10 @@
 
 #include "grains.h"
 
+static int hasFriction(const femGrains *g) {
+    return g->friction > 0.0 || g->wallFriction > 0.0;
+}
+
 #ifndef NOCREATE
 
 /* Rows of touching grains above the inner disc, as in the course's program. */
@@ -58,10 +62,6 @@ void femGrainsFree(femGrains *myGrains) {
 /* Impulse that changes the velocity of grain i by 1: the contact mass (eq. 17b). */
 static double contactMass(const femGrains *g, int i, double dt) {
     return g->leapfrog ? g->m[i] + g->gamma * dt / 2.0 : g->m[i];
-}
-
-static int hasFriction(const femGrains *g) {
-    return g->friction > 0.0 || g->wallFriction > 0.0;
 }
 
 /* k of grain i in (22): 2 for a disc, but for what drags change in the leapfrog. */

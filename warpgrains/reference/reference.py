@@ -1,4 +1,4 @@
-"""The course's program in C (grains.c), built and called from Python."""
+"""Interface to the course's C program (grains.c): compile it, pass it a scene, and read its state."""
 
 import ctypes
 import subprocess
@@ -19,7 +19,7 @@ from warpgrains.scene.walls import INNER, body_of
 
 SOURCE = Path(__file__).parent / "grains.c"
 FAST = ("-O3", "-march=native")
-MOST_GRAINS = 3000  # of a scene that is timed: it visits all pairs, and keeps a number for each
+MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits all pairs
 
 _Doubles = ctypes.POINTER(ctypes.c_double)
 _ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtDiscs")
@@ -51,7 +51,9 @@ def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
     try:
         subprocess.run(command, check=True, capture_output=True, text=True)
     except FileNotFoundError as error:
-        raise RuntimeError("the C reference needs a C compiler called `cc`, and there is none") from error
+        raise RuntimeError(
+            "the C reference needs a C compiler, and none was found: install one as `cc`"
+        ) from error
     except subprocess.CalledProcessError as error:
         raise RuntimeError(f"`{' '.join(command)}` failed:\n{error.stderr}") from error
     built = ctypes.CDLL(str(library))
@@ -71,7 +73,7 @@ def build(folder: Path, flags: Sequence[str] = ("-O2",)) -> ctypes.CDLL:
 
 
 class Reference:
-    """A scene in the reference, from its start or from a state of a simulation."""
+    """A scene in the reference program, from its start or from a state of a simulation."""
 
     def __init__(self, library: ctypes.CDLL, scene: Scene, state: State | None = None):
         self._library, self._scene = library, scene
@@ -93,7 +95,7 @@ class Reference:
         self._arrays["speedDiscs"] = np.zeros(len(discs))
         self._arrays["speedDiscs"][: len(circles)] = -scene.radius_in * scene.angular_velocity_in
         rotating = (
-            scene.spin.copy(),
+            scene.spin_at_start.copy(),
             *np.zeros((2, n)),
             *map(np.zeros, (n * (n - 1) // 2, n, n * len(discs))),
         )
@@ -121,14 +123,14 @@ class Reference:
                 arrays["dtBoundary"][grain[~at_disc]] = corrections.wall_friction[~at_disc]
 
     def update(self) -> None:
-        """Advance by one step, all of it in C."""
+        """Advance by one step, entirely in C."""
         scene = self._scene
         self._library.femGrainsUpdate(self._grains, scene.dt, scene.tolerance, scene.max_iterations)
 
     def step(self, order: IntArray | None = None) -> tuple[int, float]:
-        """Advance by one step, and return the iterations and the last zeta, which C keeps to itself.
+        """Advance by one step in Python's loop; return iterations and last zeta, which C does not return.
 
-        `order`: contacts (i, j), (i, -1) for the annulus, (i, -2 - d) for disc d, if not in the text's order;
+        `order` overrides the text's order: contacts (i, j), (i, -1) for the annulus, (i, -2 - d) for disc d,
         shape (m, 2). With friction, disc 0 is the inner wall, if there is one.
         """
         scene, arrays = self._scene, self._arrays
@@ -155,12 +157,12 @@ class Reference:
 
     @property
     def position(self) -> FloatArray:
-        """Centres [m], shape (n, 2)."""
+        """Centers of the grains [m], shape (n, 2)."""
         return np.stack([self._arrays["x"], self._arrays["y"]], axis=1)
 
     @property
     def velocity(self) -> FloatArray:
-        """Velocities [m/s], shape (n, 2)."""
+        """Velocities of the grains [m/s], shape (n, 2)."""
         return np.stack([self._arrays["vx"], self._arrays["vy"]], axis=1)
 
     @property
@@ -195,22 +197,22 @@ class Reference:
 
 
 def pair_index(pair: IntArray, n: int) -> IndexArray:
-    """Return where pairs i < j stand among all pairs in lexicographic order."""
+    """Return the indices of pairs i < j among all pairs in lexicographic order."""
     i, j = pair.T.astype(np.int64)
     return i * (2 * n - i - 1) // 2 + (j - i - 1)
 
 
 class CReference(NamedTuple):
-    """The reference, or why there is none."""
+    """The reference program, or the reason why it is unavailable."""
 
     start: Callable[[Scene, State], Reference] | None
-    """Put a scene in some state into it; its `update` takes a step, its `velocity` is what comes of it."""
+    """Function that returns the reference for a scene in a state; None without a compiler."""
     status: str
 
 
 @cache
 def find_c_reference() -> CReference:
-    """Compile the reference, if there is a C compiler."""
+    """Compile the reference if there is a C compiler."""
     with tempfile.TemporaryDirectory() as folder:
         try:
             library = build(Path(folder), FAST)

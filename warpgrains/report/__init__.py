@@ -1,1 +1,1 @@
-"""Speed against error, measured, drawn and written down."""
+"""The report on speed against error: its measurements, figures and tables."""

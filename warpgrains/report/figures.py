@@ -1,4 +1,4 @@
-"""Pictures of a report: error against iterations and wall time, error against dt, and equal work."""
+"""Figures of the report: error against iterations and wall time, error against dt, and equal work."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,18 +18,18 @@ from warpgrains.report.rows import (
     fitted_order,
 )
 
-# Okabe and Ito, Color Universal Design: told apart by everyone, and by their lightness in print.
+# Okabe and Ito, Color Universal Design: distinct for color-blind readers, and by lightness in print.
 _BLUE, _ORANGE, _GREEN, _GREY = "#0072b2", "#d55e00", "#009e73", "0.6"
 _COLOR = {"gauss-seidel": _BLUE, "accelerated": _ORANGE, "exact": _GREEN}
 _SCHEME_COLOR = dict(zip(SCHEMES, ("black", _ORANGE), strict=True))
 _DASHES = {"sequential": "-", "color": "--"}
-_LEAST_OVERLAP = 1e-13  # m: what is less is rounding
+_LEAST_OVERLAP = 1e-13  # m; smaller values are rounding errors
 _BELOW: dict[str, Any] = {"loc": "outside lower center", "ncols": 3, "fontsize": "small", "frameon": False}
 _MARKER = {16: "o", 160: "s", 1600: "^"}
 
 
 def draw_steps(rows: Sequence[StepRow]) -> Figure:
-    """Draw the error of a scene's steps: a column a moment, over iterations and over wall time."""
+    """Draw the error of a scene's steps against iterations and wall time, with one column per step."""
     moments = list(dict.fromkeys(row.moment for row in rows))
     figure = Figure(figsize=(1.0 + 3.2 * len(moments), 6.2), layout="constrained")
     grid = figure.subplots(2, len(moments), squeeze=False, sharey="col")
@@ -61,7 +61,7 @@ def draw_steps(rows: Sequence[StepRow]) -> Figure:
 
 
 def _style(configuration: Configuration) -> dict[str, Any]:
-    """Color says the method, dashes the order, marks the threads."""
+    """Return the line style: color by method, dashes by order, markers by number of threads."""
     code, method, order, threads = configuration
     if code != "warpgrains":
         return {"color": "black", "linewidth": 1.2, "marker": "x", "markersize": 4, "label": code}
@@ -78,7 +78,7 @@ def _style(configuration: Configuration) -> dict[str, Any]:
 
 
 def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Figure:
-    """Draw a scene's error against dt, and the overlap that equal work leaves."""
+    """Draw the error of a scene's trajectories against dt, and the overlap after equal work."""
     figure = Figure(figsize=(13.5, 5.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     _draw_error(left, paths, "dt")
@@ -94,7 +94,7 @@ def draw_paths(paths: Sequence[PathRow], frontier: Sequence[FrontierRow]) -> Fig
 
 
 def _draw_error(axes: Axes, rows: Sequence[PathRow], over: str) -> None:
-    """Draw the error over "dt", with fitted orders, or over "cpu_time"."""
+    """Draw the error against "dt", with fitted orders, or against "cpu_time"."""
     for scheme, color in _SCHEME_COLOR.items():
         here = [row for row in rows if row.scheme == scheme]
         order = fitted_order(here) if over == "dt" else None
@@ -129,7 +129,7 @@ def _draw_overlap(axes: Axes, rows: Sequence[FrontierRow]) -> None:
 
 
 def _make_logarithmic(axes: Axes) -> None:
-    """Logarithmic axes with a light grid, and a label every few decades only; more within one decade."""
+    """Make axes logarithmic, with a light grid and few labels."""
     axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(LogLocator(numticks=8))

@@ -1,4 +1,4 @@
-"""`warpgrains report`: speed against error, measured, drawn and written down."""
+"""`warpgrains report`: measure speed against error, and write tables, figures and a text."""
 
 import os
 import platform
@@ -10,8 +10,8 @@ import numpy as np
 
 from warpgrains import __version__
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError
-from warpgrains.files import require_writable_folder, table_text, write_whole
+from warpgrains.errors import InputError
+from warpgrains.files import require_writable_folder, table_text, write_atomically
 from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
@@ -30,7 +30,7 @@ from warpgrains.report.trajectories import measure_frontier, measure_paths
 from warpgrains.scene.scene import Scene
 
 DOTS_PER_INCH = 80
-RELATIVE = {"1e-3": 1e-3, "1e-6": 1e-6}  # errors that the table asks for, of that of the free velocities
+RELATIVE = {"1e-3": 1e-3, "1e-6": 1e-6}  # errors in the table, relative to the free velocities' error
 
 _HEAD = """# Speed against error
 
@@ -39,9 +39,9 @@ than {longest} s is timed once, and no more iterations are tried. C reference: {
 
 The error of a step is the largest difference of a velocity component from the exact solution of the step's
 convex problem, found by clarabel. A step is solved with 1, 3, 10, 30, ... iterations, and by the exact method
-to ever smaller residuals, where iterations are sweeps and factorizations; the tables give the first of these
-whose error is below a thousandth and a millionth of that of the free velocities (of a step without contacts),
-and the wall time of the step. The rows are in steps.csv, trajectories.csv and
+to ever smaller residuals, where iterations are sweeps and factorizations. The tables give the first number of
+iterations whose error is below 1e-3 and 1e-6 of that of the free velocities (of a step without contacts), and
+the wall time of the step. The rows are in steps.csv, trajectories.csv and
 frontier.csv, all in m, s and m/s.
 """
 
@@ -49,16 +49,16 @@ frontier.csv, all in m, s and m/s.
 def write_report(
     scenes: Sequence[Scene], folder: Path, budget: Budget | None = None, progress: bool = False
 ) -> list[Path]:
-    """Measure speed against error of scenes, write a report of it, and return its files, report.md first.
+    """Measure speed against error of scenes, write a report, and return its files, report.md first.
 
-    These are report.md, steps.csv, trajectories.csv, frontier.csv and two pictures a scene: see `StepRow`,
-    `PathRow` and `FrontierRow` for their columns. They are written scene by scene, so that a report that is
-    cut short is one of the scenes before.
+    The files are report.md, steps.csv, trajectories.csv, frontier.csv and two pictures per scene. `StepRow`,
+    `PathRow` and `FrontierRow` describe the columns. The files are written after each scene, so that an
+    interrupted report covers the scenes before.
 
     Raises
     ------
-    SceneError
-        Two scenes have one name, the folder cannot be written, or no contact acts in a scene.
+    InputError
+        Two scenes have the same name, the folder cannot be written, or a scene has no contacts.
     SimulationError
         A step failed.
     """
@@ -81,20 +81,23 @@ def write_report(
 
 
 def _prepare(scenes: Sequence[Scene], folder: Path) -> None:
-    """Make the folder of a report, unless it exists; raise SceneError if it cannot hold one."""
+    """Create the folder of a report, unless it exists. Raises InputError if it cannot be written."""
     names = [scene.name for scene in scenes]
     for name in names:
         if names.count(name) > 1:
-            raise SceneError(f"two scenes are called '{name}': a report tells scenes apart by their names")
+            raise InputError(
+                f"two scenes have the name '{name}': rename one, because a"
+                " report identifies scenes by their names"
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise SceneError(f"output folder '{folder}' cannot be made: {error.strerror}") from error
+        raise InputError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
     require_writable_folder(folder)
 
 
 def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:
-    """Measure a scene and add the rows; yield what is measured next, for the progress bar."""
+    """Measure a scene and add the rows; yield the next measurement's name for the progress bar."""
     yield "history"
     history = follow_history(scene, budget.history)
     for snapshot in history.snapshots:
@@ -118,12 +121,12 @@ def _write_texts(folder: Path, found: Findings, budget: Budget) -> list[Path]:
         "frontier.csv": table_text([*map(asdict, found.frontier)]),
     }
     for name, text in texts.items():
-        write_whole(folder / name, text.encode())
+        write_atomically(folder / name, text.encode())
     return [folder / name for name in texts]
 
 
 def markdown(found: Findings, budget: Budget) -> str:
-    """Return the report."""
+    """Return the report as Markdown."""
     where = {"version": __version__, "machine": platform.machine(), "cores": os.cpu_count()}
     sections = [_HEAD.format(**where, **vars(budget), reference=find_c_reference().status)]
     for scene in dict.fromkeys(row.scene for row in found.steps):
@@ -140,7 +143,7 @@ def markdown(found: Findings, budget: Budget) -> str:
 
 
 def _step_table(rows: Sequence[StepRow]) -> str:
-    """Return a table with a line a configuration, and for each moment the iterations and time it needs."""
+    """Return a table of the iterations and times of each configuration (rows) at each step (columns)."""
     moments = list(dict.fromkeys(row.moment for row in rows))
     columns = [f"{moment}, to {name}" for moment in moments for name in RELATIVE]
     lines = [["code", "method", "order", "threads", *columns]]
@@ -154,7 +157,7 @@ def _step_table(rows: Sequence[StepRow]) -> str:
 
 
 def _first_below(measured: Sequence[StepRow], relative: float) -> str:
-    """Return iterations and time of the first step whose error is small enough, or how far it came."""
+    """Return iterations and time of the first step whose error is small enough, or else the error reached."""
     for row in measured:
         if row.error <= relative * row.error_of_nothing:
             return f"{row.iterations}: {1e3 * row.wall_time:.3g} ms"
@@ -170,14 +173,14 @@ def _path_text(paths: Sequence[PathRow]) -> str:
         fit = "no error to fit an order to" if order is None else f"error of order {order:.2f} in dt"
         fits.append(f"{scheme}: {fit}, {shortest.error:.1e} m at dt {shortest.dt:.2g} s")
     return (
-        f"Trajectories over {paths[0].horizon:.3g} s from the first contact (four of the scene's own"
-        " steps, and on while two of fine steps stay within 1 % of the smallest radius of each other)."
+        f"Trajectories cover {paths[0].horizon:.3g} s from the first contact: four steps of the scene, and"
+        " more while two trajectories with fine steps differ by less than 1 % of the smallest radius."
         f" {'; '.join(fits)}."
     )
 
 
 def _frontier_table(rows: Sequence[FrontierRow]) -> str:
-    """Return a table with a line a cost, and for each method the steps that leave least overlap."""
+    """Return a table with one row per cost, and for each method the steps with the least overlap."""
     head = "iterations in one of the scene's own steps"
     lines = [[head, *(f"least overlap, {method}" for method in SWEEPING)]]
     for cost in dict.fromkeys(row.cost for row in rows):
@@ -196,6 +199,6 @@ def _frontier_table(rows: Sequence[FrontierRow]) -> str:
 
 
 def table(lines: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table, its head first."""
+    """Return a Markdown table whose first line is the head."""
     rule = ["---"] * len(lines[0])
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (lines[0], rule, *lines[1:]))

@@ -6,32 +6,32 @@ from typing import Any, NamedTuple
 import numpy as np
 
 ACCURATE: dict[str, Any] = {"method": "accelerated", "order": "color", "stop": "residual"}
-"""Fields of a scene that is solved as well as can be."""
+"""Fields of a scene that is solved as accurately as possible."""
 SWEEPING = ("gauss-seidel", "accelerated")
-"""Methods of which so many iterations can be asked."""
+"""Methods whose number of iterations can be prescribed."""
 SECOND_ORDER = "leapfrog, round wall"
 SCHEMES = {
     "text": {"scheme": "text", "wall": "tangent"},
     SECOND_ORDER: {"scheme": "leapfrog", "wall": "round"},
 }
-"""Fields of a scene, by what a report calls them."""
-COSTS = (16, 160, 1600)  # iterations spent in one of the scene's own steps, where equal work is compared
+"""Fields of a scene by the name of the scheme in the report."""
+COSTS = (16, 160, 1600)  # iterations per time step of the scene, at which methods are compared
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of the measurements; the default takes some minutes for the shipped scenes."""
+    """Limits of the measurements; with the defaults, the shipped scenes take some minutes."""
 
     repeats: int = 5
-    """Times a step is taken, of which the median counts."""
+    """Number of repetitions of a step, of which the median is taken."""
     most_iterations: int = 10_000
-    """Of one step."""
+    """Largest number of iterations of one step."""
     longest: float = 0.2
-    """Wall time of a step after which no more iterations are tried [s]."""
+    """Wall time of a step beyond which no more iterations are tried [s]."""
     history: int = 1000
-    """Steps after which the history of a scene is cut off."""
+    """Largest number of steps of the history of a scene."""
     horizon: int = 32
-    """Longest time over which trajectories are followed, in the scene's own steps; a multiple of 4."""
+    """Longest duration of trajectories, in time steps of the scene; a multiple of 4."""
 
     @property
     def iterations(self) -> list[int]:
@@ -42,10 +42,10 @@ class Budget:
 
 
 class Configuration(NamedTuple):
-    """Code, method, order and threads that solve a step."""
+    """Code, method, order and number of threads that solve a step."""
 
     code: str
-    """warpgrains, or C reference."""
+    """"warpgrains" or "C reference"."""
     method: str
     order: str
     threads: int
@@ -53,7 +53,7 @@ class Configuration(NamedTuple):
 
 @dataclass(frozen=True)
 class StepRow:
-    """One step in one configuration: a row of steps.csv."""
+    """One step in one configuration, a row of steps.csv."""
 
     scene: str
     moment: str
@@ -66,81 +66,81 @@ class StepRow:
     method: str
     order: str
     threads: int
-    """These four say what solved it, see `Configuration`."""
+    """`code`, `method`, `order` and `threads` are those of `Configuration`."""
     iterations: int
     wall_time: float
     """Median of the repeats [s]."""
     error: float
     """Largest difference of a velocity component from the exact solution [m/s]."""
     error_of_exact: float
-    """Difference of the exact solution from that of the exact method, converged as far as it goes:
-    errors below it are not to be trusted [m/s]."""
+    """Difference between the exact solution and that of the exact method at its smallest residual [m/s].
+    Errors below it are unreliable."""
     error_of_nothing: float
-    """Error of the free velocities, of a step without any contact [m/s]."""
+    """Error of the free velocities, that is, without contacts [m/s]."""
 
     @property
     def configuration(self) -> Configuration:
-        """Columns code to threads."""
+        """Configuration of the row."""
         return Configuration(self.code, self.method, self.order, self.threads)
 
 
 @dataclass(frozen=True)
 class PathRow:
-    """A trajectory: a row of trajectories.csv."""
+    """One trajectory, a row of trajectories.csv."""
 
     scene: str
     scheme: str
     """One of `SCHEMES`."""
     horizon: float
-    """How long it is [s]."""
+    """Duration [s]."""
     dt: float
-    """[s]."""
+    """Time step [s]."""
     error: float
-    """Largest distance of a coordinate from the trajectory of second order with steps 1/64 as long as the
-    scene's own, at any multiple of four of the scene's own steps [m]; nan where a grain was lost."""
+    """Largest difference of a coordinate from the second-order trajectory with time steps 1/64 of the
+    scene's, at any multiple of four of the scene's steps [m]; NaN if a grain was lost."""
     finest_error: float
-    """The same distance of one with steps 1/32 as long: errors near it are not to be trusted [m]."""
+    """The same difference for time steps 1/32 of the scene's [m]. Errors of this size are unreliable."""
     cpu_time: float
-    """Spent on all steps [s]."""
+    """CPU time of all steps [s]."""
 
 
 @dataclass(frozen=True)
 class FrontierRow:
-    """A run of equal work: a row of frontier.csv."""
+    """One run with prescribed work, a row of frontier.csv."""
 
     scene: str
     method: str
     horizon: float
-    """How long it is [s]."""
+    """Duration [s]."""
     cost: int
-    """Iterations spent in a time as long as the scene's own step."""
+    """Iterations per time step of the scene."""
     dt: float
-    """[s]."""
+    """Time step [s]."""
     iterations: int
-    """Of a step: cost times dt in the scene's own steps."""
+    """Iterations per step of this run: cost times dt, in time steps of the scene."""
     overlap: float
-    """Worst overlap that is left after any step of the run's second half [m]; nan where a grain was lost,
-    which happens when far too few iterations leave two centres at one place."""
+    """Worst overlap after any step of the run's second half [m]; NaN if a grain was lost, which happens if
+    far too few iterations let two centers coincide."""
     wall_floor: float
-    """(v dt)^2 / (2 radius_out), v the largest speed in a run of solved steps: the overlap with the outer
-    wall that a tangential move may leave, however well a step is solved [m]; 0 where the wall is round."""
+    """(v dt)^2 / (2 radius_out), with the largest speed v in a run of solved steps [m]: the overlap with the
+    outer wall after a tangential move, even if the step is solved exactly; 0 if the wall is round."""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """All that was measured, scene after scene."""
+    """All measurements, scene after scene."""
 
     steps: list[StepRow] = field(default_factory=list)
     paths: list[PathRow] = field(default_factory=list)
     frontier: list[FrontierRow] = field(default_factory=list)
 
     def of(self, scene: str) -> "Findings":
-        """Return what was found of one scene."""
+        """Return the measurements of one scene."""
         return Findings(*([row for row in rows if row.scene == scene] for rows in vars(self).values()))
 
 
 def fitted_order(rows: list[PathRow]) -> float | None:
-    """Return p of error = c dt^p, by least squares in the logarithms; None of fewer than two errors."""
+    """Return p of error = c dt^p, by least squares of the logarithms; None for fewer than two errors."""
     rows = [row for row in rows if row.error > 0.0]
     if len(rows) < 2:
         return None

@@ -1,6 +1,6 @@
-"""Steps worth solving of a scene's history, each solved with ever more iterations, in every configuration.
+"""Difficult steps of a scene's history, solved with increasing numbers of iterations in every configuration.
 
-What is measured is their wall time and their true error.
+The wall time and the true error of each solution are measured.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ import numpy as np
 
 from warpgrains.analysis.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference
 from warpgrains.report.rows import ACCURATE, SWEEPING, Budget, Configuration, StepRow
 from warpgrains.scene.fields import ORDERS
@@ -24,7 +24,7 @@ from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import StepReport
 
 THREADS = (1, 2)
-CONVERGED = 1e-12  # m/s: a residual that more iterations do not improve
+CONVERGED = 1e-12  # m/s; smaller residuals do not improve with more iterations
 EXACT: dict[str, Any] = {"method": "exact", "order": "color", "max_iterations": 30_000}
 TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)  # m/s, of the exact method
 
@@ -32,47 +32,47 @@ Result = TypeVar("Result")
 
 
 class HistoryStep(NamedTuple):
-    """A step of the history, from where it starts."""
+    """A step of the history, with the state before it."""
 
     name: str
     state: State
     contacts: int
-    """Contacts that carry a correction after it."""
+    """Contacts that carry a correction after the step."""
 
 
 @dataclass(frozen=True)
 class History:
-    """Steps of a scene worth solving, at its own tolerance."""
+    """Difficult steps of a scene at its tolerance."""
 
     first: State
-    """Before the first step in which a contact acts."""
+    """State before the first step with an active contact."""
     hardest: State
-    """Before the step of most iterations."""
+    """State before the step with the most iterations."""
     snapshots: list[HistoryStep]
-    """onset: the first step with half as many contacts as there will ever be; hardest; end: the last step.
-    A step that is two of them is there once."""
+    """Three steps without duplicates. onset: the first step with half of the largest number of contacts;
+    hardest: the step with the most iterations; end: the last step."""
 
 
 class Measurement(NamedTuple):
-    """A step with some limit on its iterations, or on its residual."""
+    """Measurement of a step with a limit on its iterations or on its residual."""
 
     iterations: int
     wall_time: float
     velocity: FloatArray
     done: bool
-    """Whether more iterations would be of no use."""
+    """True if more iterations cannot improve the result."""
 
 
 def follow_history(scene: Scene, longest: int) -> History:
-    """Follow a scene by the accelerated method, in color order, for `longest` steps at most.
+    """Follow a scene by the accelerated method in color order, for at most `longest` steps.
 
     Raises
     ------
-    SceneError
-        No contact acts in it.
+    InputError
+        No step has an active contact.
     """
     simulation = Simulation(scene, **ACCURATE)
-    records: list[HistoryStep] = []  # steps with more contacts than any before
+    records: list[HistoryStep] = []  # steps with more contacts than any earlier one
     hardest = end = HistoryStep("", simulation.state(), 0)
     most_iterations = 0
     for _ in range(min(scene.steps, longest)):
@@ -85,14 +85,16 @@ def follow_history(scene: Scene, longest: int) -> History:
             most_iterations = report.iterations
             hardest = HistoryStep("hardest", state, report.contacts)
     if not records:
-        raise SceneError(f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps")
+        raise InputError(
+            f"scene '{scene.name}' has no contacts in {end.state.steps + 1} steps: choose one with contacts"
+        )
     onset = next(record for record in records if 2 * record.contacts >= records[-1].contacts)
     by_step = {snapshot.state.steps: snapshot for snapshot in (end, hardest, onset) if snapshot.contacts}
     return History(records[0].state, hardest.state, [by_step[step] for step in sorted(by_step)])
 
 
 def measure_steps(scene: Scene, snapshot: HistoryStep, budget: Budget) -> Iterator[StepRow]:
-    """Solve the step after a snapshot in every configuration, with ever more iterations."""
+    """Solve the step after a snapshot in every configuration, with increasing numbers of iterations."""
     problem = StepProblem(scene, snapshot.state.position, snapshot.state.velocity, snapshot.state.staggered)
     accurate = Simulation(scene.replace(**EXACT, stop="default", tolerance=CONVERGED))
     accurate.restore(snapshot.state)
@@ -126,7 +128,7 @@ def _difference(velocity: FloatArray, other: FloatArray) -> float:
 def _configurations(
     scene: Scene, snapshot: HistoryStep, budget: Budget
 ) -> Iterator[tuple[Configuration, Iterator[Measurement]]]:
-    """Yield every configuration, and a step solved in it with ever more iterations, or to less residuals."""
+    """Yield every configuration with measurements of increasing iterations or decreasing residuals."""
     unlimited = scene.replace(stop="default", tolerance=0.0)
     for method, order, threads in product(SWEEPING, ORDERS, THREADS):
         solving = [
@@ -143,7 +145,7 @@ def _configurations(
 
 
 def _solve(scene: Scene, threads: int, snapshot: HistoryStep, budget: Budget) -> Measurement:
-    """Take the step with a simulation of a scene that says when to stop."""
+    """Do the step with a simulation, whose scene defines the stopping criterion."""
     simulation = Simulation(scene, threads=threads)
 
     def step() -> tuple[float, StepReport]:
@@ -152,7 +154,7 @@ def _solve(scene: Scene, threads: int, snapshot: HistoryStep, budget: Budget) ->
         report = simulation.step()
         return perf_counter() - start, report
 
-    step()  # once, so that the list is built and the kernels are compiled
+    step()  # warm-up: builds the list and compiles the kernels
     wall_time, report = _median(step, budget)
     iterations = report.iterations + report.factorizations
     useless = scene.tolerance == 0.0 and iterations < scene.max_iterations
@@ -161,7 +163,7 @@ def _solve(scene: Scene, threads: int, snapshot: HistoryStep, budget: Budget) ->
 
 
 def _solve_in_c(scene: Scene, snapshot: HistoryStep, budget: Budget, limit: int) -> Measurement:
-    """Take the step with the C reference, which does not return its iterations."""
+    """Do the step with the C reference, which does not return its iterations."""
     begin = find_c_reference().start
     assert begin is not None
     spending = scene.replace(tolerance=0.0, max_iterations=limit)
@@ -176,7 +178,7 @@ def _solve_in_c(scene: Scene, snapshot: HistoryStep, budget: Budget, limit: int)
 
 
 def _median(step: Callable[[], tuple[float, Result]], budget: Budget) -> tuple[float, Result]:
-    """Return the median of the times of a step, and what it gave; one that takes too long is taken once."""
+    """Return the median time of a step, and its result. A step that takes too long is done once."""
     taken = [step()]
     while len(taken) < budget.repeats and taken[0][0] <= budget.longest:
         taken.append(step())

@@ -1,1 +1,1 @@
-"""Scenes and their states: described, read and checked."""
+"""Scenes and their states, with the checks and the readers of scene files."""

@@ -1,6 +1,8 @@
-"""Checks of single values: each raises `SceneError` with one line that names the field and the value.
+"""Checks of single values.
 
-NumPy is imported only where a value is an array: ``--help`` reads the table of options, and answers at once.
+Each returns the checked value or raises `InputError` with one line that names the field and the value.
+
+NumPy is imported only if a value is an array: ``--help`` reads the table of options and must stay fast.
 """
 
 from __future__ import annotations
@@ -12,18 +14,18 @@ from math import isfinite
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 if TYPE_CHECKING:
     from warpgrains.arrays import BoolArray, FloatArray
 
 LARGEST_WHOLE_NUMBER = 2**31 - 1  # the kernels count in 32 bits
 LONGEST_SHOWN = 100  # characters of a value in a message
-MOST_THREADS = 1024  # more than any machine has cores: each of them takes a stack and a start
+MOST_THREADS = 1024  # more than any machine has cores; each thread costs a stack and a start
 
 
 def shown(value: Any) -> str:
-    """Return a value as messages show it: on one line, and cut where it is long."""
+    """Return a value as messages show it, on one line and shortened if it is long."""
     line = " ".join(repr(value).split())
     return line if len(line) <= LONGEST_SHOWN else f"{line[:LONGEST_SHOWN]} ..."
 
@@ -31,13 +33,13 @@ def shown(value: Any) -> str:
 def number(field: str, value: Any) -> float:
     """Return a finite real number as a float."""
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise SceneError(f"{field} is {shown(value)}: it must be a number")
+        raise InputError(f"{field} is {shown(value)}: it must be a number")
     try:
         converted = float(value)
     except OverflowError:
         converted = float("inf")
     if not isfinite(converted):
-        raise SceneError(f"{field} is {converted}: it must be finite")
+        raise InputError(f"{field} is {converted}: it must be finite")
     return converted
 
 
@@ -45,7 +47,7 @@ def positive(field: str, value: Any) -> float:
     """Return a number greater than 0."""
     converted = number(field, value)
     if converted <= 0.0:
-        raise SceneError(f"{field} is {converted}: it must be greater than 0")
+        raise InputError(f"{field} is {converted}: it must be greater than 0")
     return converted
 
 
@@ -53,55 +55,55 @@ def not_negative(field: str, value: Any) -> float:
     """Return a number that is 0 or more."""
     converted = number(field, value)
     if converted < 0.0:
-        raise SceneError(f"{field} is {converted}: it must be 0 or more")
+        raise InputError(f"{field} is {converted}: it must be 0 or more")
     return converted
 
 
 def whole_number(field: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE_NUMBER) -> int:
     """Return an integer between `least` and `most`."""
     if isinstance(value, bool) or not isinstance(value, Integral):
-        raise SceneError(f"{field} is {shown(value)}: it must be a whole number")
+        raise InputError(f"{field} is {shown(value)}: it must be a whole number")
     converted = int(value)
     if not least <= converted <= most:
-        found = str(converted) if abs(converted) < 10**30 else "an immense number"
-        raise SceneError(f"{field} is {found}: it must be between {least} and {most}")
+        found = str(converted) if abs(converted) < 10**30 else "a number of more than 30 digits"
+        raise InputError(f"{field} is {found}: it must be between {least} and {most}")
     return converted
 
 
 def thread_count(field: str, value: Any) -> int:
-    """Return a number of threads."""
+    """Return a number of threads between 1 and `MOST_THREADS`."""
     return whole_number(field, value, most=MOST_THREADS)
 
 
 def text(field: str, value: Any) -> str:
-    """Return a text."""
+    """Return `value` if it is a str."""
     if not isinstance(value, str):
-        raise SceneError(f"{field} is {shown(value)}: it must be a text")
+        raise InputError(f"{field} is {shown(value)}: it must be a string")
     return value
 
 
 def path(field: str, value: Any) -> str:
-    """Return the name of a file, a text or a path."""
+    """Return the name of a file, given as a str or a path."""
     if not isinstance(value, str | os.PathLike) or isinstance(name := os.fspath(value), bytes):
-        raise SceneError(f"{field} is {shown(value)}: it must be the name of a file")
+        raise InputError(f"{field} is {shown(value)}: it must be the name of a file")
     return name
 
 
 def function(field: str, value: Any) -> None:
-    """Require what can be called."""
+    """Raise InputError unless `value` is callable."""
     if not callable(value):
-        raise SceneError(f"{field} is {shown(value)}: it must be a function")
+        raise InputError(f"{field} is {shown(value)}: it must be a function")
 
 
-def truth(field: str, value: Any) -> bool:
-    """Return True or False."""
+def boolean(field: str, value: Any) -> bool:
+    """Return a Python or NumPy bool as a bool."""
     if type(value).__name__ not in ("bool", "bool_"):  # NumPy's own, too
-        raise SceneError(f"{field} is {shown(value)}: it must be True or False")
+        raise InputError(f"{field} is {shown(value)}: it must be True or False")
     return bool(value)
 
 
 def one_of(field: str, value: Any, known: Iterable[str]) -> str:
-    """Return a name that is among the known ones."""
+    """Return `value` if it is one of the known names."""
     known = list(known)
     if not isinstance(value, str) or value not in known:
         raise unknown(field, value, known)
@@ -109,21 +111,21 @@ def one_of(field: str, value: Any, known: Iterable[str]) -> str:
 
 
 def only_one(what: str, given: Iterable[str], known: Iterable[str]) -> str:
-    """Return the one name of the known ones that is given."""
+    """Return the known name that is given, if exactly one is."""
     known = list(known)
     found = [name for name in known if name in given]
     if len(found) != 1:
-        has = " and ".join(found) or "none of them"
-        raise SceneError(f"{what} has {has}: it needs one of {', '.join(known)}")
+        has = " and ".join(found) or "none"
+        raise InputError(f"{what} needs exactly one of {', '.join(known)}: it has {has}")
     return found[0]
 
 
-def unknown(what: str, name: Any, known: Iterable[str]) -> SceneError:
-    """Return the error for a name that nobody knows, with the nearest known one, if any is near."""
+def unknown(what: str, name: Any, known: Iterable[str]) -> InputError:
+    """Return the error for an unknown name, with the most similar known name if there is one."""
     known = sorted(known)
     nearest = get_close_matches(str(name), known, n=1)
     hint = f"did you mean {nearest[0]!r}? Known" if nearest else "known"
-    return SceneError(f"unknown {what} {shown(name)}: {hint}: {', '.join(known)}")
+    return InputError(f"unknown {what} {shown(name)}: {hint}: {', '.join(known)}")
 
 
 def vector(field: str, value: Any) -> tuple[float, float]:
@@ -133,37 +135,37 @@ def vector(field: str, value: Any) -> tuple[float, float]:
     except TypeError:
         components = []
     if len(components) != 2:
-        raise SceneError(f"{field} is {shown(value)}: it must be two numbers")
+        raise InputError(f"{field} is {shown(value)}: it must be two numbers")
     return number(f"{field}[0]", components[0]), number(f"{field}[1]", components[1])
 
 
 def vectors(field: str, value: Any) -> FloatArray:
-    """Return a read-only copy of one finite vector a grain, shape (n, 2) with n >= 1."""
+    """Return a read-only copy of one finite vector per grain, shape (n, 2) with n >= 1."""
     array = _floats(field, value)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
-        raise SceneError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one grain")
+        raise InputError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one grain")
     require_finite(field, array)
     return frozen(array)
 
 
 def require_finite(field: str, array: FloatArray) -> None:
-    """Raise SceneError unless all numbers of each grain are finite, shape (n,) or (n, 2)."""
+    """Raise InputError unless the numbers of every grain are finite; shape (n,) or (n, 2)."""
     import numpy as np
 
     if not np.isfinite(array).all():
         bad = np.logical_not(np.isfinite(array.reshape(len(array), -1)).all(axis=1))
-        raise SceneError(f"{of_grain(field, array, bad)}: it must be finite")
+        raise InputError(f"{of_grain(field, array, bad)}: it must be finite")
 
 
 def per_grain(field: str, value: Any, n: int) -> FloatArray:
-    """Return a read-only array of finite numbers, shape (n,), from n of them or from one for all."""
+    """Return a read-only array of finite numbers, shape (n,), from n numbers or from one for all grains."""
     import numpy as np
 
     array = _floats(field, value)
     if array.ndim == 0:
         array = np.full(n, number(field, array[()]))
     if array.shape != (n,):
-        raise SceneError(
+        raise InputError(
             f"{field} has shape {array.shape}: there are {n} grains, it must be one number or ({n},)"
         )
     require_finite(field, array)
@@ -171,18 +173,18 @@ def per_grain(field: str, value: Any, n: int) -> FloatArray:
 
 
 def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
-    """Return a read-only array of numbers greater than 0, shape (n,), from n of them or from one for all."""
+    """Return a read-only array of positive numbers, shape (n,), from n numbers or from one for all grains."""
     array = _floats(field, value)
     if array.ndim == 0:
         positive(field, array[()])
     array = per_grain(field, array, n)
     if (array <= 0.0).any():
-        raise SceneError(f"{of_grain(field, array, array <= 0.0)}: it must be greater than 0")
+        raise InputError(f"{of_grain(field, array, array <= 0.0)}: it must be greater than 0")
     return array
 
 
 def of_grain(field: str, array: FloatArray, bad: BoolArray) -> str:
-    """Name the first grain that is bad, and its value: the start of an error message."""
+    """Return the start of an error message, which names the first bad grain and its value."""
     grain = int(bad.argmax())
     value = array[grain].tolist()
     return f"{field} of grain {grain} is {tuple(value) if array.ndim > 1 else value}"
@@ -192,17 +194,17 @@ def _floats(field: str, value: Any) -> FloatArray:
     import numpy as np
 
     if np.ma.is_masked(value):
-        raise SceneError(f"{field} holds masked values: it must hold real numbers")
+        raise InputError(f"{field} holds masked values: it must hold real numbers")
     try:
         array = np.asarray(value)
     except ValueError:
-        raise SceneError(f"{field} is ragged: every grain must have as many numbers") from None
+        raise InputError(f"{field} is ragged: every grain must have the same number of values") from None
     if array.dtype.kind not in "iuf" and array.size > 0:
-        raise SceneError(f"{field} holds {array.dtype.name} values: it must hold real numbers")
+        raise InputError(f"{field} holds {array.dtype.name} values: it must hold real numbers")
     return np.array(array, dtype=np.float64, order="C")
 
 
 def frozen(array: FloatArray) -> FloatArray:
-    """Return an array after making it read-only."""
+    """Make an array read-only and return it."""
     array.setflags(write=False)
     return array

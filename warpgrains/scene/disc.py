@@ -1,4 +1,4 @@
-"""A disc that stands fixed inside the annulus, as the host sees it (device: kernels/disc.py)."""
+"""A fixed disc inside the annulus. This is the host's side; kernels/disc.py is the device's."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
@@ -18,14 +18,14 @@ class Disc:
     Parameters
     ----------
     center
-        Where it stands [m], two components.
+        Center [m], two components.
     radius
-        Its radius [m].
+        Radius [m].
 
     Raises
     ------
-    SceneError
-        One of them is not what it must be.
+    InputError
+        The center or the radius is invalid.
 
     Examples
     --------
@@ -46,25 +46,25 @@ class Disc:
 
     @property
     def table(self) -> dict[str, Any]:
-        """What a `[[walls]]` table says of it."""
+        """Keys and values of the disc in a `[[walls]]` table of a scene file."""
         return {"kind": self.kind, **asdict(self)}
 
     @property
     def area(self) -> float:
-        """Its area [m2]."""
+        """Area of the disc [m2]."""
         return float(np.pi) * self.radius**2
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """What the device knows of it (kernels/disc.py)."""
+        """Numbers that the kernels need: center and radius (kernels/disc.py)."""
         return (*self.center, self.radius)
 
     def ring(self, thickness: float) -> tuple[float, float, tuple[float, float]]:
-        """Return inner radius, outer radius and center [m] of the ring that is drawn of it."""
+        """Return the inner radius, outer radius and center [m] of the ring that pictures show."""
         return max(self.radius - thickness, self.radius / 2), self.radius, self.center
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
-        """Return it as seen by grains, see `Scene.side`."""
+        """Return normals and gaps of grains at the disc, see `Scene.side`."""
         away = np.array(self.center) - position
         rho = distance(away)
         with np.errstate(invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Scene files as TOML: where they are, what they hold, keys put in place of theirs, and TOML text written."""
+"""Scene files as TOML text: finding, parsing, overriding and writing them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.fields import SECTIONS
 
@@ -22,29 +22,32 @@ Table = dict[str, Any]
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 SHIPPED = {"scene": "", "sweep": "sweeps"}
-"""Where the shipped files of each kind are, seen from the folder of the scenes."""
+"""Folder of the shipped files of each kind, relative to the folder of the scenes."""
 
 
 def shipped_scenes() -> list[str]:
-    """Return the names of the scenes that come with the package."""
+    """Return the names of the scenes that are part of the package."""
     return shipped("scene")
 
 
 def shipped(kind: str) -> list[str]:
-    """Return the names of the scenes, or of the sweeps, that come with the package."""
+    """Return the names of the scenes, or of the sweeps, that are part of the package."""
     names = (entry.name for entry in _folder(kind).iterdir())
     return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
 def read_document(name_or_path: str | os.PathLike[str]) -> Table:
-    """Return the sections of a scene in a file, or of a shipped scene, as they are written there."""
+    """Return the sections of a scene file, or of a shipped scene, as they are written."""
     return parse_toml(read_text(Path(name_or_path), "scene"), name_or_path)
 
 
 def read_text(path: Path, kind: str) -> str:
-    """Return the text of a scene or a sweep, a file or the name of a shipped one; SceneError if none."""
+    """Return the text of a scene or sweep, given by file or by the name of a shipped one.
+
+    Raises InputError if neither exists.
+    """
     source: Path | Traversable = path
-    if not _is_there(path):
+    if not _exists(path):
         known = shipped(kind)
         if str(path) not in known:
             raise checks.unknown(f"{kind}, neither a file nor a shipped one,", str(path), known)
@@ -52,21 +55,21 @@ def read_text(path: Path, kind: str) -> str:
     try:
         return source.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path} cannot be read: {error}") from None
+        raise InputError(f"{path} cannot be read: {error}") from None
 
 
 def parse_toml(text: str, path: str | os.PathLike[str]) -> Table:
-    """Return what a TOML text of the file `path` holds."""
+    """Return the content of TOML text; `path` is named in errors."""
     try:
         document = tomllib.loads(text)
         require_toml_numbers(document)
     except (ValueError, RecursionError) as error:
-        raise SceneError(f"{path} is not TOML: {error}") from None
+        raise InputError(f"{path} is not TOML: {error}") from None
     return document
 
 
 def parameters_text(scene: Scene) -> str:
-    """Return all of a scene as TOML that is not its grains."""
+    """Return all fields of a scene except its grains, as TOML."""
     tables: Table = {"walls": [wall.table for wall in scene.walls]} if scene.walls else {}
     for section, names in SECTIONS.items():
         values = {name: getattr(scene, name) for name in names}
@@ -75,31 +78,31 @@ def parameters_text(scene: Scene) -> str:
 
 
 def read_parameters(text: str) -> dict[str, Any]:
-    """Return the fields of a scene that `parameters_text` has written."""
+    """Return the fields of a scene from the text of `parameters_text`."""
     document = parse_toml(text, "the recording's scene")
     walls = {"walls": document.pop("walls")} if "walls" in document else {}
     return walls | {name: value for table in document.values() for name, value in table.items()}
 
 
 def override_key(document: Table, override: str) -> None:
-    """Put the value of "section.key=value" in its place; a bare word stands for itself."""
+    """Set the key of "section.key=value" in a document; a bare word is taken as a string."""
     target, equals, value = override.partition("=")
     section, dot, key = target.strip().partition(".")
     if not (equals and dot and key):
-        raise SceneError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
+        raise InputError(f"override {override!r}: it must be section.key=value, such as physics.drag=0.1")
     try:
         parsed = tomllib.loads(f"value = {value}")
         require_toml_numbers(parsed)
     except (ValueError, RecursionError):
         parsed = {"value": value.strip()} if value.strip().replace("-", "_").isidentifier() else {}
     if parsed.keys() != {"value"}:
-        raise SceneError(f"override {override!r}: {value!r} is not a TOML value")
+        raise InputError(f"override {override!r}: {value!r} is not a TOML value")
     table = document.setdefault(section, {})
     if isinstance(table, dict):
         table[key] = parsed["value"]
 
 
-def _is_there(path: Path) -> bool:
+def _exists(path: Path) -> bool:
     try:
         return path.exists() and not path.is_dir()
     except (OSError, ValueError):  # no file can have such a name
@@ -111,12 +114,14 @@ def _folder(kind: str) -> Traversable:
 
 
 def toml_text(document: Table) -> str:
-    """Return a document as TOML: its sections in order, a line a key; the same doubles are read back.
+    """Return a document as TOML, one line a key, in the order of its sections.
+
+    Floats are read back as the same doubles.
 
     Raises
     ------
-    SceneError
-        A value is of a kind that no scene has, such as a date.
+    InputError
+        A value has a type that scenes do not use, such as a date.
     """
     bare = {key: value for key, value in document.items() if not isinstance(value, dict)}
     parts = [_lines(bare)] if bare else []
@@ -140,11 +145,11 @@ def toml_value(value: Any) -> str:
         case dict():
             pairs = (f"{_key(key)} = {toml_value(item)}" for key, item in value.items())
             return f"{{{', '.join(pairs)}}}"
-    raise SceneError(f"{value!r} is a {type(value).__name__}: no scene holds one")
+    raise InputError(f"{value!r} is a {type(value).__name__}: a scene file cannot hold it")
 
 
 def require_toml_numbers(value: Any) -> None:
-    """Raise ValueError if a whole number is larger than any of TOML, which has 64 bits for them."""
+    """Raise ValueError if an integer does not fit in 64 bits, the range of TOML."""
     match value:
         case dict():
             require_toml_numbers(list(value.values()))
@@ -164,8 +169,8 @@ def _key(key: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a text in quotes, in ASCII, on one line."""
+    """Return a text in quotes on one line, with all but ASCII escaped."""
     if any("\ud800" <= letter <= "\udfff" for letter in text):
-        raise SceneError(f"{text!r} is no text: it cannot be written")
+        raise InputError(f"{text!r} is not valid text: it cannot be written")
     letters = (f"\\U{ord(letter):08x}" if letter > "\uffff" else json.dumps(letter)[1:-1] for letter in text)
     return f'"{"".join(letters)}"'.replace("\x7f", "\\u007f")

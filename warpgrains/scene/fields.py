@@ -1,4 +1,7 @@
-"""The fields of a scene, each written once: key in scene files, check, default, unit and meaning."""
+"""The fields of a scene.
+
+Each is declared once, with its key in scene files, its check, its default, its unit and its meaning.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
@@ -11,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
 from warpgrains.described import described, described_fields
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.disc import Disc
 from warpgrains.scene.geometry import require_distinct
@@ -26,7 +29,7 @@ METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
 WALL_KINDS = {kind.kind: kind for kind in (Disc,)}
-MOST_RADII = 1e12  # of the smallest grain, in that of the outer wall: positions have no digits for more
+MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
 
 Kind = TypeVar("Kind")
 Held = TypeVar("Held", covariant=True)
@@ -34,16 +37,19 @@ Given = TypeVar("Given", contravariant=True)
 
 if TYPE_CHECKING:
 
-    class MadeOf(Protocol[Held, Given]):
-        """A field that is given to the constructor in more forms than the one in which it is held."""
+    class ConvertedField(Protocol[Held, Given]):
+        """Type of a field whose constructor argument (`Given`) has more forms than its value (`Held`).
+
+        It exists for type checkers only.
+        """
 
         def __get__(self, scene: object, kind: Any = None) -> Held: ...
         def __set__(self, scene: object, value: Given) -> None: ...
 
-    Array = MadeOf[FloatArray, ArrayLike]
-    OptionalArray = MadeOf[FloatArray, ArrayLike | None]
-    Vector = MadeOf[tuple[float, float], Sequence[float] | FloatArray]
-    Walls = MadeOf[tuple[Disc, ...], Sequence[Disc | Mapping[str, Any]]]
+    Array = ConvertedField[FloatArray, ArrayLike]
+    OptionalArray = ConvertedField[FloatArray, ArrayLike | None]
+    Vector = ConvertedField[tuple[float, float], Sequence[float] | FloatArray]
+    Walls = ConvertedField[tuple[Disc, ...], Sequence[Disc | Mapping[str, Any]]]
 else:
     Array, OptionalArray, Vector = FloatArray, FloatArray | None, tuple[float, float]
     Walls = tuple[Disc, ...]
@@ -53,7 +59,7 @@ def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = M
     """Return a field of a scene.
 
     A field with a section is a key of that section of a scene file. The check is a function or a tuple of
-    names; those of grains and walls have none, because `checked_grains` checks them together.
+    allowed names. Fields of grains and walls have none, because `checked_grains` checks them together.
     """
     return described(meaning, section=section, check=check, default=default)
 
@@ -64,15 +70,15 @@ def _record(kind: type[Kind]) -> type[Kind]:
 
 
 def frozen(kind: type[Kind]) -> type[Kind]:
-    """Freeze what inherits fields; mypy must not see how, or it loses their types, see `MadeOf`."""
+    """Freeze the dataclasses that inherit the fields, hidden from mypy, which would lose their types."""
     return _record(kind)
 
 
 @_record
 class SceneFields:
-    """What a `Scene` holds."""
+    """Data and settings that define a scene."""
 
-    position: Array = _key("Centres of the grains [m], shape (n, 2).")
+    position: Array = _key("Centers of the grains [m], shape (n, 2).")
     velocity: OptionalArray = _key(
         "Velocities at the start [m/s], shape (n, 2); by default all grains rest.", default=None
     )
@@ -86,8 +92,8 @@ class SceneFields:
     radius_in: float = _key("Radius of the inner wall [m]; 0 means there is none.", "domain", default=0.0)
     radius_out: float = _key("Radius of the outer wall [m].", "domain")
     wall: str = _key(
-        'What the outer wall is within a step: its "tangent", the text\'s, which a grain that slides along it'
-        ' leaves by (v dt)^2 / (2 radius_out), or "round": it ends on the circle.',
+        'Outer wall in a step: "tangent", the tangent at the grain, as in the course text, on which a grain'
+        ' leaves the circle by (v dt)^2 / (2 radius_out); or "round", the circle itself.',
         "domain",
         default="tangent",
     )
@@ -98,10 +104,13 @@ class SceneFields:
         default=0.0,
     )
     angular_velocity_in: float = _key(
-        "The same of the inner wall [rad/s].", "domain", checks.number, default=0.0
+        "Angular velocity of the inner wall [rad/s]. Only with friction.",
+        "domain",
+        checks.number,
+        default=0.0,
     )
     walls: Walls = _key(
-        'What stands inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
+        'Obstacles inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
         " `Disc(center, radius)`: fixed discs that grains touch from outside.",
         check=lambda field, value: checked_walls(field, value),
         default=(),
@@ -111,7 +120,7 @@ class SceneFields:
     )
     drag: float = _key("Linear drag coefficient [kg/s].", "physics", checks.not_negative, default=0.0)
     spin_drag: float = _key(
-        "Linear drag on the rotation of a grain, a moment by angular velocity [kg m2/s]. Only with friction.",
+        "Linear drag on the rotation of a grain, torque per angular velocity [kg m2/s]. Only with friction.",
         "physics",
         checks.not_negative,
         default=0.0,
@@ -123,7 +132,7 @@ class SceneFields:
         default=0.0,
     )
     wall_friction: float | None = _key(
-        "The same between grains and walls; by default that between grains.",
+        "Coefficient of friction between grains and walls; by default that between grains.",
         "contact",
         lambda field, value: None if value is None else checks.not_negative(field, value),
         default=None,
@@ -131,20 +140,20 @@ class SceneFields:
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)
     duration: float = _key("Simulated time of a whole run [s].", "time", checks.positive, default=1.0)
     scheme: str = _key(
-        'How velocities go on in time: "text", of first order in dt, or "leapfrog", of second order, whose'
+        'Time integration: "text", of first order in dt, or "leapfrog", of second order, whose'
         " velocities are those of the middle of a step (see `State`).",
         "time",
         SCHEMES,
         default="text",
     )
     tolerance: float = _key(
-        "The contact iteration stops when no correction changes by more than this [m/s] ...",
+        "Bound at which the contact iteration stops [m/s], see `stop`.",
         "solver",
         checks.not_negative,
         default=1e-6,
     )
     max_iterations: int = _key(
-        "... or after so many iterations.", "solver", checks.whole_number, default=10_000
+        "Largest number of iterations in a step.", "solver", checks.whole_number, default=10_000
     )
     order: str = _key(
         'Order in which an iteration visits the contacts: "sequential" or "color".',
@@ -153,34 +162,33 @@ class SceneFields:
         default="sequential",
     )
     method: str = _key(
-        'How the contact iteration proceeds: "gauss-seidel", the text\'s; "accelerated", with momentum; or'
-        ' "exact", the same, and where that is slow an interior point method, with the extra ``[exact]``.',
+        'Method of the contact iteration: "gauss-seidel", as in the course text; "accelerated", the same with'
+        ' momentum; or "exact", which solves steps directly where sweeps are slow (extra ``[exact]``).',
         "solver",
         METHODS,
         default="gauss-seidel",
     )
     stop: str = _key(
-        'What the tolerance is on: "zeta", the text\'s, or "residual", the error (see `StepReport`). By'
-        ' default it is zeta for "gauss-seidel" and the residual for the others; for "exact" it is always the'
-        " residual.",
+        'Quantity that the tolerance bounds: "zeta", the last change of a correction, or "residual", an error'
+        ' bound. The default is zeta for "gauss-seidel" and the residual for the others.',
         "solver",
         STOPS,
         default="default",
     )
     on_unconverged: str = _key(
-        'What a step does that has not met its tolerance after `max_iterations`: "report" it and go on, or'
+        'Reaction to a step above its tolerance after `max_iterations`: "report" it and continue, or'
         ' "raise" `SimulationError` and leave the state as it was before the step.',
         "solver",
         UNCONVERGED,
         default="report",
     )
-    name: str = _key("What the scene is called.", check=checks.text, default="scene")
+    name: str = _key("Name of the scene.", check=checks.text, default="scene")
     text: str = _key("The TOML text that the scene was read from, if any.", check=checks.text, default="")
 
 
 FIELDS = described_fields(SceneFields)
 SECTIONS: dict[str, list[str]] = {}
-"""The sections of a scene file, but for its grains, and their keys."""
+"""The sections of a scene file and their keys, except `[grains]`."""
 for _name, _field in FIELDS.items():
     if _field.metadata["section"]:
         SECTIONS.setdefault(_field.metadata["section"], []).append(_name)
@@ -192,9 +200,9 @@ _SETTINGS = {
 
 
 def checked_walls(field: str, value: Any) -> tuple[Disc, ...]:
-    """Return walls, each given as what it is or by the keys of a `[[walls]]` table."""
+    """Return walls, each given as an object or by the keys of a `[[walls]]` table."""
     if not isinstance(value, Sequence) or isinstance(value, str):
-        raise SceneError(f"{field} is {checks.shown(value)}: it must be a list of walls")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
     return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
 
 
@@ -202,7 +210,7 @@ def _checked_wall(field: str, value: Any) -> Disc:
     if isinstance(value, Disc):
         return value
     if not isinstance(value, Mapping):
-        raise SceneError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
     own = dict(value)
     kind = WALL_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WALL_KINDS)]
     keys = [one.name for one in fields(kind)]
@@ -211,133 +219,134 @@ def _checked_wall(field: str, value: Any) -> Disc:
             raise checks.unknown(f"key of {field}", key, ("kind", *keys))
     for key in keys:
         if key not in own:
-            raise SceneError(f"{field}.{key} is missing: a {kind.kind} needs it")
+            raise InputError(f"{field}.{key} is missing: a {kind.kind} needs it")
     try:
         return kind(**own)
-    except SceneError as error:
-        raise SceneError(f"{field}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{field}: {error}") from None
 
 
 def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> dict[str, Any]:
-    """Return fields that are not of grains or walls, as a scene keeps them.
+    """Return the named fields, none of grains or walls, in the form in which a scene keeps them.
 
     Raises
     ------
-    SceneError
-        One is not what it must be.
+    InputError
+        A value is invalid.
     """
     return {name: _SETTINGS[name](name, getattr(scene, name)) for name in names}
 
 
 def checked_grains(scene: SceneFields) -> dict[str, Any]:
-    """Return the fields of grains and walls, as a scene keeps them.
+    """Return the fields of grains and walls in the form in which a scene keeps them.
 
     Raises
     ------
-    SceneError
-        One is not what it must be, or not of as many grains as the others.
+    InputError
+        A value is invalid, or an array has another number of grains than `position`.
     """
     position = checks.vectors("position", scene.position)
     velocity = np.zeros_like(position) if scene.velocity is None else scene.velocity
     velocity = checks.vectors("velocity", velocity)
     n = len(position)
     if len(velocity) != n:
-        raise SceneError(f"velocity has shape {velocity.shape}: position has shape {position.shape}")
+        raise InputError(
+            f"velocity has shape {velocity.shape}: it must be that of position, {position.shape}"
+        )
     return {
         "position": position,
         "velocity": velocity,
         "radius": checks.positive_per_grain("radius", scene.radius, n),
         "mass": checks.positive_per_grain("mass", scene.mass, n),
-        "spin": checks.per_grain("spin", 0.0 if scene.spin is None else scene.spin, n),
+        "spin": None if scene.spin is None else checks.per_grain("spin", scene.spin, n),
         **Annulus.checked(scene.radius_in, scene.radius_out, scene.wall)._asdict(),
     }
 
 
-def require_places(scene: "Scene") -> None:
-    """Raise SceneError unless all grains are between the walls, apart, and in places that have digits."""
+def require_valid_positions(scene: "Scene") -> None:
+    """Raise InputError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
     _require_size(scene)
     scene.annulus.require_inside(scene.position, scene.radius)
     for k, wall in enumerate(scene.walls):
         inside = wall.side(scene.position, scene.radius).gap < -scene.radius
         if inside.any():
             grain = checks.of_grain("position", scene.position, inside)
-            raise SceneError(f"{grain}: its center is inside walls[{k}], {wall}")
+            raise InputError(f"{grain}: its center is inside walls[{k}], {wall}")
     require_distinct("position", scene.position)
 
 
 def _require_size(scene: "Scene") -> None:
-    """Raise SceneError unless positions have digits for a gap, and squares."""
+    """Raise InputError unless doubles resolve gaps of this size and hold the square of it."""
     smallest = scene.smallest_radius
     if scene.radius_out / MOST_RADII >= smallest:
-        raise SceneError(
+        raise InputError(
             f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
-            f" grain {int(np.argmin(scene.radius))}, {smallest} m, for positions to have digits for a gap"
+            f" grain {int(np.argmin(scene.radius))}, {smallest} m, because"
+            " float64 positions could not resolve gaps"
         )
     scene.annulus.require_size()
 
 
-def require_agreement(scene: "Scene") -> None:
-    """Raise SceneError unless the settings suit each other, and the grains."""
+def require_compatible_settings(scene: "Scene") -> None:
+    """Raise InputError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
     _require_friction(scene)
-    if scene.method != "gauss-seidel" and scene.has_friction:
-        raise SceneError(
-            f"method is {scene.method!r}: it solves steps without friction only; use 'gauss-seidel'"
-        )
+    if scene.method == "exact" and scene.has_friction:
+        raise InputError("method is 'exact': it solves steps without friction only; use 'accelerated'")
     if scene.method == "exact" and scene.stop == "zeta":
-        raise SceneError("stop is 'zeta': method 'exact' stops on the residual")
+        raise InputError("stop is 'zeta': method 'exact' stops on the residual")
 
 
 def _require_friction(scene: "Scene") -> None:
-    """Raise SceneError if a field has no effect without friction, or a method knows none."""
+    """Raise InputError if a field has no effect without friction, or the method does not support friction."""
     walls = ("angular_velocity_out", "angular_velocity_in")
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
-        raise SceneError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
+        raise InputError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
     for name in walls:
         if getattr(scene, name) != 0.0 and scene.friction_at_walls == 0.0:
-            raise SceneError(
+            raise InputError(
                 f"{name} is {getattr(scene, name)} rad/s: a wall without friction moves no grain; give"
                 " wall_friction"
             )
         speed = getattr(scene, name) * scene.radius_out
         if not isfinite(speed):
-            raise SceneError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
+            raise InputError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
     if scene.has_friction:
         inertia = 0.5 * scene.mass * scene.radius**2
         lost = scene.spin_drag * scene.dt / inertia
         if scene.scheme == "text" and (lost >= 1.0).any():
-            raise SceneError(
+            raise InputError(
                 f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
                 f" rotation of grain {int(lost.argmax())}; dt must be less than"
                 f' {float(inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
             )
         with np.errstate(over="ignore"):
-            too_fast = ~np.isfinite(scene.spin * scene.radius)
+            too_fast = ~np.isfinite(scene.spin_at_start * scene.radius)
         if too_fast.any():
-            grain = checks.of_grain("spin", scene.spin, too_fast)
-            raise SceneError(f"{grain}: the speed of its rim is not finite")
+            grain = checks.of_grain("spin", scene.spin_at_start, too_fast)
+            raise InputError(f"{grain}: the speed of its rim is not finite")
         return
-    if scene.spin.any():
-        raise SceneError(
+    if scene.spin is not None and scene.spin.any():
+        raise InputError(
             f"{checks.of_grain('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
         )
     if scene.spin_drag:
-        raise SceneError(f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction")
+        raise InputError(f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction")
 
 
 def _require_short_step(scene: "Scene") -> None:
     mass = scene.smallest_mass
-    lost = scene.drag * scene.dt / mass  # of a velocity in a step of the text's scheme, as a share
+    lost = scene.drag * scene.dt / mass  # fraction of a velocity that one step of the text's scheme removes
     if lost < 1.0:
         return
     lightest = int(np.argmin(scene.mass))
     if scene.scheme == "text":
-        raise SceneError(
-            f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would turn round grain {lightest}"
+        raise InputError(
+            f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
             f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
         )
     if not isfinite(lost):
-        raise SceneError(
-            f"drag is {scene.drag} kg/s: times dt, {scene.dt} s, it is no number in masses of"
-            f" grain {lightest}, {mass} kg"
+        raise InputError(
+            f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {scene.dt} s and"
+            f" grain {lightest} of mass {mass} kg"
         )

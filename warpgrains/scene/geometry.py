@@ -1,32 +1,35 @@
-"""Discs in the plane: distances, gaps, areas, and which of them overlap; the solver has its own search."""
+"""Geometry of discs in the plane: distances, gaps, areas, and a search for overlaps.
+
+The search serves the checks of a scene at its start. The solver has its own (kernels/neighbors.py).
+"""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
-"""A gap within this share of the size of the coordinates is a touch, not an overlap."""
+"""Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
 
 Grains = IndexArray | IntArray
 
 
 def distance(vectors: FloatArray) -> FloatArray:
-    """Return the lengths of vectors, shape (m, 2) to (m,), in the arithmetic of the solver."""
+    """Return the lengths of vectors, shape (m, 2) to (m,), with the same rounding as the solver."""
     with np.errstate(over="ignore"):
         return np.sqrt(vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1])
 
 
 def require_distinct(field: str, position: FloatArray) -> None:
-    """Raise SceneError if two grains have the same centre."""
+    """Raise InputError if two grains have the same center."""
     in_order = np.lexsort(position.T)
     same = distance(np.diff(position[in_order], axis=0)) == 0.0
     if same.any():
         first, second = sorted(in_order[np.argmax(same) :][:2].tolist())
         place = tuple(position[second].tolist())
-        raise SceneError(f"{field} of grain {second} is {place}: grain {first} has the same centre")
+        raise InputError(f"{field} of grain {second} is {place}: grain {first} has the same center")
 
 
 def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) -> FloatArray:
@@ -35,26 +38,26 @@ def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) ->
 
 
 def pair_normals(position: FloatArray, i: Grains, j: Grains) -> FloatArray:
-    """Return the unit vectors from the centres of discs i to those of discs j, shape (m, 2)."""
+    """Return the unit vectors from the centers of discs i to those of discs j, shape (m, 2)."""
     d = position[j] - position[i]
     return d / distance(d)[:, np.newaxis]
 
 
 def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
-    """Return the areas [m2] of discs below a level [m], measured from their centres; shapes (n,).
+    """Return the area [m2] of each disc below a level [m] measured from its center; shapes (n,).
 
     The segment of a disc of radius r below a level h, -r <= h <= r, has the area
     r^2 (pi/2 + asin(h/r)) + h sqrt(r^2 - h^2).
     """
-    h = np.minimum(np.maximum(level, -radius), radius)  # np.clip takes as long as all the rest
+    h = np.minimum(np.maximum(level, -radius), radius)  # np.clip would double the time of this function
     angle = np.arcsin(np.divide(h, radius, out=np.zeros_like(h), where=radius > 0.0))
     return radius**2 * (0.5 * np.pi + angle) + h * np.sqrt(radius**2 - h**2)
 
 
 def area_in_disc(start: FloatArray, end: FloatArray, radius: float) -> FloatArray:
-    """Return the signed areas that triangles (origin, start, end) have in a disc about the origin, (c,).
+    """Return the signed areas of triangles (origin, start, end) inside a disc about the origin, (c,).
 
-    Along a side, it is that of a sector where the side is outside the disc, and of a triangle inside.
+    The part of a side outside the disc contributes a sector, the part inside a triangle.
     """
     along = end - start
     a, b = (along**2).sum(axis=1), (start * along).sum(axis=1)
@@ -77,21 +80,21 @@ def _angle(u: FloatArray, v: FloatArray) -> FloatArray:
 def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tuple[IndexArray, IndexArray]]:
     """Find the pairs of discs that overlap, each once, in memory proportional to n.
 
-    The discs are taken by size class, a factor of two wide. A disc and one of its own class or a smaller
-    one can only overlap if their cells, as wide as the largest diameter of the class, are neighbours. So
-    a few huge discs among many small ones cost no more than discs of one size.
+    The discs are divided into size classes, each a factor of two wide. A disc can overlap one of the same
+    or a smaller class only if their cells are neighbors; a cell is as wide as the largest diameter of
+    the class. So a few huge discs among many small ones cost no more than discs of one size.
 
     Parameters
     ----------
     position
-        Centres [m], shape (n, 2).
+        Centers [m], shape (n, 2).
     radius
         Radii [m], shape (n,), all > 0.
 
     Yields
     ------
     i, j
-        Indices of overlapping discs, i < j, in pieces of any length and in no special order.
+        Indices of overlapping discs, i < j, in chunks of any length and in no special order.
     """
     size_class = np.frexp(radius)[1]
     touch = ROUNDING * np.abs(position).max(initial=0.0)
@@ -112,7 +115,7 @@ def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tupl
 
 
 def _matches(keys: IndexArray, ascending: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Find all k, m with keys[k] == ascending[m]; each k is in as many pieces as it has matches."""
+    """Yield all k, m with keys[k] == ascending[m] in chunks: the first match of each k, then the next."""
     first = np.searchsorted(ascending, keys, side="left")
     last = np.searchsorted(ascending, keys, side="right")
     k = np.arange(len(keys))

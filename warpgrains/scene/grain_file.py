@@ -1,4 +1,4 @@
-"""Files of grains beside a scene file.
+"""Files of grains, to which `grains.file` of a scene file refers.
 
 An `.npz` file holds the array `position` (n, 2), and any of `velocity` (n, 2), `radius`, `mass` and `spin`,
 shape (n,).
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 FIELDS = ("position", "velocity", "radius", "mass", "spin")
@@ -21,49 +21,50 @@ COLUMNS = ("x", "y", "vx", "vy", "radius", "mass", "spin")
 
 
 def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
-    """Read `position` and what else a file of grains has; it is called `name` in the scene of that folder.
+    """Read `position` and any other arrays of a file of grains; `folder` is that of the scene file.
 
     Raises
     ------
-    SceneError
-        The file cannot be read or does not hold grains.
+    InputError
+        The file cannot be read or holds no grains.
     """
     grains = _read(folder, name)
     if "position" not in grains:
-        raise SceneError(f"grains.file {name!r} has no positions")
+        raise InputError(
+            f"grains.file {name!r} has no positions: it needs an array position, or columns x and y"
+        )
     return grains
 
 
 def read_radii(folder: Path, table: dict[str, Any]) -> list[float]:
-    """Read the radii of the file that ``{file = NAME}`` names; what else it holds does not count.
+    """Read the radii of the file that ``{file = NAME}`` names; its other columns are ignored.
 
     Raises
     ------
-    SceneError
-        The file cannot be read or does not hold radii.
+    InputError
+        The file cannot be read or holds no radii.
     """
     if len(table) > 1:
-        raise SceneError(f"grains.radius is {table!r}: with file it has no other keys")
+        raise InputError(f"grains.radius is {table!r}: next to file it takes no other key")
     grains = _read(folder, table["file"])
     if "radius" not in grains:
-        raise SceneError(f"grains.radius: file {table['file']!r} has no radii")
+        raise InputError(f"grains.radius: file {table['file']!r} has no radii")
     return checks.positive_per_grain("radius", grains["radius"], np.size(grains["radius"])).tolist()
 
 
 def _read(folder: Path, name: Any) -> dict[str, FloatArray]:
-    """Read what a file of grains has."""
     if not isinstance(name, str):
-        raise SceneError(f"grains.file is {name!r}: it must be the name of a file")
+        raise InputError(f"grains.file is {name!r}: it must be the name of a file")
     path = folder / name
     readers = {".npz": _read_npz, ".csv": _read_csv}
     if path.suffix not in readers:
-        raise SceneError(f"grains.file is {name!r}: it must end in .npz or .csv")
+        raise InputError(f"grains.file is {name!r}: it must end in .npz or .csv")
     try:
         grains = readers[path.suffix](path)
-    except SceneError as error:
-        raise SceneError(f"grains.file {name!r}: {error}") from None
-    except Exception as error:  # the readers of foreign files raise of all kinds
-        raise SceneError(f"grains.file {name!r} cannot be read: {error}") from None
+    except InputError as error:
+        raise InputError(f"grains.file {name!r}: {error}") from None
+    except Exception as error:  # readers of untrusted files raise exceptions of any type
+        raise InputError(f"grains.file {name!r} cannot be read: {error}") from None
     return grains
 
 
@@ -79,7 +80,7 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
         reader = csv.reader(lines)
         header = [name.strip() for name in next(reader, [])]
         if not header:
-            raise SceneError("the first line must name the columns")
+            raise InputError("the first line must name the columns")
         for name in header:
             checks.one_of("column", name, COLUMNS)
         values = np.array([_numbers(row, header, reader.line_num) for row in reader if row])
@@ -87,7 +88,7 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
     grains: dict[str, FloatArray] = {name: column[name] for name in column if name in FIELDS}
     for field, (x, y) in {"position": ("x", "y"), "velocity": ("vx", "vy")}.items():
         if (x in column) != (y in column):
-            raise SceneError(f"column {x if y in column else y!r} is missing")
+            raise InputError(f"column {x if y in column else y!r} is missing")
         if x in column:
             grains[field] = np.column_stack([column[x], column[y]])
     return grains
@@ -95,8 +96,8 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
 
 def _numbers(row: list[str], header: list[str], line: int) -> list[float]:
     if len(row) != len(header):
-        raise SceneError(f"line {line} has {len(row)} values for {len(header)} columns")
+        raise InputError(f"line {line} has {len(row)} values for {len(header)} columns")
     try:
         return [float(value) for value in row]
     except ValueError:
-        raise SceneError(f"line {line} holds {row}: every value must be a number") from None
+        raise InputError(f"line {line} holds {row}: every value must be a number") from None

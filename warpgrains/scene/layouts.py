@@ -1,7 +1,7 @@
-"""Where the grains start: each layout is a function, whose keyword parameters are the keys of `[grains]`.
+"""Layouts: initial positions and radii of the grains.
 
-Every layout gets the walls between which the grains are to be, and raises SceneError, one line, where a value
-is not what it must be or the grains find no place.
+Each layout is a function whose keyword parameters are the keys of `[grains]`. Its first argument is the
+annulus. It raises InputError, one line, if a value is invalid or the grains do not fit.
 """
 
 from collections.abc import Callable
@@ -11,23 +11,23 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.placing import grow, place_at_random
-from warpgrains.scene.radii import drawn_radii, radii_given
+from warpgrains.scene.radii import drawn_radii, listed_radii
 from warpgrains.scene.region import Region, region_of
 from warpgrains.scene.walls import Annulus
 
 MOST_GRAINS = 10_000_000
-LEAST_SPACING = 0.1  # in radii: such grains all but coincide
-MOST_ADDED = 0.54  # share of a region that random sequential addition fills: its limit is 0.547
+LEAST_SPACING = 0.1  # in radii; closer grains almost coincide
+MOST_ADDED = 0.54  # largest packing fraction of random sequential addition here; its limit is 0.547
 
 COMMON = {
     "count": "Number of grains.",
     "radius": "Radius of every grain [m].",
-    "spacing": "Distance of neighbours, centre to centre, in radii.",
+    "spacing": "Distance of neighbors, center to center, in radii.",
 }
-"""Keys that several layouts have."""
+"""Keys that several layouts share, and their meanings."""
 
 Placement = tuple[FloatArray, FloatArray]
 """Positions [m], shape (n, 2), and radii [m], shape (n,)."""
@@ -43,16 +43,18 @@ def rows(
     height: float = 2.0,
     shift: float = 0.0,
 ) -> Placement:
-    """Rows above the inner disc, from the bottom up, each from left to right, as in the course's program.
+    """Place grains in rows above the inner disc, from the bottom up, as in the course's program.
+
+    Each row is filled from left to right.
 
     Parameters
     ----------
     columns
-        Grains a row. By default, as many as fit between the sides of the outer wall.
+        Grains per row; by default, the number that fits within the outer wall.
     height
-        Height of the lowest row's centres above the inner disc, in radii.
+        Height of the centers of the lowest row above the inner disc, in radii.
     shift
-        Horizontal displacement of all grains [m]: a tiny one keeps a grain from balancing on top of the disc.
+        Horizontal displacement of all grains [m]; a tiny one keeps a grain from balancing on the disc.
     """
     count, radius = _count(count), _radius(walls, radius)
     spacing = _spacing(spacing)
@@ -72,26 +74,27 @@ def rows(
 
 
 def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing: float = 2.02) -> Placement:
-    """A hexagonal lattice from the bottom up, each row from left to right; by default of all that fit."""
+    """Place grains on a hexagonal lattice from the bottom up, each row from left to right.
+
+    By default the lattice is filled.
+    """
     radius = _radius(walls, radius)
     pitch = _spacing(spacing) * radius
     reach = walls.radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
     if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
-        raise SceneError(
-            f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} places"
-        )
+        raise InputError(f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} sites")
     row = np.arange(floor(2 * reach / rise) + 1)[:, np.newaxis]
     half = floor(reach / pitch) + 1
     column = np.arange(-half, half + 1)
     x = (column + 0.5 * (row % 2)) * pitch
     y = np.broadcast_to(row * rise - reach, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
-    position = position[walls.holds(position, np.full(len(position), radius))]
+    position = position[walls.contains(position, np.full(len(position), radius))]
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
-        raise SceneError(f"grains.count is {count}: only {len(position)} grains of radius {radius} m fit")
+        raise InputError(f"grains.count is {count}: only {len(position)} grains of radius {radius} m fit")
     return position[:count], np.full(count, radius)
 
 
@@ -104,22 +107,22 @@ def random(
     region: Any = None,
     seed: int = 0,
 ) -> Placement:
-    """Grains at random places, none overlapping: the same ones for the same seed.
+    """Place grains at random without overlaps. The same seed gives the same positions.
 
-    Up to half of the space is filled by random sequential addition; for more, grains start small, grow and
-    push each other apart, up to about 0.82 of it.
+    Up to a packing fraction of about 0.5 grains are placed by random sequential addition. Above it they
+    start small, grow and push each other apart, up to about 0.82.
 
     Parameters
     ----------
     radius
-        Radius of every grain [m]; or the smallest and the largest, drawn evenly between; or three or more,
-        one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the keys
-        of its kind: uniform, normal, lognormal, power or values, see scene/radii.py.
+        Radius of every grain [m]; or the smallest and the largest of a uniform distribution; or three or
+        more, one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the
+        keys of its kind: uniform, normal, lognormal, power or values, see scene/radii.py.
     packing_fraction
-        Share of the region that grains are to fill, instead of their count.
+        Fraction of the area of the region that the grains fill, instead of their count.
     region
-        Where they are to be [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, the last
-        one from the origin; by default anywhere between the walls.
+        Bounds of the grains [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, where
+        `distance` is from the origin; by default the whole space between the walls.
     seed
         Seed of the random numbers.
     """
@@ -130,8 +133,8 @@ def random(
         _radius(space.ring, extreme)
     filled = float(np.pi * (radii**2).sum()) / space.area
     if filled >= 1.0:
-        raise SceneError(
-            f"{_asked(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
+        raise InputError(
+            f"{_stated(count, packing_fraction)}: the grains have {filled:.3g} times the area of their region"
         )
     if filled <= MOST_ADDED:
         position = place_at_random(space, radii, generator)
@@ -140,8 +143,8 @@ def random(
     position, share = grow(space, radii, generator)
     if share < 1.0:
         filled *= share * share
-        raise SceneError(
-            f"{_asked(count, packing_fraction)}: grown and pushed apart, grains fill {filled:.3f} of their"
+        raise InputError(
+            f"{_stated(count, packing_fraction)}: grown and pushed apart, grains fill {filled:.3f} of their"
             f" region, so about {int(share * share * len(radii))} of these radii fit"
         )
     return position, radii
@@ -150,14 +153,17 @@ def random(
 def _random_radii(
     radius: Any, count: Any, fraction: Any, region: Region, generator: np.random.Generator
 ) -> FloatArray:
-    """Return the radii of so many grains, or of as many as fill a share of a region."""
-    given = radii_given(radius)
+    """Return `count` random radii, or enough of them to reach a packing fraction in a region."""
+    given = listed_radii(radius)
     if given is not None:
         if fraction is not None or count not in (None, len(given)):
-            raise SceneError(f"grains.radius is a list of {len(given)}: that is how many grains there are")
+            raise InputError(
+                f"grains.radius is a list of {len(given)}: its length is the number of"
+                " grains, so omit grains.count and grains.packing_fraction"
+            )
         return given
     if (count is None) == (fraction is None):
-        raise SceneError("layout 'random' needs one of grains.count and grains.packing_fraction")
+        raise InputError("layout 'random' needs one of grains.count and grains.packing_fraction")
     draw, largest = drawn_radii(radius, generator)
     if fraction is None:
         return draw(_count(count))
@@ -170,20 +176,20 @@ def _random_radii(
         _count(len(radii))
     kept = int(np.searchsorted(area, wanted, side="right"))
     if kept == 0:
-        raise SceneError(
+        raise InputError(
             f"grains.packing_fraction is {fraction}: one grain of radius {radii[0]} m fills more"
         )
     return radii[:kept]
 
 
-def _asked(count: Any, fraction: Any) -> str:
+def _stated(count: Any, fraction: Any) -> str:
     if fraction is None:
         return "grains.radius" if count is None else f"grains.count is {count}"
     return f"grains.packing_fraction is {fraction}"
 
 
 def column(walls: Annulus, *, count: int, radius: float, spacing: float = 2.02) -> Placement:
-    """One grain above the other on the lowest point of the outer wall, as far from it as from each other."""
+    """Place grains on top of each other, with equal spacing, above the lowest point of the outer wall."""
     count, radius = _count(count), _radius(walls, radius)
     spacing = _spacing(spacing)
     y = (np.arange(1, count + 1) * spacing - 1.0) * radius - walls.radius_out
@@ -204,24 +210,27 @@ def _count(value: Any) -> int:
 
 def _radius(walls: Annulus, value: Any) -> float:
     radius = checks.positive("grains.radius", value)
-    if radius > walls.room or radius == walls.radius_out:
-        raise SceneError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
+    if radius > walls.largest_radius or radius == walls.radius_out:
+        raise InputError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
     return radius
 
 
 def _spacing(value: Any) -> float:
     spacing = checks.positive("grains.spacing", value)
     if spacing < LEAST_SPACING:
-        raise SceneError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
+        raise InputError(f"grains.spacing is {spacing} radii: it must be at least {LEAST_SPACING}")
     return spacing
 
 
 def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> Any:
-    """Grains a row, until `count` have a place: rows `pitch` apart, centres within `reach` of the origin."""
+    """Yield the number of grains per row until `count` are placed.
+
+    Rows are `pitch` apart, with centers within `reach` of the origin.
+    """
     widths: list[int] = []
     while (missing := count - sum(widths)) > 0:
         y = lowest + len(widths) * pitch
         if abs(y) > reach:
-            raise SceneError(f"grains.count is {count}: the rows have room for {count - missing} grains only")
+            raise InputError(f"grains.count is {count}: only {count - missing} grains fit in the rows")
         widths.append(1 + floor(min(MOST_GRAINS, 2.0 * sqrt(reach * reach - y * y) / pitch)))
     return np.array(widths)

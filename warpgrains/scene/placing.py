@@ -1,9 +1,10 @@
-"""Discs at random places between the walls, by kernels/placing.py and kernels/pushing.py.
+"""Random positions of discs between the walls, by kernels/placing.py and kernels/pushing.py.
 
-Loose ones are added one after the other (random sequential addition). Dense ones are placed so while small,
-then grown, and pushed apart where they overlap: in the end they are a little larger than they are to be, with
-overlaps that are smaller still, so none is left. How dense a packing can be is not known beforehand: where
-pushing does not end, they do not fit so.
+Loose packings are made by random sequential addition. For dense ones, discs are added while small, then
+grown, and pushed apart while they overlap. They grow to slightly more than their final radii, and the
+remaining overlaps are smaller than this margin, so that the final discs do not overlap. The largest
+possible packing fraction is not known in advance: if pushing does not converge, the discs are
+declared not to fit.
 """
 
 from __future__ import annotations
@@ -23,35 +24,35 @@ if TYPE_CHECKING:
     from warpgrains.scene.region import Region
 from warpgrains.scene.walls import INNER, OUTER
 
-MOST_TRIES = 1_000_000  # in a row, of one disc: then hardly a place is left
-FIRST_TRIES = 8  # for each disc, then twice as many, ...
-MOST_AT_ONCE = 1 << 18  # tries between which an interrupt is heard
+MOST_TRIES = 1_000_000  # for one disc; after that hardly any free space is left
+FIRST_TRIES = 8  # per disc in the first batch; the next batches double
+MOST_AT_ONCE = 1 << 18  # tries per launch; Ctrl-C is handled between two launches
 
-LOOSE = 0.35  # share of the region that discs fill where they start
-STAGES = 24  # in which they grow
-MARGIN = 2e-4  # that they are larger in the end, in radii
-WHILE_GROWING, HOPELESS = 0.02, 0.15  # overlap that may be left while growing, and that ends it, in radii
-SKIN = 0.2  # how far apart pairs are still looked at, in radii
-SWEEPS, LAST_SWEEPS = 400, 40_000  # of a stage, and of the last one
-AT_ONCE = 20  # sweeps between two looks at how far discs have moved
+INITIAL_FRACTION = 0.35  # packing fraction before the discs grow
+STAGES = 24  # number of growth stages
+MARGIN = 2e-4  # relative excess of the radii at the end of growth
+WHILE_GROWING, HOPELESS = 0.02, 0.15  # overlaps [radii] below which growth continues, above which it fails
+SKIN = 0.2  # largest gap of listed pairs, in radii
+SWEEPS, LAST_SWEEPS = 400, 40_000  # at most, per stage and in the last one
+AT_ONCE = 20  # sweeps between two tests of the displacements
 
 
 def place_at_random(region: Region, radius: FloatArray, generator: np.random.Generator) -> FloatArray:
-    """Give discs places at random: the largest first, each the first place where it overlaps none before.
+    """Place discs by random sequential addition, the largest first.
 
     Parameters
     ----------
     region
-        Where they are to be, wholly.
+        Region that contains the discs completely.
     radius
         Radii [m], shape (n,), all > 0.
     generator
-        Draws the places; the same ones for the same state of it.
+        Source of the random positions.
 
     Returns
     -------
     ndarray
-        Positions [m], shape (n, 2); NaN for those that were left when one had found no place in a million.
+        Positions [m], shape (n, 2); NaN for the discs that remained when a million tries for one failed.
     """
     order = np.argsort(-radius, kind="stable")
     discs = _Discs(region, radius[order])
@@ -60,7 +61,7 @@ def place_at_random(region: Region, radius: FloatArray, generator: np.random.Gen
     tries = FIRST_TRIES * len(radius)
     while discs.placed < len(radius) and discs.tries < MOST_TRIES:
         tries = min(tries, MOST_AT_ONCE)
-        discs.try_places(middle + half * (2.0 * generator.random((tries, 2)) - 1.0))
+        discs.try_positions(middle + half * (2.0 * generator.random((tries, 2)) - 1.0))
         tries *= 2
     placed = np.empty_like(discs.position)
     placed[order] = discs.position
@@ -68,7 +69,7 @@ def place_at_random(region: Region, radius: FloatArray, generator: np.random.Gen
 
 
 class _Discs:
-    """Discs of descending radii: a record of arrays for the kernel."""
+    """Discs in descending order of radius, as a record of arrays that the kernel reads."""
 
     def __init__(self, region: Region, radius: FloatArray) -> None:
         self._arrays: dict[str, np.ndarray[Any, Any]] = {}
@@ -93,24 +94,27 @@ class _Discs:
 
     @property
     def placed(self) -> int:
-        """How many have a place."""
+        """Number of discs that have a position."""
         return int(self._record["placed"][0])
 
     @property
     def tries(self) -> int:
-        """How many places the next one has tried in vain."""
+        """Number of failed tries for the next disc."""
         return int(self._record["tries"][0])
 
-    def try_places(self, places: FloatArray) -> None:
-        """Try places [m], shape (m, 2), one after the other."""
+    def try_positions(self, positions: FloatArray) -> None:
+        """Try positions [m], shape (m, 2), one after the other."""
         import warp as wp
 
-        self._set("places", places)
+        self._set("places", positions)
         record = wp.array(ptr=self._record.ctypes.data, shape=1, dtype=_kernels().DiscsRecord, device="cpu")
         _launch(_kernels().place, [record])
 
     def _set(self, name: str, array: np.ndarray[Any, Any]) -> None:
-        """Let the kernel see an array: arrays of Warp's own, eight a scene, take longer than all the rest."""
+        """Store the address of a NumPy array in the kernel's record.
+
+        Creating eight Warp arrays a scene would take longer than the placing.
+        """
         self._arrays[name] = array
         field = self._record[name]
         field["data"], field["ndim"] = array.ctypes.data, 1
@@ -118,14 +122,14 @@ class _Discs:
 
 
 def grow(region: Region, radius: FloatArray, generator: np.random.Generator) -> tuple[FloatArray, float]:
-    """Return places of discs that fill a region densely [m], shape (n, 2), and how large they may be there.
+    """Return dense positions of discs [m], shape (n, 2), and the largest scale of the radii without overlaps.
 
-    That is 1 where they fit, and else the share of their radii at which none overlaps.
+    The scale is 1 if the discs fit, and less than 1 otherwise.
     """
     filled = float(np.pi * (radius**2).sum()) / region.area
-    start = min(1.0, float(np.sqrt(LOOSE / filled)))
+    start = min(1.0, float(np.sqrt(INITIAL_FRACTION / filled)))
     position = place_at_random(region, start * radius, generator)
-    while np.isnan(position).any():  # a few large ones
+    while np.isnan(position).any():  # until the few large discs are placed too
         start *= 0.7
         position = place_at_random(region, start * radius, generator)
     reached = start
@@ -139,20 +143,20 @@ def grow(region: Region, radius: FloatArray, generator: np.random.Generator) -> 
 
 
 def _clear_share(region: Region, position: FloatArray, radius: FloatArray) -> float:
-    """Return at which share of their radii discs overlap neither each other nor what they are in."""
+    """Return the largest scale of the radii at which no disc overlaps another one, a wall or the box."""
     i, j = _near(position, radius).T
     sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
-    room = [side.gap + radius for side in sides]
-    room += [position - region.low, region.high - position]
-    shares = [(one.T / radius).min() for one in room]
+    to_border = [side.gap + radius for side in sides]
+    to_border += [position - region.low, region.high - position]
+    shares = [(one.T / radius).min() for one in to_border]
     shares.append((distance(position[j] - position[i]) / (radius[i] + radius[j])).min(initial=np.inf))
     return max(0.0, float(min(shares)))
 
 
 def _push(region: Region, position: FloatArray, radius: FloatArray, enough: float, sweeps: int) -> float:
-    """Push discs apart, in place, until overlaps are small enough; return the worst, in radii.
+    """Push discs apart in place until no overlap is above `enough`; return the worst one, in radii.
 
-    A list of pairs lasts until some disc has moved as far as its gap to one that is not listed may be small.
+    A list of pairs is valid until some disc has moved so far that it could touch an unlisted one.
     """
     import warp as wp
 
@@ -161,12 +165,13 @@ def _push(region: Region, position: FloatArray, radius: FloatArray, enough: floa
 
     walls, box = _limits(region)
     worst = np.array([np.inf, 0.0])
-    places, radii, told = _shared(position, wp.vec2d), _shared(radius, wp.float64), _shared(worst, wp.float64)
+    centers, radii = _shared(position, wp.vec2d), _shared(radius, wp.float64)
+    result = _shared(worst, wp.float64)
     far, listed, pair = SKIN * radius.min(), np.full_like(position, np.inf), np.empty((0, 2), np.int32)
     while sweeps > 0 and (worst[0] > enough or distance(position - listed).max() > far):
         if distance(position - listed).max() > far:
             listed, pair = position.copy(), _near(position, (1.0 + SKIN) * radius)
-        inputs: list[Any] = [places, radii, _shared(pair, wp.vec2i), walls, box, AT_ONCE, enough, told]
+        inputs: list[Any] = [centers, radii, _shared(pair, wp.vec2i), walls, box, AT_ONCE, enough, result]
         _launch(pushing.push, inputs)
         sweeps -= int(worst[1])
     return float(worst[0])
@@ -180,7 +185,7 @@ def _near(position: FloatArray, radius: FloatArray) -> np.ndarray[Any, Any]:
 
 
 def _limits(region: Region) -> tuple[Any, Any]:
-    """Return walls and box of a region, for kernels."""
+    """Return the walls and the box of a region as kernel arguments."""
     from warpgrains.kernels.annulus import Annulus
 
     walls, box = Annulus(), _kernels().Box()
@@ -190,14 +195,14 @@ def _limits(region: Region) -> tuple[Any, Any]:
 
 
 def _shared(array: np.ndarray[Any, Any], dtype: Any) -> Any:
-    """Return an array for kernels, in the memory of NumPy's."""
+    """Return a Warp array that shares the memory of a NumPy array."""
     import warp as wp
 
     return wp.array(array, dtype=dtype, device="cpu", copy=False)
 
 
 def _launch(kernel: Any, inputs: list[Any]) -> None:
-    """Launch one thread of a kernel on the CPU; other Python threads may launch it at the same time."""
+    """Launch a kernel with one thread on the CPU. Other Python threads may launch it at the same time."""
     import warp as wp
 
     with BUILDING:
@@ -206,7 +211,7 @@ def _launch(kernel: Any, inputs: list[Any]) -> None:
 
 
 def _kernels() -> ModuleType:
-    """Start Warp only where something is placed at random."""
+    """Import the kernels, and so Warp, only when discs are placed at random."""
     with BUILDING:
         start_warp()
         from warpgrains.kernels import placing

@@ -1,4 +1,4 @@
-"""Radii drawn at random: what `grains.radius` may be for the layout "random"."""
+"""Random radii: the distributions that `grains.radius` of the layout "random" accepts."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 Draw = Callable[[int], FloatArray]
-"""Returns so many radii [m]."""
+"""A function that draws the given number of radii [m]."""
 
 KEYS = {
     "uniform": ("smallest", "largest"),
@@ -19,30 +19,30 @@ KEYS = {
     "power": ("exponent", "smallest", "largest"),
     "values": ("values", "fractions"),
 }
-"""Distributions, and the keys of each.
+"""Distributions and their keys.
 
-`exponent` is that of the number density, r^-exponent; `mean` and `deviation` are those of r itself. A normal
-or lognormal radius is drawn again unless it is between `smallest` and `largest`, by default a tenth and ten
-times the mean; `fractions` are by number, and equal by default.
+The number density of "power" is proportional to r^-exponent. `mean` and `deviation` are those of r itself,
+not of log r. A normal or lognormal radius is drawn again unless it lies between `smallest` and `largest`, by
+default 0.1 and 10 times the mean. `fractions` are by number, and equal by default.
 """
 OF_MEAN = {"smallest": 0.1, "largest": 10.0}
-LEAST_KEPT = 1e-3  # of draws that are between the bounds
+LEAST_KEPT = 1e-3  # smallest accepted fraction of draws between the bounds
 
 
-def radii_given(radius: Any) -> FloatArray | None:
-    """Return the radii [m] if each is given: a list of one, or of more than two."""
+def listed_radii(radius: Any) -> FloatArray | None:
+    """Return the radii [m] if they are listed, that is as a list of one or of more than two numbers."""
     if not isinstance(radius, list | tuple | np.ndarray) or np.ndim(radius) == 0 or len(radius) == 2:
         return None
     return checks.positive_per_grain("grains.radius", radius, len(radius))
 
 
 def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, float]:
-    """Return what draws radii as `grains.radius` says, and the largest that there can be [m].
+    """Return a function that draws radii according to `grains.radius`, and the largest possible radius [m].
 
     Raises
     ------
-    SceneError
-        It is no number, pair of numbers, or table of a distribution.
+    InputError
+        `radius` is neither a number, nor a pair of numbers, nor the table of a distribution.
     """
     if not isinstance(radius, dict):
         low, high = checks.vector("grains.radius", radius if np.iterable(radius) else (radius, radius))
@@ -58,12 +58,12 @@ def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, floa
         numbers = {key: share * numbers["mean"] for key, share in OF_MEAN.items()} | numbers
     for key in KEYS[name]:
         if key not in numbers:
-            raise SceneError(f"grains.radius.{key} is missing: a {name} distribution needs it")
+            raise InputError(f"grains.radius.{key} is missing: a {name} distribution needs it")
     low, high = numbers.pop("smallest"), numbers.pop("largest")
     if name == "uniform":
         return _uniform(low, high, generator), high
     if low >= high:
-        raise SceneError(f"grains.radius is from {low} to {high} m: the smallest radius comes first")
+        raise InputError(f"grains.radius is from {low} to {high} m: the smallest radius comes first")
     if name == "power":
         return lambda count: _power(generator.random(count), numbers["exponent"], low, high), high
     draw: Callable[..., FloatArray] = getattr(generator, name)
@@ -72,12 +72,12 @@ def drawn_radii(radius: Any, generator: np.random.Generator) -> tuple[Draw, floa
 
 def _uniform(low: float, high: float, generator: np.random.Generator) -> Draw:
     if low > high:
-        raise SceneError(f"grains.radius is ({low}, {high}) m: the smallest radius comes first")
+        raise InputError(f"grains.radius is ({low}, {high}) m: the smallest radius comes first")
     return lambda count: low + (high - low) * generator.random(count)
 
 
 def _power(share: FloatArray, exponent: float, low: float, high: float) -> FloatArray:
-    """Return the radii below which given shares are, of a density r^-exponent."""
+    """Return the quantiles of the radius for a density proportional to r^-exponent."""
     k = 1.0 - exponent
     if abs(k) < 1e-9:
         return np.asarray(low * (high / low) ** share)
@@ -85,7 +85,7 @@ def _power(share: FloatArray, exponent: float, low: float, high: float) -> Float
 
 
 def _parameters(name: str, mean: float, deviation: float) -> tuple[float, float]:
-    """Return the parameters of NumPy's generator for a mean and a deviation of the radius itself."""
+    """Return the parameters of NumPy's generator for a given mean and standard deviation of the radius."""
     if name == "normal":
         return mean, deviation
     variance = np.log1p((deviation / mean) ** 2)
@@ -95,7 +95,7 @@ def _parameters(name: str, mean: float, deviation: float) -> tuple[float, float]
 def _bounded(
     draw: Callable[..., FloatArray], parameters: tuple[float, float], low: float, high: float
 ) -> Draw:
-    """Draw what is out of bounds again."""
+    """Return a function that draws radii and redraws those out of bounds."""
 
     def drawn(count: int) -> FloatArray:
         radius, bad = draw(*parameters, count), np.arange(count)
@@ -104,7 +104,10 @@ def _bounded(
             radius[bad] = draw(*parameters, len(bad))
             rounds += 1
             if rounds > 1.0 / LEAST_KEPT:
-                raise SceneError(f"grains.radius: hardly a radius drawn is between {low} and {high} m")
+                raise InputError(
+                    f"grains.radius: less than {LEAST_KEPT:.1%} of the radii drawn"
+                    f" are between {low} and {high} m"
+                )
         return radius
 
     return drawn
@@ -113,7 +116,7 @@ def _bounded(
 def _values(given: dict[str, Any], generator: np.random.Generator) -> tuple[Draw, float]:
     values = given.get("values")
     if not isinstance(values, list | tuple) or len(values) == 0:
-        raise SceneError(f"grains.radius.values is {values!r}: it must be a list of radii")
+        raise InputError(f"grains.radius.values is {values!r}: it must be a list of radii")
     radii = checks.positive_per_grain("grains.radius.values", values, len(values))
     fractions = given.get("fractions", [1.0] * len(radii))
     share = checks.positive_per_grain("grains.radius.fractions", fractions, len(radii))

@@ -1,4 +1,7 @@
-"""Scene files: TOML in, the fields of `Scene` out. ``warpgrains scenes NAME`` lists their keys."""
+"""Reader of scene files: TOML text in, the fields of `Scene` out.
+
+``warpgrains scenes NAME`` lists their keys.
+"""
 
 import inspect
 from collections.abc import Callable, Iterable
@@ -8,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.document import Table, override_key, parse_toml
 from warpgrains.scene.fields import SECTIONS
@@ -18,21 +21,21 @@ from warpgrains.scene.walls import Annulus
 
 SOURCES = {
     "layout": f"Where grains start: the name of a layout, one of {', '.join(LAYOUTS)}. Or:",
-    "position": "centres of the grains [m], a list of pairs; or:",
-    "file": "name of an .npz or .csv file of grains, beside the scene.",
+    "position": "centers of the grains [m], a list of pairs; or:",
+    "file": "name of an .npz or .csv file of grains, relative to the scene file.",
 }
-"""What the places of grains are from, one of these."""
+"""Keys that give the positions of the grains; a scene file has exactly one of them."""
 PROPERTIES = {
     "mass": "Mass of every grain, or a list [kg]; or:",
     "density": "mass by area [kg/m2].",
     "velocity": "Velocity of all grains at the start, or a list [m/s]. By default all rest.",
     "spin": "Angular velocity of all grains at the start, or a list [rad/s]. By default none rotates.",
 }
-"""What grains have beside them."""
+"""Keys that give other properties of the grains."""
 
 
 def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
-    """Return the fields of the scene in a text, which is or could be that of the file `path`."""
+    """Return the fields of a scene from its text. File names in it are relative to the folder of `path`."""
     document = parse_toml(text, path)
     for override in overrides:
         override_key(document, override)
@@ -41,9 +44,9 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
 
 
 def require_key(section: str, key: str) -> None:
-    """Raise SceneError unless some scene has this key in this section."""
+    """Raise InputError unless scene files may have this key in this section."""
     _require_section(section)
-    of_layouts = {name for layout in LAYOUTS.values() for name in own_parameters(layout)}
+    of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))
     _refuse_unknown_keys(section, {key: None}, known)
 
@@ -54,26 +57,28 @@ def _require_section(section: str) -> None:
 
 
 def document_fields(document: Table, folder: Path) -> Table:
-    """Return the fields of the scene in a document in a folder, but for its name and text.
+    """Return the fields of a scene from its document, except name and text.
+
+    File names are relative to `folder`.
 
     Raises
     ------
-    SceneError
-        A section or a key is unknown or missing, or grains do not fit.
+    InputError
+        A section or a key is unknown or missing, or the grains do not fit.
     """
     document = dict(document)
     fields: Table = {"walls": document.pop("walls", [])}
     for section, table in document.items():
         _require_section(section)
         if not isinstance(table, dict):
-            raise SceneError(f"{section} is {table!r}: it must be a section, [{section}]")
+            raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
     for section, known in SECTIONS.items():
         _refuse_unknown_keys(section, document.get(section, {}), known)
         fields |= document.get(section, {})
     if "radius_out" not in fields:
-        raise SceneError("domain.radius_out is missing")
+        raise InputError("domain.radius_out is missing")
     if "grains" not in document:
-        raise SceneError("section [grains] is missing")
+        raise InputError("section [grains] is missing")
     walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
     walls.require_size()
     return fields | _grains(document["grains"], walls, folder)
@@ -91,53 +96,53 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
     else:
         _refuse_unknown_keys("grains", own, (source, "radius"), PROPERTIES)
         grains = {"position": own["position"]} if "position" in own else read_grains(folder, own["file"])
-        _give_once(grains, own, "radius")
+        _set_once(grains, own, "radius")
     grains["position"] = checks.vectors("position", grains["position"])
     for name in ("velocity", "spin"):
-        _give_once(grains, table, name)
+        _set_once(grains, table, name)
     velocity = grains.get("velocity")
     if np.iterable(velocity) and not any(np.iterable(component) for component in velocity):  # one for all
         grains["velocity"] = np.tile(checks.vector("grains.velocity", velocity), (len(grains["position"]), 1))
     if "radius" not in grains:
-        raise SceneError("grains.radius is missing")
-    _give_once(grains, _with_mass(table, grains), "mass")
+        raise InputError("grains.radius is missing")
+    _set_once(grains, _with_mass(table, grains), "mass")
     if "mass" not in grains:
-        raise SceneError("grains.mass or grains.density is missing")
+        raise InputError("grains.mass or grains.density is missing: give one of them")
     return grains
 
 
 def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
-    """Call a layout with the keys that are its parameters."""
+    """Call a layout with those keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
-    own = own_parameters(function)
+    own = keyword_parameters(function)
     _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
-            raise SceneError(f"grains.{name} is missing: layout {layout!r} needs it")
+            raise InputError(f"grains.{name} is missing: layout {layout!r} needs it")
     return function(walls, **parameters)
 
 
 @cache
-def own_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
-    """Return the parameters of a layout that are keys of `[grains]`."""
+def keyword_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
+    """Return the keyword parameters of a layout, which are its keys of `[grains]`."""
     parameters = inspect.signature(layout).parameters
     return {name: own for name, own in parameters.items() if own.kind is own.KEYWORD_ONLY}
 
 
 def _with_mass(table: Table, grains: Table) -> Table:
-    """Return `mass`, if it is given at all: as such or by the density."""
+    """Return the mass of the grains as `{"mass": ...}`, if it is given directly or by a density."""
     if "density" not in table:
         return table
     if "mass" in table:
-        raise SceneError("[grains] has mass and density: it needs one of them")
+        raise InputError("[grains] has mass and density: give only one")
     radius = checks.positive_per_grain("radius", grains["radius"], len(grains["position"]))
     return {"mass": checks.positive("grains.density", table["density"]) * np.pi * radius**2}
 
 
-def _give_once(grains: Table, table: Table, key: str) -> None:
+def _set_once(grains: Table, table: Table, key: str) -> None:
     if key in table:
         if key in grains:
-            raise SceneError(f"grains.{key} is given twice: in the scene and in its file")
+            raise InputError(f"grains.{key} is given twice, in the scene and in its file: remove one")
         grains[key] = table[key]
 
 

@@ -1,4 +1,4 @@
-"""`Scene`: what is simulated, checked once and never changed."""
+"""`Scene`, the immutable and checked description of a simulation."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.described import documented
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import (
@@ -22,8 +22,8 @@ from warpgrains.scene.fields import (
     checked_grains,
     checked_settings,
     frozen,
-    require_agreement,
-    require_places,
+    require_compatible_settings,
+    require_valid_positions,
 )
 from warpgrains.scene.geometry import overlapping_pairs
 from warpgrains.scene.reader import scene_fields
@@ -32,7 +32,7 @@ from warpgrains.shown import Shown
 
 
 class Overlaps(NamedTuple):
-    """How many overlaps a scene starts with; the solver pushes them apart."""
+    """Numbers of overlaps at the start of a scene. The solver pushes the grains apart."""
 
     pairs: int
     """Pairs of grains that overlap."""
@@ -43,7 +43,7 @@ class Overlaps(NamedTuple):
 @documented(FIELDS.values())
 @frozen
 class Scene(SceneFields, Shown):
-    """Rigid discs in an annulus centred on the origin, and how to simulate them.
+    """Rigid discs in an annulus centered on the origin, and the settings of their simulation.
 
     Arrays are copied and cannot be written to afterwards.
 
@@ -53,8 +53,8 @@ class Scene(SceneFields, Shown):
 
     Raises
     ------
-    SceneError
-        A value is not what it must be: one line names the field, the grain and the value.
+    InputError
+        A value is invalid. The message names the field, the grain and the value.
 
     Examples
     --------
@@ -70,46 +70,48 @@ class Scene(SceneFields, Shown):
     def __post_init__(self) -> None:
         vars(self).update(checked_grains(self))
         vars(self).update(checked_settings(self))
-        require_places(self)
-        require_agreement(self)
+        require_valid_positions(self)
+        require_compatible_settings(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         own = {name: getattr(self, name) for name in FIELDS}
-        return partial(type(self), **own), ()  # so that copies are checked and cannot be written to
+        return partial(type(self), **own), ()  # copies are checked and read-only
 
     @classmethod
     def load(cls, name_or_path: str | os.PathLike[str], overrides: str | Iterable[str] = ()) -> Self:
-        """Read a scene from a TOML file, or one of the shipped scenes by its name.
+        """Read a scene from a TOML file, or a shipped scene by its name.
 
         Parameters
         ----------
         name_or_path
-            A file, or else the name of a shipped scene, such as "annulus".
+            A file or the name of a shipped scene, such as "annulus".
         overrides
             Values that replace those of the file: a text "section.key=value", such as "physics.drag=0.1", or
             several.
 
         Raises
         ------
-        SceneError
-            There is no such scene, it cannot be read, or it is not one.
+        InputError
+            The scene does not exist, cannot be read, or is invalid.
         """
         if isinstance(overrides, str):
             overrides = (overrides,)
         elif not np.iterable(overrides) or isinstance(overrides, Mapping):
             given = checks.shown(overrides)
-            raise SceneError(f"overrides is {given}: it must be texts such as 'physics.drag=0.1'")
+            raise InputError(f"overrides is {given}: it must be strings such as 'physics.drag=0.1'")
         texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
         path = Path(checks.path("scene", name_or_path))
         return cls(**scene_fields(read_text(path, "scene"), path, texts))
 
     def replace(self, **changes: Any) -> Self:
-        """Return the same scene with some fields changed, checked again; its text tells which ones.
+        """Return a copy of the scene with some fields changed and checked.
+
+        Its `text` lists the changed fields.
 
         Raises
         ------
-        SceneError
-            There is no such field, or a value is not what it must be.
+        InputError
+            A field is unknown or a value is invalid.
         """
         for name in changes:
             checks.one_of("field of a scene", name, FIELDS)
@@ -117,8 +119,8 @@ class Scene(SceneFields, Shown):
             changes = {"text": f"{self.text}\n# changed afterwards: {', '.join(changes)}", **changes}
         return replace(self, **changes)
 
-    def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+    def summary(self) -> dict[str, str]:
+        """Return the line that describes the scene, by name."""
         inner = f"{self.radius_in:g} to " if self.radius_in > 0.0 else ""
         return {
             self.name: f"of {self.n} grains",
@@ -132,12 +134,15 @@ class Scene(SceneFields, Shown):
         }
 
     def with_settings(self, **settings: Any) -> Self:
-        """Return the scene with fields changed, which are not of grains or walls: these are checked."""
+        """Return a copy of the scene with other settings, which are checked.
+
+        Grains and walls are not checked again.
+        """
         scene = object.__new__(type(self))
         found = {"typical_radius": self.typical_radius, "has_equal_masses": self.has_equal_masses}
         vars(scene).update(vars(self) | found | settings)
         vars(scene).update(checked_settings(scene, settings))
-        require_agreement(scene)
+        require_compatible_settings(scene)
         return scene
 
     @property
@@ -152,7 +157,7 @@ class Scene(SceneFields, Shown):
 
     @cached_property
     def typical_radius(self) -> float:
-        """Median radius [m]; thousands of scenes ask for it, and NumPy's own takes 20 us."""
+        """Median radius [m]. NumPy's median takes 20 us, which counts for thousands of scenes."""
         ascending, half = np.sort(self.radius), self.n // 2
         return 0.5 * float(ascending[half] + ascending[-half - 1])
 
@@ -163,12 +168,12 @@ class Scene(SceneFields, Shown):
 
     @cached_property
     def has_equal_masses(self) -> bool:
-        """Whether all grains have the same mass."""
+        """True if all grains have the same mass."""
         return bool((self.mass == self.mass[0]).all())
 
     @property
     def has_friction(self) -> bool:
-        """Whether contacts have friction, so that grains rotate."""
+        """True if contacts have friction, so that grains rotate."""
         return self.friction > 0.0 or self.friction_at_walls > 0.0
 
     @property
@@ -177,18 +182,23 @@ class Scene(SceneFields, Shown):
         return self.friction if self.wall_friction is None else self.wall_friction
 
     @property
+    def spin_at_start(self) -> FloatArray:
+        """Angular velocities at the start [rad/s], shape (n,): `spin`, or 0."""
+        return np.zeros(self.n) if self.spin is None else self.spin
+
+    @property
     def has_two_circles(self) -> bool:
-        """Whether the circles are two walls for the device, and not the two sides of one: with friction."""
+        """True if the circles are two bodies on the device, as with friction, instead of one."""
         return self.has_friction and self.radius_in > 0.0
 
     @property
     def kernel_kind(self) -> tuple[str, bool]:
-        """Method, and whether there is friction: scenes of one kind share kernels."""
+        """Method, and whether there is friction. Scenes of one kind share kernels."""
         return self.method, self.has_friction
 
     @property
     def has_equal_shares(self) -> bool:
-        """Whether grains take equal parts of every correction, and W = 3 in eq. 22."""
+        """True if grains take equal shares of every correction, and W = 3 in eq. 22."""
         if not self.has_friction:
             return self.has_equal_masses
         return self.has_equal_masses and bool((self.contact_mass == self.rim_mass).all())
@@ -197,21 +207,22 @@ class Scene(SceneFields, Shown):
     def rim_mass(self) -> FloatArray:
         """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22).
 
-        It is the mass of a disc, and in the leapfrog spin_drag dt / r^2 more.
+        It is the mass of a disc, plus spin_drag dt / r^2 in the leapfrog scheme.
         """
         return self.mass if self.scheme == "text" else self.mass + self.spin_drag * self.dt / self.radius**2
 
     @property
     def contact_mass(self) -> FloatArray:
-        """Impulse of contacts that changes a grain's velocity by 1 m/s [kg], shape (n,) (MODEL.md, eq. 17b).
+        """Contact impulse per change of a grain's velocity [kg], shape (n,) (MODEL.md, eq. 17b).
 
-        It is the mass, and in the leapfrog drag dt / 2 more, because drag acts on what contacts add as well.
+        It is the mass, plus drag dt / 2 in the leapfrog scheme, because drag also acts on the velocity that
+        contacts add.
         """
         return self.mass if self.scheme == "text" else self.mass + self.drag * self.dt / 2.0
 
     @property
     def annulus(self) -> Annulus:
-        """The annulus that the grains are in."""
+        """The annulus that contains the grains."""
         return Annulus(self.radius_in, self.radius_out, self.wall)
 
     @property
@@ -221,16 +232,16 @@ class Scene(SceneFields, Shown):
 
     @property
     def wall_numbers(self) -> list[int]:
-        """Numbers of the walls that it has: 0 the outer circle, 1 the inner one, 2, 3, ... its `walls`."""
+        """Numbers of the walls: 0 the outer, 1 the inner circle (if any), 2, 3, ... the discs of `walls`."""
         inner = [INNER] if self.radius_in > 0.0 else []
         return [OUTER, *inner, *range(INNER + 1, INNER + 1 + len(self.walls))]
 
     def side(
         self, number: int, position: FloatArray, radius: FloatArray, move: FloatArray | None = None
     ) -> Side:
-        """Return one wall as seen by grains at these positions [m], shape (k, 2), of these radii [m].
+        """Return normals and gaps of grains at one wall from positions [m], shape (k, 2), and radii [m].
 
-        For grains that move by so much in a step [m], shape (k, 2), a round wall has the gaps of eq. 18.
+        With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18.
         """
         if number > INNER:
             return self.walls[number - INNER - 1].side(position, radius)
@@ -239,9 +250,9 @@ class Scene(SceneFields, Shown):
     def wall_frames(
         self, position: FloatArray, wall: NDArray[np.integer[Any]], move: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return normals, shape (m, 2), and gaps [m], shape (m,), of grains and walls, shape (m, 2).
+        """Return normals and gaps [m], shapes (m, 2) and (m,), of wall contacts (grain, wall), shape (m, 2).
 
-        Centres are at these positions [m], shape (n, 2); for grains that move so, see `side`.
+        `position` holds the centers of all grains [m], shape (n, 2); for `move`, see `side`.
         """
         normal, gap = np.zeros(wall.shape), np.zeros(len(wall))
         for number in np.unique(wall[:, 1]).tolist():
@@ -253,7 +264,7 @@ class Scene(SceneFields, Shown):
 
     @property
     def stops_on_residual(self) -> bool:
-        """Whether the tolerance is on the residual."""
+        """True if the tolerance applies to the residual, False if it applies to zeta."""
         return self.stop == "residual" or (self.stop == "default" and self.method != "gauss-seidel")
 
     @property
@@ -264,27 +275,28 @@ class Scene(SceneFields, Shown):
     def steps_in(self, duration: float) -> int:
         """Return the whole number of time steps nearest to a duration [s], at least 1.
 
-        The decimal numbers are divided as they are written: 0.3 s hold exactly three steps of 0.1 s.
+        The numbers are divided as decimals, as they are written, so that 0.3 s is exactly three steps of
+        0.1 s.
         """
         return _steps_in(checks.positive("duration", duration), self.dt)
 
     def count_overlaps(self) -> Overlaps:
-        """Count the overlaps at the start, between grains and with the walls."""
+        """Count the initial overlaps between grains and with the walls."""
         pairs = sum(len(first) for first, _ in overlapping_pairs(self.position, self.radius))
         gap = np.min([self.side(k, self.position, self.radius).gap for k in self.wall_numbers], axis=0)
         return Overlaps(pairs, int(np.count_nonzero(gap < -self.annulus.rounding)))
 
 
 SceneLike = Scene | str | os.PathLike[str]
-"""A scene, or what `Scene.load` reads."""
+"""A scene, or a file or name that `Scene.load` accepts."""
 
 
 def as_scene(field: str, value: Any) -> Scene:
-    """Return a scene, or read the file or shipped scene of that name; SceneError for anything else."""
+    """Return a scene, or read the file or shipped scene of that name. Raises InputError for anything else."""
     if isinstance(value, str | os.PathLike):
         return Scene.load(value)
     if not isinstance(value, Scene):
-        raise SceneError(f"{field} is {checks.shown(value)}: it must be a Scene, or the file or name of one")
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a Scene, or the file or name of one")
     return value
 
 

@@ -1,4 +1,4 @@
-"""Time schemes: what a step makes of velocities before any contact acts (kernels/MODEL.md, "Half steps")."""
+"""Time schemes: the velocities before contacts act, and their inverse (kernels/MODEL.md, "Half steps")."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ SCHEMES = ("text", "leapfrog")
 
 
 def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool) -> FloatArray:
-    """Return v* [m/s], shape (n, 2), of velocities with which a step begins (eqs. 2, 16, 17).
+    """Return v* [m/s], shape (n, 2), from the velocities at the start of a step (eqs. 2, 16, 17).
 
-    `staggered`: they are those of the middle of the last step, see `State`.
+    `staggered`: the velocities are those of the middle of the last step, see `State`.
     """
     dt, gravity, drag = scene.dt, np.array(scene.gravity), scene.drag
     mass = scene.mass[:, np.newaxis]
@@ -29,7 +29,7 @@ def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool) -> FloatA
 
 
 def free_spin(scene: Scene, spin: FloatArray, staggered: bool) -> FloatArray:
-    """Return the spins after their drag, without contacts [rad/s], shape (n,) (eq. 21)."""
+    """Return the angular velocities after drag, before contacts act, [rad/s], shape (n,) (eq. 21)."""
     dt, drag = scene.dt, scene.spin_drag
     inertia = 0.5 * scene.mass * scene.radius * scene.radius
     if scene.scheme == "text":
@@ -42,18 +42,18 @@ class Kick(NamedTuple):
     """Gravity and drag in a step: m (velocity - before) = time m g - drag path + impulses of contacts."""
 
     before: FloatArray
-    """Velocities with which the step began [m/s], shape (n, 2)."""
+    """Velocities at the start of the step [m/s], shape (n, 2)."""
     time: float
-    """How long gravity acted [s]."""
+    """Duration for which gravity acted [s]."""
     path: FloatArray
-    """Velocity on which drag acted, times how long [m], shape (n, 2)."""
+    """Time integral of the velocity on which drag acted [m], shape (n, 2)."""
 
 
 def kick_of(scene: Scene, free: FloatArray, velocity: FloatArray, staggered: bool) -> Kick:
-    """Return the kick of a step from its free velocities and those at its end [m/s], shape (n, 2).
+    """Return the kick of a step from its free velocities and its end velocities [m/s], shape (n, 2).
 
-    `before` inverts `free_velocity`. It is not finite in a leapfrog where drag dt = 2 m, which leaves nothing
-    of a velocity.
+    `before` inverts `free_velocity`. It is not finite in the leapfrog scheme if drag dt = 2 m, because then
+    drag removes the whole velocity.
     """
     dt, gravity = scene.dt, np.array(scene.gravity)
     rate = (scene.drag / scene.mass)[:, np.newaxis]

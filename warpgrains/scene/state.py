@@ -1,6 +1,7 @@
-"""States: all that the steps after them depend on, and whether something read from a file is one.
+"""States of a simulation between two steps, and their validation.
 
-A state of other grains would lead the kernels out of their arrays.
+A state determines all following steps. A state that is read from a file is checked completely, because wrong
+indices would let the kernels access memory outside their arrays.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
 from warpgrains.scene.walls import body_of
@@ -23,22 +24,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Corrections:
-    """Accumulated corrections: all that the warm start of the next step needs.
+    """Accumulated corrections of the contacts, from which the next step starts (warm start).
 
     Attributes
     ----------
     pair : ndarray
         Grains i < j of the pairs that carry a correction, in lexicographic order, shape (m, 2).
     pair_correction : ndarray
-        Their corrections dv_c [m/s], shape (m,).
+        Corrections dv_c of these pairs [m/s], shape (m,).
     wall : ndarray
-        Grain and wall (0 outer, 1 inner, 2, 3, ... those of `Scene.walls`) of the contacts with walls that
-        carry one, in lexicographic order, shape (k, 2).
+        Grain and wall (0 outer, 1 inner, 2, 3, ... the discs of `Scene.walls`) of the wall contacts that
+        carry a correction, in lexicographic order, shape (k, 2).
     wall_correction : ndarray
-        Their corrections, > 0 [m/s], shape (k,).
+        Corrections of the wall contacts, > 0 [m/s], shape (k,).
     pair_friction, wall_friction : ndarray or None
-        Their tangential corrections dv_t [m/s], shapes (m,) and (k,), along the normal turned by a quarter to
-        the left; None without friction.
+        Tangential corrections dv_t of pairs and wall contacts [m/s], shapes (m,) and (k,), along the normal
+        rotated by 90 degrees to the left; None without friction.
 
     Examples
     --------
@@ -57,19 +58,19 @@ class Corrections:
 
 @dataclass(frozen=True, eq=False)
 class VerletList:
-    """What is listed as a candidate contact, and what is known of how long it will do (kernels/verlet.py).
+    """Listed pairs and walls, and the data that decide when the list must be rebuilt (kernels/verlet.py).
 
-    Colors depend on what is listed, so a run in color order continues with the same bits only from these.
+    Colors depend on the list, so a run in color order needs it to continue with the same bits.
 
     Attributes
     ----------
     pair, wall : ndarray
-        Listed pairs i < j, shape (m, 2), and grains and walls, shape (k, 2), in lexicographic order; the
-        circles of the annulus are one, 0.
+        Listed pairs i < j, shape (m, 2), and listed (grain, wall), shape (k, 2), in lexicographic order. Both
+        circles of the annulus are wall 0 here.
     skin, recent_deviation : ndarray
-        Of every grain [m], [m/s], shape (n,).
+        Skin [m] and recent deviation [m/s] of every grain, shape (n,).
     reference_position, reference_velocity : ndarray
-        Of every grain when the list was built [m], [m/s], shape (n, 2).
+        Position [m] and velocity [m/s] of every grain when the list was built, shape (n, 2).
     frame, scalar : ndarray
         The vectors and the numbers of `kernels.types.VerletNumbers`, shapes (3, 2) and (7,).
     """
@@ -86,25 +87,24 @@ class VerletList:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The exact state between two steps: all that the following steps depend on.
+    """The exact state between two steps, which determines all following steps.
 
     Attributes
     ----------
     steps : int
         Steps done since the start.
     position, velocity : ndarray
-        [m] and [m/s], shape (n, 2). A velocity is that with which the last step moved its grain.
+        Positions [m] and velocities [m/s], shape (n, 2). The last step moved grains with the velocities.
     corrections : Corrections
-        What the contacts carry.
+        Corrections of the contacts.
     lists : VerletList or None
-        What was listed; without it, a run in color order continues with an order of its own.
+        The Verlet list. Without it, a run in color order continues with another order of contacts.
     staggered : bool
-        Whether velocities are half a step behind positions: those of the middle of the last step, as after
-        any step of the leapfrog scheme, which goes on from them by a whole kick, and from others by half of
-        one. The text's scheme takes them as they are.
+        Whether velocities are half a step behind positions, as after any step of the leapfrog scheme. That
+        scheme continues with a full kick if they are, else with half a kick. The text's scheme makes no
+        difference.
     spin, angle : ndarray or None
-        Angular velocities [rad/s], and angles by which grains have turned since the start [rad], shape (n,);
-        None without friction.
+        Angular velocities [rad/s] and rotations since the start [rad], shape (n,); None without friction.
 
     Examples
     --------
@@ -112,7 +112,7 @@ class State:
     >>> state.steps, state.position.shape, len(state.corrections.pair), state.staggered
     (400, (15, 2), 15, False)
     >>> other = wg.Simulation(simulation.scene)
-    >>> other.restore(state)  # and goes on with the same bits
+    >>> other.restore(state)  # and continues with the same bits
     """
 
     steps: int
@@ -126,20 +126,22 @@ class State:
 
 
 def first_state(scene: Scene) -> State:
-    """Return the state at the start of a scene."""
+    """Return the initial state of a scene."""
     nobody, nothing = np.zeros((0, 2), np.int32), np.zeros(0)
     corrections = Corrections(nobody, nothing, nobody, nothing)
     if not scene.has_friction:
         return State(0, scene.position, scene.velocity, corrections)
-    return State(0, scene.position, scene.velocity, corrections, spin=scene.spin, angle=np.zeros(scene.n))
+    return State(
+        0, scene.position, scene.velocity, corrections, spin=scene.spin_at_start, angle=np.zeros(scene.n)
+    )
 
 
 def require_state(state: State, scene: Scene) -> None:
-    """Raise SceneError unless a simulation of a scene can continue from a state."""
+    """Raise InputError unless a simulation of `scene` can continue from `state`."""
     n, walls = scene.n, scene.wall_numbers
     _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
-    checks.truth("staggered", state.staggered)
+    checks.boolean("staggered", state.staggered)
     for name in ("position", "velocity"):
         _require_array(name, getattr(state, name), np.float64, (n, 2))
         checks.require_finite(f"{name} of the state, that", getattr(state, name))
@@ -166,7 +168,7 @@ def _require_corrections(corrections: Corrections, n: int, walls: Sequence[int])
         if bad.any():
             i, j = getattr(corrections, name)[bad][0].tolist()
             of = f"that of grain{'s' * (name == 'pair')} {i} {other} {j} is {value[bad][0].item()}"
-            raise SceneError(f"{name}_correction of the state, {of}: it must be 0 or more")
+            raise InputError(f"{name}_correction of the state, {of}: it must be 0 or more")
         tangential = getattr(corrections, f"{name}_friction")
         if tangential is not None:
             _require_array(f"{name}_friction", tangential, np.float64, value.shape)
@@ -183,7 +185,7 @@ def _require_lists(lists: VerletList, n: int, walls: Sequence[int]) -> None:
     for name, shape in shapes.items():
         _require_array(name, getattr(lists, name), np.float64, shape)
         if np.isnan(getattr(lists, name)).any():
-            raise SceneError(f"{name} of the state holds what is no number")
+            raise InputError(f"{name} of the state holds NaN")
 
 
 def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_circles: bool) -> None:
@@ -191,14 +193,14 @@ def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_cir
     body, listed = (body_of(of.wall[:, 1], two_circles) for of in (corrections, lists))
     walls = np.isin(corrections.wall[:, 0] + n * body, lists.wall[:, 0] + n * listed)
     if not (pairs.all() and walls.all()):
-        raise SceneError("a contact of the state carries a correction and is not listed")
+        raise InputError("a contact of the state carries a correction but is not in the list of contacts")
 
 
 def _require_pairs(name: str, pair: IntArray, n: int) -> None:
     _require_array(name, pair, np.int32, (_length(pair), 2))
     i, j = pair.T
     if not ((i >= 0) & (i < j) & (j < n)).all():
-        raise SceneError(f"{name} of the state is not of grains i < j of {n}")
+        raise InputError(f"{name} of the state must name grains i < j below {n}")
     _require_ascending(name, _keys(pair, n), n * n)
 
 
@@ -206,16 +208,16 @@ def _require_walls(name: str, wall: IntArray, n: int, walls: Sequence[int]) -> N
     _require_array(name, wall, np.int32, (_length(wall), 2))
     grain, number = wall.T
     if not ((grain >= 0) & (grain < n) & np.isin(number, walls)).all():
-        raise SceneError(f"{name} of the state is not of a grain of {n} and a wall that the scene has")
+        raise InputError(f"{name} of the state must name a grain below {n} and a wall of the scene")
     most = max(walls) + 1
     _require_ascending(name, grain.astype(np.int64) * most + number, n * most)
 
 
 def _require_ascending(name: str, values: np.ndarray[Any, Any], end: int) -> None:
-    """Check that values are ascending in the range from 0 to `end`, exclusive."""
+    """Raise InputError unless values ascend strictly within [0, end)."""
     bounded = np.concatenate([[-1], values, [end]])
     if not (np.diff(bounded) > 0).all():
-        raise SceneError(f"{name} of the state is not in ascending order")
+        raise InputError(f"{name} of the state must be in ascending order")
 
 
 def _length(array: Any) -> int:
@@ -224,15 +226,15 @@ def _length(array: Any) -> int:
 
 def _require_kind(name: str, record: Any, kind: type) -> None:
     if not isinstance(record, kind):
-        raise SceneError(f"{name} is a {type(record).__name__}: it must be a {kind.__name__}")
+        raise InputError(f"{name} is a {type(record).__name__}: it must be a {kind.__name__}")
 
 
 def _require_array(name: str, array: Any, dtype: type, shape: tuple[int, ...]) -> None:
     if not isinstance(array, np.ndarray) or isinstance(array, np.ma.MaskedArray):
-        raise SceneError(f"{name} of the state is a {type(array).__name__}: it must be an array")
+        raise InputError(f"{name} of the state is a {type(array).__name__}: it must be an array")
     if array.dtype != dtype or array.shape != shape:
         found, wanted = f"{array.dtype} {array.shape}", f"{np.dtype(dtype)} {shape}"
-        raise SceneError(f"{name} of the state is {found}: it must be {wanted}")
+        raise InputError(f"{name} of the state is {found}: it must be {wanted}")
 
 
 def _keys(pair: IntArray, n: int) -> np.ndarray[Any, Any]:

@@ -1,1 +1,1 @@
-"""One scene, step by step, and runs that can be resumed."""
+"""Simulations of one scene, and runs that write files, save checkpoints and can be resumed."""

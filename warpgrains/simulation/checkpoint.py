@@ -1,9 +1,9 @@
-"""Checkpoints: the exact state, with the scene inside, in one `.npz` file without pickles.
+"""Checkpoints: the exact state and its scene in one `.npz` file without pickles.
 
-The entry `header` is JSON text in UTF-8: format, version, and all numbers and texts. A float in it is written
-so that the same double is read back. Every array is an entry of its own, called `part.field` after the
-dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`; a field may be stored under a
-name of its own). Who changes these raises `VERSION`.
+The entry `header` is JSON text in UTF-8 with the format, the version, and all numbers and texts. Floats are
+written so that the same doubles are read back. Every array is a separate entry `part.field`, named after the
+dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); `_stored_names` lists the fields
+that are stored under another name. Any change of the entries must increase `VERSION`.
 """
 
 import io
@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from warpgrains import __version__
-from warpgrains.errors import SceneError
-from warpgrains.files import followed, require_place, write_whole
+from warpgrains.errors import InputError
+from warpgrains.files import require_writable_path, resolve_link, write_atomically
 from warpgrains.locks import Lock, lock_own
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -48,72 +48,72 @@ _DAMAGE = (
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """What a checkpoint holds."""
+    """Content of a checkpoint."""
 
     scene: Scene
     state: State
     options: RunOptions | None
-    """What the run was to do, if it was a run that wrote the checkpoint."""
+    """Options of the run that wrote the checkpoint, if a run wrote it."""
     statistics: RunStatistics
-    """What the run had done."""
+    """Statistics of the run up to the checkpoint."""
 
 
 def lock_checkpoint(path: Path) -> Lock:
-    """Return the lock on a checkpoint, which is to be written.
+    """Lock a checkpoint for writing.
 
     Raises
     ------
-    SceneError
-        It cannot be written there; as an `OutputError`, if another process does so, or there is something
-        that is no checkpoint.
+    InputError
+        It cannot be written there. It is an `OutputError` if another process writes it, or if the file
+        exists and is no checkpoint.
     """
-    require_place("checkpoint", path, ".npz")
+    require_writable_path("checkpoint", path, ".npz")
     return lock_own(path, _is_checkpoint, "checkpoint")
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Put a checkpoint under its name and on the disk, whole; until then an earlier one stays.
+    """Write a checkpoint atomically; until the new file is complete and on the disk, the old one stays.
 
-    Who writes has its lock, see `lock_checkpoint`.
+    The caller must hold its lock, see `lock_checkpoint`.
 
     Raises
     ------
     OSError
-        It cannot be written, or is not read back as it was written.
+        The file cannot be written, or differs when it is read back.
     """
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **_entries(checkpoint, path))
-    write_whole(path, buffer.getbuffer())
+    write_atomically(path, buffer.getbuffer())
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """Read a checkpoint.
+    """Read and check a checkpoint of this version.
 
     Raises
     ------
-    SceneError
-        There is none, it is damaged, of another version, or something else.
+    InputError
+        The file is missing, damaged, of another version, or no checkpoint.
     """
-    path = followed(path)
+    path = resolve_link(path)
     if not path.is_file():
-        raise SceneError(f"checkpoint '{path}' does not exist")
+        raise InputError(f"checkpoint '{path}' does not exist")
     try:
         header, arrays = _read(path)
     except _DAMAGE:
-        raise SceneError(f"'{path}' is no checkpoint of warpgrains, or it is damaged") from None
+        raise InputError(f"'{path}' is not a checkpoint of warpgrains, or it is damaged") from None
     if header["version"] != VERSION:
-        raise SceneError(
+        raise InputError(
             f"checkpoint '{path}' has version {header['version']}, of warpgrains {header.get('warpgrains')};"
             f" warpgrains {__version__} reads version {VERSION}"
         )
     try:
         return _checkpoint(header, arrays, path)
     except _DAMAGE as error:
-        raise SceneError(f"checkpoint '{path}' holds no state of a scene: {error}") from None
+        raise InputError(f"checkpoint '{path}' holds an invalid state: {error}") from None
 
 
 def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
-    """Return the entries of the file."""
+    """Return the arrays and texts of the `.npz` file by name."""
     state, options = checkpoint.state, checkpoint.options
     header: Header = {
         "format": FORMAT,
@@ -134,12 +134,12 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
 
 
 def _table(value: Any) -> Any:
-    """Return a wall as a scene file has it."""
+    """Return a wall as the keys of its `[[walls]]` table."""
     return value.table
 
 
 def _stored_names(kind: type) -> dict[str, str]:
-    """Return what checkpoints call the fields of a dataclass."""
+    """Return the fields of a dataclass and their names in checkpoints."""
     return {field.name: field.metadata.get("stored", field.name) for field in fields(kind)}
 
 
@@ -149,9 +149,9 @@ def _parts(scene: Scene, state: State) -> dict[str, Any]:
 
 
 def _read(path: Path) -> tuple[Header, Arrays]:
-    """Return header and arrays, whatever they hold."""
+    """Return header and arrays without checking their content."""
     with zipfile.ZipFile(path) as archive:
-        # ours are stored as they are: no small file can take the memory of a large one
+        # entries are uncompressed: a small file cannot expand to fill the memory
         if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
             raise ValueError("an entry is compressed")
         if archive.testzip() is not None:
@@ -177,7 +177,7 @@ def _is_checkpoint(path: Path) -> bool:
 
 
 def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
-    """Return what header and arrays tell, once it is checked."""
+    """Return the checkpoint that header and arrays describe, after checking them."""
 
     def part(name: str) -> dict[str, Any]:
         prefix = f"{name}."
@@ -198,16 +198,16 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
 
 
 def _require_statistics(statistics: RunStatistics, state: State, options: RunOptions | None) -> None:
-    """Raise SceneError unless a run can have done this."""
+    """Raise InputError unless a run of these options can have these statistics."""
     for field in fields(RunStatistics):
         value = getattr(statistics, field.name)
         if isinstance(field.default, bool):
-            checks.truth(field.name, value)
+            checks.boolean(field.name, value)
         elif isinstance(field.default, int):
             most = state.steps if field.name == "steps" else MOST_COUNTED
             checks.whole_number(field.name, value, least=0, most=most)
         elif isinstance(field.default, float) and not (isinstance(value, float | int) and value >= 0.0):
-            raise SceneError(f"{field.name} is {value!r}: it must be a number, 0 or more")
+            raise InputError(f"{field.name} is {value!r}: it must be a number, 0 or more")
     for grain in statistics.infeasible_grains:
         checks.whole_number("infeasible grain", grain, least=0, most=len(state.position) - 1)
     if options is not None:

@@ -1,4 +1,7 @@
-"""A run: many steps, with what they write, which another process can resume."""
+"""Execution of a run: many steps with their outputs.
+
+The checkpoints of a run let another process resume it.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from warnings import warn
 
 from warpgrains.console import progress_bar
-from warpgrains.errors import SceneError
-from warpgrains.files import require_place
+from warpgrains.errors import InputError
+from warpgrains.files import require_writable_path
 from warpgrains.pictures.kinds import FILMS, STILLS, require_drawing
 from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
@@ -29,27 +32,27 @@ if TYPE_CHECKING:
 
 
 class Observer(Protocol):
-    """What looks at a simulation while it runs, such as `warpgrains.analysis.Series`."""
+    """Interface of objects that measure during a run, such as `warpgrains.analysis.Series`."""
 
     every: int
-    """Steps between two looks: it looks at steps that are multiples of it."""
+    """Interval [steps]: `observe` is called at its multiples."""
 
     def observe(self, simulation: Simulation) -> None:
-        """Look at it."""
+        """Measure the present state."""
 
     def flush(self) -> None:
-        """Put all that was seen on the disk: there is to be a checkpoint, or the run ends."""
+        """Write all measurements to the disk, before a checkpoint and at the end of the run."""
 
 
 def require_observer(observer: Observer) -> None:
-    """Raise SceneError unless something can observe a run."""
+    """Raise InputError unless `observer` has `every`, `observe` and `flush`."""
     if not all(callable(getattr(observer, name, None)) for name in ("observe", "flush")):
-        raise SceneError(f"observer is {checks.shown(observer)}: it must have every, observe() and flush()")
+        raise InputError(f"observer is {checks.shown(observer)}: it must have every, observe() and flush()")
     checks.whole_number("observer.every", getattr(observer, "every", None))
 
 
 class Outputs(NamedTuple):
-    """What hears of a run, and what may end it."""
+    """Recorder, observer and stopping criterion of a run."""
 
     recorder: Recorder | Film | None = None
     observer: Observer | None = None
@@ -60,14 +63,14 @@ class Outputs(NamedTuple):
 def open_outputs(
     options: RunOptions, scene: Scene, statistics: RunStatistics
 ) -> Iterator[Recorder | Film | None]:
-    """Give the recorder of a run, if it needs one, with a lock on the recording; it is whole in the end.
+    """Yield the recorder of a run, or None. Its file is locked meanwhile and completed at the end.
 
-    The log of a run that is resumed is cut to the frames of its statistics: doing so twice does no harm.
+    The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
 
     Raises
     ------
-    SceneError
-        What it is to write cannot be written.
+    InputError
+        An output cannot be written.
     """
     recorder = _recorder(options, scene, statistics)
     if recorder is None:
@@ -86,12 +89,12 @@ def carry_out(
     outputs: Outputs,
     progress: bool,
 ) -> None:
-    """Do what is left of a run; `statistics` says what it has done, and counts on.
+    """Do the remaining steps of a run and update `statistics`.
 
     Parameters
     ----------
     outputs : Outputs
-        The recorder is that of `open_outputs`.
+        Its recorder comes from `open_outputs`.
     progress : bool
         Whether to show progress on standard error, see `progress_bar`.
 
@@ -103,11 +106,11 @@ def carry_out(
     Warns
     -----
     UserWarning
-        Grains cannot fit, once a run; or the run was not ended by its criterion.
+        Grains cannot fit (once per run), or the run ended before its criterion was met.
     """
     start = perf_counter() - statistics.seconds
     with progress_bar(options.steps, statistics.steps, progress) as bar, _flushed(outputs.observer):
-        _keep(simulation, options, statistics, outputs)
+        _write_outputs(simulation, options, statistics, outputs)
         while statistics.steps < options.steps:
             done = simulation.advance(_steps_to_next(options, statistics, outputs, simulation), bar.update)
             if done.infeasible and not statistics.infeasible:
@@ -117,17 +120,20 @@ def carry_out(
             statistics.seconds = perf_counter() - start
             if outputs.until is not None and outputs.until.is_met(simulation, statistics):
                 options = replace(options, steps=statistics.steps)
-            _keep(simulation, options, statistics, outputs)
+            _write_outputs(simulation, options, statistics, outputs)
     if options.record is not None and options.shows == "still":
         simulation.plot(options.color_by, options.forces).save(options.record)
     statistics.seconds = perf_counter() - start
     if outputs.until is not None and not statistics.met:
-        warn(f"{outputs.until.name} was not met within {simulation.time:g} s", stacklevel=3)
+        warn(
+            f"{outputs.until.name} was not reached within {simulation.time:g} s of simulated time",
+            stacklevel=3,
+        )
 
 
 @contextmanager
 def _flushed(observer: Observer | None) -> Iterator[None]:
-    """Have what was seen on the disk in the end, whatever ends the run."""
+    """Flush the observer at the end, even after an exception."""
     try:
         yield
     finally:
@@ -136,7 +142,7 @@ def _flushed(observer: Observer | None) -> Iterator[None]:
 
 
 def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> Recorder | Film | None:
-    """Return the recorder of a run; None if there is nothing to record, or no more, or but its end."""
+    """Return the recorder of a run; None if no frame is left to record, or only the final picture."""
     if options.record is None:
         return None
     if options.shows is not None:
@@ -146,12 +152,12 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
 
             painter = Painter(scene, options.color_by, options.forces)
             return Film(Path(options.record), scene, options.rate, painter)
-        require_place("picture", Path(options.record), *STILLS)
+        require_writable_path("picture", Path(options.record), *STILLS)
         return None
     from warpgrains.usd.recorder import SUFFIXES, Recorder, log_of
 
     record = Path(options.record)
-    require_place("output", record, *SUFFIXES, *FILMS, *STILLS)
+    require_writable_path("output", record, *SUFFIXES, *FILMS, *STILLS)
     is_whole = statistics.frames > 0 and record.is_file() and not log_of(record).exists()
     if is_whole and statistics.steps == options.steps:
         return None
@@ -166,8 +172,13 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
     )
 
 
-def _keep(simulation: Simulation, options: RunOptions, statistics: RunStatistics, outputs: Outputs) -> None:
-    """Record, observe and write a checkpoint, where due; what it counts is on the disk before it."""
+def _write_outputs(
+    simulation: Simulation, options: RunOptions, statistics: RunStatistics, outputs: Outputs
+) -> None:
+    """Record, observe and write a checkpoint if due.
+
+    Recordings and series reach the disk before the checkpoint that counts them.
+    """
     recorder, observer, _ = outputs
     if observer is not None and simulation.steps % observer.every == 0:
         observer.observe(simulation)
@@ -188,7 +199,7 @@ def _keep(simulation: Simulation, options: RunOptions, statistics: RunStatistics
 def _steps_to_next(
     options: RunOptions, statistics: RunStatistics, outputs: Outputs, simulation: Simulation
 ) -> int:
-    """Return after how many steps there is something to record, to see or to save, or the run ends."""
+    """Return the number of steps to the next frame, observation, checkpoint or end."""
     recorder, observer, until = outputs
     ends = [options.steps]
     if until is not None:

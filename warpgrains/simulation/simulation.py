@@ -1,4 +1,4 @@
-"""Simulation: one scene, run, recorded, saved and shown."""
+"""`Simulation`: one scene with its runs, recordings, checkpoints and pictures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from warpgrains.described import documented
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
@@ -31,35 +31,35 @@ _WRITTEN = ("record", "fps", "color_by", "forces", "draw_as", "checkpoint", "eve
 
 
 class Simulation(Stepper):
-    """One scene on one device.
+    """A simulation of one scene on one device.
 
-    Any number of Python threads may advance simulations, each its own. A simulation that one thread advances
-    refuses all others, by a `SimulationError`.
+    Python threads may advance different simulations at the same time. Advancing the same simulation from two
+    threads at once raises `SimulationError`.
 
     Parameters
     ----------
     scene : Scene
-        What is simulated; or a file or the name of a shipped scene, see `Scene.load`.
+        A scene, a scene file, or the name of a shipped scene, see `Scene.load`.
     device : str
         A Warp device, "cpu" or "cuda:0".
     threads : int, optional
-        OS threads that share the work on a CPU, at most; by default as many as pay. They are fewer while
-        waiting for each other costs more than they gain. The result is the same for any.
+        Largest number of OS threads on a CPU; by default, it follows from the number of contacts. Fewer are
+        used while synchronization costs more than they gain. The result does not depend on it.
     **overrides
-        Fields of the scene that are to be changed, such as order="color" or tolerance=1e-8.
+        Fields of the scene to change, such as order="color" or tolerance=1e-8.
 
     Raises
     ------
-    SceneError
-        There is no such scene, the device is unknown, the number of threads is not positive, or an override
-        is not what it must be.
+    InputError
+        The scene does not exist, the device is unknown, the number of threads is not positive, or an
+        override is invalid.
     SimulationError
         The scene does not fit in memory.
 
     Notes
     -----
-    A copy, by `copy.copy` too, and an unpickled simulation have their own memory. They continue from the
-    exact state with the same bits, as after `load`; `last_start` needs a step first.
+    Copies (also by `copy.copy`) and unpickled simulations have separate memory. They continue from the exact
+    state with the same bits, as after `load`; `last_start` needs a step first.
 
     Examples
     --------
@@ -96,31 +96,32 @@ class Simulation(Stepper):
         Parameters
         ----------
         steps : int, optional
-            How many; or
+            Number of steps; or
         duration : float, optional
-            for how long [s]; by default for the scene's duration.
+            simulated time [s]; by default the scene's duration.
         until : str or callable, optional
-            What ends the run earlier: "rest", or a callable that is asked every 10 steps whether the
-            simulation that it is given is to stop, see `warpgrains.simulation.until.criterion`.
+            Criterion that ends the run early: "rest", or a callable. Every 10 steps the callable receives the
+            simulation and returns True to stop, see `warpgrains.simulation.until.criterion`.
         {fields}
         observer : object, optional
-            Measures during the run, such as a `warpgrains.analysis.Series`. Its ``observe(simulation)`` is
-            called at multiples of its ``every`` steps, its ``flush()`` before a checkpoint and at the end.
+            Object that measures during the run, such as a `warpgrains.analysis.Series`.
+            ``observe(simulation)`` is called at multiples of its ``every`` steps, ``flush()`` before a
+            checkpoint and at the end.
         progress : bool
             Whether to show a progress bar on standard error.
 
         Raises
         ------
-        SceneError
-            An argument is not what it must be, or the recording or the checkpoint cannot be written there; as
-            an `OutputError`, if another run does so at the same time.
+        InputError
+            An argument is invalid, or the recording or the checkpoint cannot be written. It is an
+            `OutputError` if another run writes it at the same time.
         SimulationError
             A step failed, or another thread advances this simulation.
 
         Notes
         -----
-        A frame within a step shows positions on the straight path of that step. Where the name of an output
-        is a symbolic link, the file that it leads to is written.
+        A frame within a step shows positions on the straight path of that step. If an output is a symbolic
+        link, its target is written.
         """
         options = RunOptions(
             steps=steps_of(self.scene, steps, duration),
@@ -134,12 +135,14 @@ class Simulation(Stepper):
             until=until if isinstance(until, str) else None,
         )
         if checkpoint is not None and callable(until):
-            raise SceneError("until is a callable, which no checkpoint can hold")
+            raise InputError(
+                "until is a function, which a checkpoint cannot hold: use a text such as 'rest,speed=0.01'"
+            )
         if observer is not None:
             require_observer(observer)
         ends, statistics = criterion(until, self.scene), RunStatistics()
         with (
-            self._driver.alone(),
+            self._use.exclusive(),
             nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
             open_outputs(options, self.scene, statistics) as recorder,
         ):
@@ -147,14 +150,17 @@ class Simulation(Stepper):
         return statistics.summary(options.record)
 
     def view(self, port: int = 8080) -> Page:
-        """Play it in a page of this machine's browser, from where it is; a notebook shows the page.
+        """Play the simulation from its present state in a page of this machine's browser.
 
-        It is stepped by the page until ``close`` is called on what is returned; its ``url`` says where it is.
+        A notebook shows the page.
+
+        The page advances the simulation until ``close()`` of the returned object is called; its ``url`` is
+        the address.
 
         Raises
         ------
-        SceneError
-            viser is not installed, or the port is no port.
+        InputError
+            viser is not installed, or the port is invalid.
         """
         checks.whole_number("port", port, most=65535)
         try:
@@ -167,7 +173,7 @@ class Simulation(Stepper):
 
     @documented([OPTIONS["color_by"], OPTIONS["forces"]])
     def plot(self, color_by: str = RunOptions.color_by, forces: bool = RunOptions.forces) -> Picture:
-        """Return a picture of the present state, which a notebook shows.
+        """Return a picture of the present state. Notebooks show it.
 
         Parameters
         ----------
@@ -175,7 +181,7 @@ class Simulation(Stepper):
 
         Raises
         ------
-        SceneError
+        InputError
             The coloring is unknown, or Matplotlib is not installed.
         """
         require_drawing("plot")
@@ -184,12 +190,12 @@ class Simulation(Stepper):
         return Picture(self, color_by, forces)
 
     def save(self, path: str | Path) -> None:
-        """Save the exact state and the scene to a checkpoint, an .npz file, at once and whole.
+        """Save the exact state and the scene to a checkpoint, an .npz file, atomically.
 
         Raises
         ------
-        SceneError
-            It cannot be written there; as an `OutputError`, if a run does so.
+        InputError
+            The checkpoint cannot be written. It is an `OutputError` if a run writes it.
         """
         path = Path(checks.path("path", path))
         with lock_checkpoint(path):
@@ -197,18 +203,18 @@ class Simulation(Stepper):
 
     @classmethod
     def load(cls, path: str | Path, device: str = "cpu", threads: int | None = None) -> Self:
-        """Continue from a checkpoint, of `save` or of a run, with the same bits.
+        """Continue from a checkpoint of `save` or of a run, with the same bits.
 
         Parameters
         ----------
         path : str or Path
             The checkpoint.
         device, threads
-            See `Simulation`; not those that wrote the checkpoint, the result is the same for any.
+            See `Simulation`. They may differ from those that wrote the checkpoint; the result is the same.
 
         Raises
         ------
-        SceneError
+        InputError
             The checkpoint cannot be read.
         """
         kept = read_checkpoint(Path(checks.path("path", path)))

@@ -1,4 +1,4 @@
-"""A scene on a device, step by step."""
+"""A scene on a device, advanced step by step: `Simulation` without files and pictures."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import find_device, threads_for
-from warpgrains.turns import Driver
+from warpgrains.turns import ExclusiveUse
 
 Begun = TypeVar("Begun", bound="Stepper")
 
 
 class StepStart(NamedTuple):
-    """Where a step began.
+    """Positions and velocities at the start of a step.
 
     Examples
     --------
@@ -35,15 +35,15 @@ class StepStart(NamedTuple):
     """
 
     position: FloatArray
-    """Centres [m], shape (n, 2); read-only."""
+    """Centers [m], shape (n, 2); read-only."""
     velocity: FloatArray
     """[m/s], shape (n, 2); read-only."""
     staggered: bool
-    """Whether the velocities were those of the middle of the step before, see `State`."""
+    """True if the velocities are those of the middle of the previous step, see `State`."""
 
 
 class Stepper(Shown):
-    """What a `Simulation` is before anything is written, read or drawn: an engine of one scene."""
+    """A scene and its engine. It is the base of `Simulation`, which adds files and pictures."""
 
     def __init__(self, scene: SceneLike, device: str = "cpu", threads: int | None = None, **overrides: Any):
         scene = as_scene("scene", scene)
@@ -56,7 +56,7 @@ class Stepper(Shown):
         if threads is not None:
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
-        self._driver = Driver("simulation")
+        self._use = ExclusiveUse("simulation")
         self._begin(scene, state)
 
     def _begin(self, scene: Scene, state: State | None) -> None:
@@ -69,8 +69,8 @@ class Stepper(Shown):
         else:
             self._engine.load(0, state)
 
-    def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+    def summary(self) -> dict[str, str]:
+        """Return the line that describes the simulation, by name."""
         return {
             self.scene.name: f"of {self.scene.n} grains",
             "steps": f"{self.steps}",
@@ -79,11 +79,11 @@ class Stepper(Shown):
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the kernels are ready, or the first step has to compile them, which takes some seconds."""
+        """True if the kernels are compiled; else the first step compiles them, which takes some seconds."""
         return self._engine.is_compiled
 
     def compile(self) -> None:
-        """Have the kernels ready before the first step."""
+        """Compile and load the kernels now instead of during the first step."""
         self._engine.load_kernels()
 
     def step(self, history: bool = False) -> StepReport:
@@ -92,41 +92,42 @@ class Stepper(Shown):
         Parameters
         ----------
         history : bool
-            Whether the report is to have zeta and residual of every iteration. The step is the same, and
+            Whether to report zeta and residual of every iteration. The result is the same; the step
             takes about twice as long.
 
         Raises
         ------
         SimulationError
-            A number is no longer finite; or the step has not converged, and the scene's `on_unconverged` is
-            "raise". The state is that before the step. Or a history of `max_iterations` finds no memory. Or
-            another thread advances this simulation.
+            A number is no longer finite; or the step has not converged and the scene's `on_unconverged` is
+            "raise" (the state is then that before the step); or a history of `max_iterations` does not fit in
+            memory; or another thread advances this simulation.
         """
-        with self._driver.alone():
+        with self._use.exclusive():
             self._advance(1, None, history)
             return self._engine.report(0)
 
     def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
-        """Advance by some time steps without anything in between.
+        """Advance by many time steps without outputs or callbacks between them.
 
         Parameters
         ----------
         steps : int
             0 or more.
         on_progress : callable, optional
-            Told now and then how many steps more have been done.
+            Called occasionally with the number of steps done since its last call.
 
         Raises
         ------
-        SceneError
-            An argument is not what it must be.
+        InputError
+            An argument is invalid.
         SimulationError
-            A step failed, as in `step`; those before it are done. Or another thread advances this simulation.
+            A step failed as in `step`, after which the earlier steps remain done; or another thread advances
+            this simulation.
         """
         steps = checks.whole_number("steps", steps, least=0)
         if on_progress is not None:
             checks.function("on_progress", on_progress)
-        with self._driver.alone():
+        with self._use.exclusive():
             self._advance(steps, on_progress)
             return self._engine.statistics(0)
 
@@ -134,7 +135,7 @@ class Stepper(Shown):
         before = self.steps
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
-        with self._driver.advancing():
+        with self._use.advancing():
             advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before
         error = self._engine.error(0)
@@ -143,18 +144,18 @@ class Stepper(Shown):
 
     @property
     def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:
-        """Steps of the last `advance` that have no solution, by number, and the grains that cannot fit."""
+        """Return those steps of the last `advance` that have no solution, and the grains that cannot fit."""
         return self._engine.infeasible_steps(0)
 
     def change(self, **fields: Any) -> None:
-        """Continue from the present state with some fields of the scene changed, such as drag=0.1.
+        """Change some fields of the scene, such as drag=0.1, and continue from the present state.
 
         Raises
         ------
-        SceneError
-            A change makes no scene, or one of other grains.
+        InputError
+            A value is invalid, or a change concerns the grains.
         """
-        with self._driver.alone():
+        with self._use.exclusive():
             state = self.state()
             scene = self.scene.replace(**fields)
             if scene.has_two_circles != self.scene.has_two_circles:
@@ -174,14 +175,14 @@ class Stepper(Shown):
 
     @property
     def position(self) -> FloatArray:
-        """Centres of the grains [m], shape (n, 2); a read-only copy."""
+        """Centers of the grains [m], shape (n, 2); a read-only copy."""
         return checks.frozen(self._engine.grains(0, "position"))
 
     @property
     def velocity(self) -> FloatArray:
-        """Velocities with which the last step moved the grains [m/s], shape (n, 2); a read-only copy.
+        """Velocities that moved the grains in the last step [m/s], shape (n, 2); a read-only copy.
 
-        In the leapfrog scheme they are those of the middle of that step, half a step behind the positions.
+        In the leapfrog scheme they belong to the middle of that step, half a step before the positions.
         """
         return checks.frozen(self._engine.grains(0, "velocity"))
 
@@ -192,7 +193,7 @@ class Stepper(Shown):
 
     @property
     def angle(self) -> FloatArray:
-        """Angles by which grains have turned since the start [rad], shape (n,); 0 without friction."""
+        """Rotations of the grains since the start [rad], shape (n,); 0 without friction."""
         return self._rotation("angle")
 
     def _rotation(self, name: str) -> FloatArray:
@@ -201,7 +202,7 @@ class Stepper(Shown):
         return checks.frozen(self._engine.grains(0, name))
 
     def last_start(self) -> StepStart:
-        """Return where the last step began.
+        """Return positions and velocities at the start of the last step.
 
         Raises
         ------
@@ -215,18 +216,18 @@ class Stepper(Shown):
         return StepStart(position, velocity, self._engine.last_staggered(0))
 
     def contacts(self) -> PairContacts:
-        """Return the contacts between grains of the last step, those that carry a correction."""
+        """Return the contacts between grains that carry a correction after the last step."""
         last_position = self._engine.grains(0, "last_position")
         return pair_contacts(self.scene, last_position, self._engine.corrections(0))
 
     def wall_contacts(self) -> WallContacts:
-        """Return the contacts with the walls of the last step, those that carry a correction."""
+        """Return the wall contacts of the last step that carry a correction."""
         last_position = self._engine.grains(0, "last_position")
         return wall_contacts(self.scene, last_position, self._engine.corrections(0))
 
     def state(self) -> State:
-        """Return the exact state, from which `restore` continues with the same bits."""
-        with self._driver.alone():
+        """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
+        with self._use.exclusive():
             return self._engine.state(0)
 
     def restore(self, state: State) -> None:
@@ -234,11 +235,11 @@ class Stepper(Shown):
 
         Raises
         ------
-        SceneError
-            It is a state of other grains, or none: the message names field, grain and value.
+        InputError
+            `state` is invalid or belongs to other grains. The message names field, grain and value.
         """
         require_state(state, self.scene)
-        with self._driver.alone():
+        with self._use.exclusive():
             self._stepped = False
             self._engine.load(0, state)
 
@@ -246,7 +247,7 @@ class Stepper(Shown):
 def continued(
     kind: type[Begun], scene: Scene, state: State, device: str = "cpu", threads: int | None = None
 ) -> Begun:
-    """Return a simulation that continues from a state of its scene, such as a checkpoint holds."""
+    """Return a simulation that continues from a state of its scene, for example that of a checkpoint."""
     require_state(state, scene)
     simulation = kind.__new__(kind)
     simulation._open(scene, device, threads, state)

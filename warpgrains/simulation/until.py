@@ -1,4 +1,4 @@
-"""When a run ends before its last step: at rest, or at what a caller asks for."""
+"""Stopping criteria of runs: rest, or a condition given by the caller."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.statistics import RunStatistics
 
-EVERY = 10  # steps between two tests
+TEST_INTERVAL = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
-TOLERANCES = 10.0  # or in the scene's tolerance, where that is more: what a step leaves is no motion
-FALLS = 5.0  # how long it must hold, in sqrt(d / g)
+TOLERANCES = 10.0  # or this many tolerances, if larger, because a converged step leaves speeds of this order
+REST_TIME = 5.0  # duration for which the criterion must hold, in sqrt(d / g)
 
 
 class Moving(Protocol):
-    """Grains that move: a `Simulation`, a scene of a `Batch`, a `Snapshot`."""
+    """Protocol of objects with grains that move: a `Simulation`, a scene of a `Batch`, a `Snapshot`."""
 
     @property
     def velocity(self) -> FloatArray:
@@ -36,51 +36,51 @@ Question = Callable[[Any], bool]
 
 @dataclass(frozen=True)
 class Criterion:
-    """What ends a run."""
+    """Stopping criterion of a run."""
 
-    holds: Question
-    """Asked every `EVERY` steps."""
+    condition: Question
+    """Condition that is tested every `TEST_INTERVAL` steps."""
     steps: int
-    """For how many steps it must hold."""
+    """Number of steps for which the condition must hold."""
     name: str
 
     def is_met(self, moving: Moving, statistics: RunStatistics) -> bool:
-        """Test, every `EVERY` steps of a run, whether it ends now; count for how long that has held.
+        """Test the criterion and count for how many steps it has held, every `TEST_INTERVAL` steps of a run.
 
         Parameters
         ----------
         moving : Moving
-            Its grains.
+            Grains of the run.
         statistics : RunStatistics
-            What the run has done; `held` and `met` are updated.
+            Statistics of the run, whose `held` and `met` are updated.
         """
-        if statistics.steps % EVERY == 0:
-            held = statistics.held + EVERY if statistics.held else 1
-            statistics.held = held if self.holds(moving) else 0
+        if statistics.steps % TEST_INTERVAL == 0:
+            held = statistics.held + TEST_INTERVAL if statistics.held else 1
+            statistics.held = held if self.condition(moving) else 0
             statistics.met = statistics.held > self.steps
         return statistics.met
 
 
 def steps_to_test(steps: int) -> int:
-    """Return the steps that a run, which has done `steps`, takes to its next test."""
-    return EVERY - steps % EVERY
+    """Return the number of steps from step `steps` to the next test."""
+    return TEST_INTERVAL - steps % TEST_INTERVAL
 
 
 def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
-    """Return what ends a run of a scene.
+    """Return the stopping criterion of a run, or None.
 
     Parameters
     ----------
     until : str or callable, optional
-        A callable is given the simulation, and is true where the run is to end. A text is "rest", which holds
-        while no grain is faster than `speed` [m/s], and the kinetic energy not above `energy` [J], for a
-        `time` [s]: "rest,speed=1e-3,time=0.5". By default the speed is sqrt(g d) / 1000, d the mean diameter,
-        or ten tolerances if that is more, and the time 5 sqrt(d / g).
+        A callable receives the simulation and returns True to end the run. The text "rest" ends it when, for
+        a `time` [s], no grain was faster than `speed` [m/s] and the kinetic energy was at most `energy` [J]:
+        "rest,speed=1e-3,time=0.5". The default speed is sqrt(g d) / 1000 with the mean diameter d, or ten
+        tolerances if that is larger. The default time is 5 sqrt(d / g).
 
     Raises
     ------
-    SceneError
-        It is none of these; or there is no gravity, and the bounds that it sets are not given.
+    InputError
+        `until` is invalid; or there is no gravity, and the bounds that depend on it are not given.
 
     Examples
     --------
@@ -91,18 +91,18 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
         return None
     if not isinstance(until, str):
         if not callable(until):
-            raise SceneError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
-        return Criterion(until, 0, "what was asked for")
+            raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
+        return Criterion(until, 0, "the criterion")
     return _rest(rest_bounds(until), scene)
 
 
 def rest_bounds(until: str) -> dict[str, float]:
-    """Return the bounds that a text such as "rest,speed=1e-3,time=0.5" sets, by their keys.
+    """Return the bounds that a text such as "rest,speed=1e-3,time=0.5" sets, by key.
 
     Raises
     ------
-    SceneError
-        It is no such text.
+    InputError
+        The text has another form.
     """
     name, *rest = (word.strip() for word in until.split(","))
     checks.one_of("until", name, ("rest",))
@@ -113,23 +113,23 @@ def rest_bounds(until: str) -> dict[str, float]:
         try:
             given[key] = checks.positive(f"until: {key}", float(value))
         except ValueError as error:
-            wrong = error if isinstance(error, SceneError) else f"until: {word!r} is no number"
-            raise SceneError(str(wrong)) from None
+            wrong = error if isinstance(error, InputError) else f"until: {word!r} is not a number"
+            raise InputError(str(wrong)) from None
     return given
 
 
 def _rest(given: dict[str, float], scene: Scene) -> Criterion:
     gravity, diameter = hypot(*scene.gravity), 2.0 * float(scene.radius.mean())
     if gravity == 0.0 and not ("time" in given and given.keys() & {"speed", "energy"}):
-        raise SceneError("until=rest needs time, and speed or energy, where there is no gravity")
+        raise InputError("until=rest needs time, and speed or energy, in a scene without gravity")
     bounds = dict(given)
-    time = bounds.pop("time", None) or FALLS * sqrt(diameter / gravity)
+    time = bounds.pop("time", None) or REST_TIME * sqrt(diameter / gravity)
     if not bounds:
         bounds["speed"] = max(FROUDE * sqrt(gravity * diameter), TOLERANCES * scene.tolerance)
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
-    def holds(moving: Moving) -> bool:
+    def is_at_rest(moving: Moving) -> bool:
         square = (moving.velocity**2).sum(axis=1)
         return bool(square.max() <= speed**2 and 0.5 * scene.mass @ square <= energy)
 
-    return Criterion(holds, ceil(time / scene.dt), "rest")
+    return Criterion(is_at_rest, ceil(time / scene.dt), "rest")

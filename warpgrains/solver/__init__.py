@@ -1,1 +1,1 @@
-"""One time step, on its device."""
+"""The host's part of a time step: memory, launches, lists that grow, exact solutions and statistics."""

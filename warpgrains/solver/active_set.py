@@ -1,16 +1,17 @@
-"""A step's convex problem (projection.py), from corrections of which nearly the right ones are positive.
+"""Active-set method for a step's convex problem (projection.py), started from nearly correct corrections.
 
-Its dual is to minimise 1/2 |u0 - A^T q|^2 + b . q over q >= 0, nonnegative least squares, and this is the
-method of Lawson and Hanson (1974). The contacts W that carry meet their bounds as equations,
+The dual problem is to minimize 1/2 |u0 - A^T q|^2 + b . q over q >= 0 (nonnegative least squares), solved by
+the method of Lawson and Hanson (1974). The contacts W that carry a force meet their bounds as equations,
 
     u = u0 - A_W^T z,   A_W u = b_W + (z - q*) / rho,
 
-q* what q was when they did last (the method of multipliers: a contact too many makes no singular matrix).
-On the way from q to z, corrections become 0, and their contacts let go, as far as the dual falls; at z,
-contacts join whose bounds are violated. Each of this lowers the dual, so that no W comes back.
+where q* is the value of q when they last did (method of multipliers: it keeps the matrix regular if W has a
+redundant contact). On the way from q to z some corrections become 0; their contacts leave W as long as the
+dual decreases. At z, contacts with violated bounds join W. Every change lowers the dual, so that no W occurs
+twice.
 
-After sweeps, few contacts of thousands are wrong. One matrix is factored, for the first W. Each change of W
-is a column and a row beside it, and costs one more solution, about a tenth of factors.
+After sweeps, few of thousands of contacts are in the wrong set. One matrix is factored, for the first W. Each
+change of W borders it with a column and a row, and costs one more solution, about 10 % of a factorization.
 """
 
 import numpy as np
@@ -20,19 +21,19 @@ from scipy import sparse
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.solver.projection import PROXIMITY, NormalMatrix, Projection, Solution
 
-KEPT = 100  # changes of W until a matrix is factored anew
-CENTRES = 8  # q* for one W, at most
-MET = 0.1  # of the tolerance: what bounds that are met are short of
-NEGLIGIBLE = 1e-12  # [m/s]: a correction of a contact that lets go
+KEPT = 100  # changes of W before a new factorization
+CENTRES = 8  # most updates of q* for one W
+MET = 0.1  # largest error of the bounds that are met, in tolerances
+NEGLIGIBLE = 1e-12  # [m/s]: contacts with smaller corrections leave W
 
 
 def most_changes(grains: int) -> int:
-    """Return how many changes of W are worth a try: they cost less than half of the interior point method."""
+    """Return the number of changes of W that cost half as much as the interior point method."""
     return max(20, grains // 40)
 
 
 class _Equations:
-    """The solutions for W, by factors for another one, the base."""
+    """Solutions for a set W, obtained from the factors for another set, the base."""
 
     def __init__(self, problem: Projection, matrix: NormalMatrix):
         self._problem, self._matrix = problem, matrix
@@ -46,21 +47,21 @@ class _Equations:
         return b - rows @ (free - self.across @ q)
 
     def factor(self, carrying: BoolArray) -> None:
-        """Take a W as the base."""
+        """Factor the matrix of a new base."""
         self.factorizations += 1
         self._matrix.factor(np.where(carrying, PROXIMITY, 0.0))
         self._base = self._carrying = carrying
         self._changed: list[int] = []
 
     def centre(self, q: FloatArray) -> None:
-        """Take q*, and what the base makes of it: u moves by what closes the gaps that W leaves open."""
+        """Set q* to q, and update the base's solution accordingly."""
         self._q, short = q, np.where(self._carrying, self.slack(q), 0.0)
         self._push = q - PROXIMITY * short
         du = self._matrix.solve(PROXIMITY * (self.across @ np.where(self._base, short, 0.0)))
         self._closing = self._problem.rows @ du
 
     def change(self, carrying: BoolArray) -> None:
-        """Take another W, for the same q*; if a contact has joined, `centre` is next."""
+        """Change W for the same q*. If a contact has joined, call `center` next."""
         wanted = carrying != self._base
         if wanted.sum() > KEPT:
             self.factor(carrying)
@@ -85,8 +86,8 @@ class _Equations:
     def solve(self) -> FloatArray:
         """Return z, 0 where no contact carries.
 
-        A contact that has joined adds an equation to the base's, for its z. One that has let go adds a force,
-        which takes its z away.
+        A contact that has joined adds an equation for its z to those of the base. One that has left adds an
+        unknown force that cancels its z.
         """
         changed, columns = self._changed, self._columns[: len(self._changed)]
         joined, push = ~self._base[changed], self._push
@@ -102,7 +103,10 @@ class _Equations:
 
 
 def _lowest(equations: _Equations, q: FloatArray, z: FloatArray, a: float) -> FloatArray:
-    """Return where the dual is least on the way from q to z, cut off at 0; a leads to the first 0."""
+    """Return the point from q towards z, clipped at 0, where the dual stops falling.
+
+    The first zero of a correction is at step a.
+    """
     slack = equations.slack(q)
 
     def at(a: float) -> tuple[float, FloatArray]:
@@ -118,9 +122,9 @@ def _lowest(equations: _Equations, q: FloatArray, z: FloatArray, a: float) -> Fl
 
 
 def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
-    """Solve a step from corrections that some sweeps have left, to a natural residual of the tolerance [m/s].
+    """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
 
-    Where too many contacts would have to change, the last corrections are returned.
+    If too many contacts would have to change, the last corrections are returned.
     """
     unit = problem.unit
     matrix.take(problem.rows)

@@ -1,4 +1,4 @@
-"""Scenes advanced by threads, and what they wait for done by the thread that called."""
+"""Advancing scenes with threads, while the calling thread serves the requests of the scenes."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ if TYPE_CHECKING:
     from warpgrains.solver.engine import Engine
 
 OnProgress = Callable[[int], object]
-"""Told now and then how many steps more have been done."""
+"""Called occasionally with the number of steps done since its last call."""
 
 
 def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | None = None) -> None:
-    """Do the steps that were submitted; a scene that fails stops, and the others go on.
+    """Do the submitted steps; a scene that fails stops, and the other scenes continue.
 
-    The caller's thread watches over them, so that an interrupt reaches them; what is brief it does by itself.
+    The calling thread polls the others, so that an interrupt can cancel them. It does short work alone.
 
     Parameters
     ----------
     engines : sequence of Engine
     threads : int
-        On a CPU; teams of more than one must be as large.
+        Number of CPU threads; it must equal the team size of the engines, unless that is 1.
     on_progress : callable, optional
-        Told now and then, and at the end, how many steps more have been done.
+        Called occasionally and at the end, with the number of steps done since its last call.
     """
     left = 0 if on_progress is None else _left(engines)
 

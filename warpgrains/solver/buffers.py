@@ -1,4 +1,4 @@
-"""The memory of scenes: where every array of a record lies in the block of its scene."""
+"""Memory layout of scenes: every scene has one block of memory for all arrays of its record."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warpgrains.kernels.record import SceneRecord
 from warpgrains.solver.sizes import Counts, Sizes, lengths
 
 ALIGNMENT = 16  # bytes
-LINE = 128  # bytes that cores pass on together
+LINE = 128  # bytes: two cache lines, which cores transfer together
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class Field:
     Attributes
     ----------
     path : tuple of str
-        Names of the structs that it is in, and its own.
+        Names of the enclosing structs and of the array.
     dtype, shape : np.dtype, tuple of int
-        Of one element, as NumPy sees it.
+        Type and shape of one element for NumPy.
     """
 
     path: tuple[str, ...]
@@ -36,7 +36,7 @@ class Field:
 
     @property
     def name(self) -> str:
-        """The path in one word."""
+        """The path as one dotted name."""
         return ".".join(self.path)
 
     @property
@@ -45,7 +45,7 @@ class Field:
         return self.dtype.itemsize * int(np.prod(self.shape, dtype=np.int64))
 
     def of(self, record: Any) -> Any:
-        """Return what stands in the field's place in records, or in nested dictionaries."""
+        """Return the value at the field's path in records or in nested dictionaries."""
         for name in self.path:
             record = record[name]
         return record
@@ -53,7 +53,7 @@ class Field:
 
 @cache
 def fields() -> tuple[Field, ...]:
-    """Return all arrays of the record."""
+    """Return all array fields of the record."""
     return tuple(_fields_of(SceneRecord, ()))
 
 
@@ -68,7 +68,7 @@ def _fields_of(struct: Any, path: tuple[str, ...]) -> Iterator[Field]:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where arrays of scenes lie in the scenes' blocks of memory.
+    """Lengths and offsets of the arrays in the memory blocks of scenes.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Layout:
 
     @classmethod
     def of(cls, size: Sizes) -> Layout:
-        """Lay out scenes of some sizes."""
+        """Return the layout for scenes of some sizes."""
         table = lengths(size)
         length = np.stack([np.broadcast_to(field.of(table), size.grains.shape) for field in fields()])
         item = np.array([field.bytes for field in fields()])[:, None]
@@ -94,26 +94,26 @@ class Layout:
 
 
 def bytes_needed(size: Sizes) -> Counts:
-    """Return what scenes take in memory [bytes], shape (scenes,)."""
+    """Return the memory of each scene [bytes], shape (scenes,)."""
     return Layout.of(size).size + SceneRecord.numpy_dtype()["itemsize"]
 
 
 class Block:
-    """The memory of all arrays of one scene: on a CPU the arrays themselves, else a copy for the host.
+    """The memory of all arrays of one scene: on a CPU the arrays themselves, else a host copy of them.
 
     Parameters
     ----------
     host : ndarray
-        Bytes, in lines of their own: a line that two threads write to is slow for both.
+        Bytes in separate cache lines, because a line that two threads write to slows both down.
     pointer : int
-        Where the host has them.
+        Address on the host.
     device : wp.Device
 
     Attributes
     ----------
     host : ndarray
     pointer : int
-        Where the device has them.
+        Address on the device.
     """
 
     def __init__(self, host: NDArray[np.uint8], pointer: int, device: wp.Device):
@@ -125,7 +125,7 @@ class Block:
 
     @classmethod
     def several(cls, sizes: Counts, device: wp.Device) -> list[Block]:
-        """Return blocks of these sizes [bytes], all zero, which the host has in one piece of memory."""
+        """Return zeroed blocks of these sizes [bytes]. On the host they are in one allocation."""
         whole = (sizes // LINE + 1) * LINE
         memory = np.zeros(int(whole.sum()) + LINE, np.uint8)
         begin = memory.ctypes.data
@@ -134,11 +134,11 @@ class Block:
         return [cls(memory[start : start + size], begin + start, device) for start, size in places]
 
     def pull(self) -> None:
-        """Let the host see what the device has written."""
+        """Copy the block from the device to the host."""
         if self._device is not None:
             self.host[:] = self._device.numpy()
 
     def push(self) -> None:
-        """Let the device see what the host has written."""
+        """Copy the block from the host to the device."""
         if self._device is not None:
             self._device.assign(self.host)

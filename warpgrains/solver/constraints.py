@@ -1,4 +1,4 @@
-"""The constraints J v <= b of a step (kernels/MODEL.md, eqs. 10 and 15), of whichever contacts are wanted."""
+"""The constraints J v <= b of a step (kernels/MODEL.md, eqs. 10 and 15) for any set of contacts."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ Grains = NDArray[np.integer[Any]]
 
 @dataclass(frozen=True, eq=False)
 class StepConstraints:
-    """J v <= b: of k pairs, (J v)_c = (v_i - v_j) . n; then, of grains and walls, v_i . n.
+    """J v <= b. First k pairs, (J v)_c = (v_i - v_j) . n, then wall contacts, (J v)_c = v_i . n.
 
     Attributes
     ----------
     scene : Scene
     position : ndarray
-        Centres of the grains [m], shape (n, 2).
+        Centers of the grains [m], shape (n, 2).
     wall : ndarray
         Grain and wall of every contact with a wall, shape (m - k, 2).
     first, second : ndarray
         Grain i of every contact, shape (m,), and j of the pairs, shape (k,).
     normal : ndarray
-        n, from i to j or into the wall, shape (m, 2).
+        Unit normals n from i to j or into the wall, shape (m, 2).
     gap_rate : ndarray
         b = gap / dt [m/s], shape (m,).
     """
@@ -46,9 +46,9 @@ class StepConstraints:
 
     @classmethod
     def at(cls, scene: Scene, position: FloatArray, pair: Grains, wall: Grains) -> Self:
-        """Return those of some pairs, shape (k, 2), and of some grains and walls, shape (m - k, 2).
+        """Return the constraints of pairs, shape (k, 2), and of contacts (grain, wall), shape (m - k, 2).
 
-        Centres are at these positions [m], shape (n, 2).
+        `position` holds the centers of all grains [m], shape (n, 2).
         """
         (i, j), (grain, _) = pair.T, wall.T
         normal, gap = scene.wall_frames(position, wall)
@@ -63,12 +63,12 @@ class StepConstraints:
         )
 
     def sliding(self, move: FloatArray) -> Self:
-        """Return them for grains with these moves [m], shape (n, 2), along a round wall (eq. 18)."""
+        """Return the constraints with round-wall gaps for displacements [m], shape (n, 2) (eq. 18)."""
         _, gap = self.scene.wall_frames(self.position, self.wall, move)
         return replace(self, gap_rate=np.append(self.gap_rate[: len(self.second)], gap / self.scene.dt))
 
     def only(self, at_walls: BoolArray) -> Self:
-        """Return those of all pairs, and of the contacts with walls that are marked, shape (m - k,)."""
+        """Return the constraints of all pairs and of the selected wall contacts, mask of shape (m - k,)."""
         kept = np.append(np.ones(len(self.second), bool), at_walls)
         return replace(
             self,
@@ -80,11 +80,11 @@ class StepConstraints:
 
     @property
     def wall_grain(self) -> Grains:
-        """Grain of every contact with a wall, shape (m - k,)."""
+        """Grain of every wall contact, shape (m - k,)."""
         return self.wall[:, 0]
 
 
 def every_wall(scene: Scene, grain: Grains) -> Grains:
-    """Return grains at all walls of a scene, in the order of the walls, shape (m, 2)."""
+    """Return contacts (grain, wall) of grains with all walls, ordered by wall, shape (m, 2)."""
     walls = scene.wall_numbers
     return np.stack([np.tile(grain, len(walls)), np.repeat(walls, len(grain))], axis=1)

@@ -1,4 +1,4 @@
-"""The threads of a team: what they share, and how many of them a launch has."""
+"""A team of CPU threads: its shared memory, and the number of its threads in a launch."""
 
 from typing import Any
 
@@ -10,19 +10,21 @@ from warpgrains.solver import tuning
 
 
 class Crew:
-    """A team of CPU threads, of which a launch has as many as were worth their waiting before (pace.py).
+    """A team of CPU threads.
+
+    Each launch uses the number of threads that paid off in earlier launches (pace.py).
 
     Parameters
     ----------
     size : int
-        Of the full team.
+        Threads of the full team.
     first, most : int
-        Threads of the first launch, and of any.
+        Threads of the first launch, and the most of any launch.
 
     Attributes
     ----------
     members : list of TeamRecord
-        The team, as each thread sees it.
+        The team's record for each thread.
     """
 
     def __init__(self, size: int, first: int = 1, most: int = 1):
@@ -49,11 +51,11 @@ class Crew:
 
     @property
     def size(self) -> int:
-        """How many threads take part now."""
+        """Number of threads that take part now."""
         return int(self._pace.numpy()["size"][0])
 
     def threads_of_next_launch(self) -> int:
-        """Begin a launch; return how many threads it is to have, the first of the members."""
+        """Begin a launch and return its number of threads, the first ones of `members`."""
         self._words.numpy()[:] = 0
         pace = self._pace.numpy()[0]
         if pace["size"] < pace["most"] and pace["rest"] <= 0.0:

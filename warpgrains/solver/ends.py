@@ -1,4 +1,4 @@
-"""What many scenes have come to, in arrays: thousands of runs end at once."""
+"""Final states of many scenes as arrays, because thousands of runs of a sweep end at once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Grains(NamedTuple):
-    """Grains of m scenes that have as many each: every array has the axis of the scenes first."""
+    """Grains of m scenes with n grains each. The first axis of every array is that of the scenes."""
 
     mass: FloatArray
     """[kg], shape (m, n)."""
@@ -30,21 +30,21 @@ class Grains(NamedTuple):
     gravity: FloatArray
     """[m/s2], shape (m, 2)."""
     walls: Annulus
-    """Its radii are arrays too [m], shape (m,)."""
+    """The annulus of each scene; its radii are arrays [m], shape (m,)."""
 
 
 class Ends(NamedTuple):
-    """What m scenes with as many grains have come to."""
+    """Final states of m scenes with equal numbers of grains."""
 
     grains: Grains
     dt: FloatArray
     """[s], shape (m,)."""
     done: Mapping[str, NDArray[Any]]
-    """What their steps add up to, by names of fields of `RunStatistics`, shape (m,) each."""
+    """Sums and maxima over their steps, by field of `RunStatistics`, shape (m,) each."""
 
     @classmethod
     def of(cls, records: SceneRecords, which: IndexArray) -> Self:
-        """Return those of some scenes, as the host sees them."""
+        """Return the final states of some scenes from their host memory."""
         host, sums = records.host, records.host["statistics"]
         contact_mass, dt = records.stacked("grains.contact_mass", which), host["dt"][which]
         radii: Any = (records.parameter(name, which) for name in ("radius_in", "radius_out"))

@@ -24,6 +24,7 @@ from warpgrains.kernels.record import (
     SOLVED,
     UNPROVED,
     WITHOUT_ROOM,
+    Phase,
 )
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
@@ -41,18 +42,18 @@ from warpgrains.turns import BUILDING
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-CPU_BLOCK = 1  # threads in which Warp compiles a kernel for a CPU
-BRIEF = 2e7  # iterations of grains: some tenths of a second
+CPU_BLOCK = 1  # block size for which Warp compiles CPU kernels
+BRIEF = 2e7  # grains times iterations, some tenths of a second
 FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, REFUSED)
 
 
 class Engine:
-    """Scenes of one kind, their queue, and the launches that work it off.
+    """Scenes of one kind in memory, their queue, and the launches that process it.
 
     Parameters
     ----------
     scenes : sequence of Scene
-        All of one `Scene.kernel_kind`.
+        Scenes of the same `Scene.kernel_kind`.
     device : wp.Device
     team : int
         Threads that share a scene on a CPU.
@@ -60,13 +61,13 @@ class Engine:
     Raises
     ------
     SimulationError
-        They do not fit in memory.
+        The scenes do not fit in memory.
 
     Attributes
     ----------
     scenes : sequence of Scene
     left, outcome, seconds : ndarray
-        Steps left, what became of the last one, and what they took in all [s], by scene.
+        Remaining steps, outcome of the last step, and total time of the steps [s] of every scene.
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, team: int = 1):
@@ -98,7 +99,7 @@ class Engine:
 
     @property
     def is_compiled(self) -> bool:
-        """Whether the kernels have been compiled before; of a GPU this is not told."""
+        """True if the kernels are in the cache; on a GPU always True, because Warp does not report it."""
         if self._device.is_cuda:
             return True
         with BUILDING:
@@ -106,26 +107,26 @@ class Engine:
         return (Path(wp.config.kernel_cache_dir) / cached).is_dir()
 
     def load_kernels(self) -> None:
-        """Compile the kernels, or load what was compiled before."""
+        """Compile the kernels, or load them from the cache."""
         if self._device.is_cpu:
             with BUILDING:
                 self.kernel.module.load(self._device, CPU_BLOCK)
 
     def begin(self) -> None:
-        """Begin all scenes at their starts, in memory that is new."""
+        """Write the initial states of all scenes to newly allocated memory."""
         if self._records.begin():
             return
         for k, scene in enumerate(self.scenes):
             self.load(k, first_state(scene))
 
     def load(self, k: int, state: State) -> None:
-        """Continue scene k from a state."""
+        """Load a state, from which scene k continues."""
         self._memory[k].load(state)
         self._steps[k] = state.steps
         self._records.push(k)
 
     def _pulled(self, k: int) -> SceneMemory:
-        """Return scene k as the device has left it."""
+        """Return the memory of scene k after copying it from the device."""
         self._records.pull(k)
         return self._memory[k]
 
@@ -134,32 +135,35 @@ class Engine:
         return self._pulled(k).state(self.steps(k))
 
     def steps(self, k: int) -> int:
-        """Return the steps that scene k has done since its start."""
+        """Return the number of steps of scene k since its start."""
         return self._steps[k].item()
 
     def grains(self, k: int, name: str) -> np.ndarray[Any, Any]:
-        """Return an array of the grains of scene k, such as "position"; a copy."""
+        """Return a copy of a grain array of scene k, such as "position"."""
         return self._pulled(k).array(f"grains.{name}").copy()
 
     def last_staggered(self, k: int) -> bool:
-        """Return whether the velocities of scene k were half a step behind before its last good step."""
+        """Return True if the velocities of scene k were half a step behind before its last good step."""
         return self._pulled(k).moment("last_staggered")
 
     def ends(self, which: IndexArray) -> Ends:
-        """Return what some scenes of as many grains have come to since they were submitted; on a CPU."""
+        """Return the final states of scenes with equal numbers of grains, on a CPU.
+
+        They cover the steps since `submit`.
+        """
         ends = Ends.of(self._records, which)
         return ends._replace(done={**ends.done, "seconds": self.seconds[which]})
 
     def corrections(self, k: int) -> Corrections:
-        """Return what the contacts of scene k carry after its last good step."""
+        """Return the corrections of the contacts of scene k after its last good step."""
         return self._pulled(k).corrections()
 
     def keep_history(self, k: int, keep: bool) -> None:
-        """Let reports of scene k have a history, or none; see `SceneRecords.keep_history`."""
+        """Switch the history in reports of scene k on or off, see `SceneRecords.keep_history`."""
         self._records.keep_history(k, self.scenes[k].max_iterations if keep else 0)
 
     def submit(self, steps: Sequence[int]) -> None:
-        """Ask for so many steps of each scene, and start counting anew."""
+        """Set the number of steps to do for each scene, and reset the statistics."""
         self.left[:] = self._submitted[:] = steps
         self.outcome[:] = SOLVED
         self.seconds[:] = 0.0
@@ -167,9 +171,9 @@ class Engine:
         self._service.forget()
 
     def works(self, threads: int) -> list[Callable[[], None]]:
-        """Return the work of each of so many threads: it advances scenes until there is no other free.
+        """Return one task per thread. A task advances free scenes until none is left.
 
-        Of a team there are as many as are worth while now.
+        The number of tasks of a team is the number of threads that pay off now (pace.py).
         """
         if self._device.is_cuda:
             return [self._work_on_gpu]
@@ -187,7 +191,7 @@ class Engine:
         return self._works[:threads]
 
     def _work_on_gpu(self) -> None:
-        """Take the steps of all scenes, one after the other."""
+        """Do the steps of all scenes, one scene after the other."""
         for k in range(len(self.scenes)):
             self._records.push(k)
             while self.left[k] > 0 and self.outcome[k] == SOLVED and not self._halt[0]:
@@ -195,11 +199,11 @@ class Engine:
                     graph = self._graph(k)
                 wp.capture_launch(graph)
                 self._records.pull(k)
-                self.left[k] -= self._memory[k].record["control"]["accepted"]
+                self.left[k] -= self._memory[k].record["control"]["phase"] == Phase.ACCEPTED
                 self.outcome[k] = self._memory[k].record["step"]["outcome"]
 
     def _graph(self, k: int) -> wp.Graph:
-        """Return the graph of a step of scene k on a GPU."""
+        """Return the CUDA graph of one step of scene k."""
         if k not in self._graphs:
             kind = self.scenes[k].kernel_kind
             stages = step(kind)
@@ -213,17 +217,17 @@ class Engine:
 
     @property
     def is_brief(self) -> bool:
-        """Whether the steps left are done before anyone would want to interrupt them."""
+        """True if the remaining steps end before a user could want to interrupt them."""
         return bool(self.left @ self._most < BRIEF)
 
     def halt(self) -> None:
-        """Let the threads give up the steps that they are at, and begin no other; a GPU ends its step."""
+        """Cancel: CPU threads abandon their steps and start no other; a GPU ends its step."""
         self._halt[0] = 1
         self._records.host["control"]["halted"] = 1
 
     def service(self) -> bool:
-        """Do what scenes wait for; return whether one of them can go on."""
-        if not self.outcome.any():  # all are solved; a team ends its launch before it grows
+        """Serve the requests of scenes; return True if one of the scenes can continue."""
+        if not self.outcome.any():  # all are solved; only between two launches a team changes its size
             return bool(self.left.any() and not self._halt[0])
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:
@@ -238,18 +242,18 @@ class Engine:
         return bool((self.left[self.outcome == SOLVED] > 0).any() and not self._halt[0])
 
     def _grow(self) -> list[int]:
-        """Make room where a list needs it; return for which scenes there is room now."""
+        """Enlarge the lists that are full; return the scenes for which there was enough memory."""
         waiting = np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist()
         grown = [k for k in waiting if self._service.make_room(k)]
         self.outcome[[k for k in waiting if k not in grown]] = REFUSED
         return grown
 
     def _done(self, k: int) -> int:
-        """Steps of scene k since its start, those of the run under way included."""
+        """Return the steps of scene k since its start, those of the present launch included."""
         return int(self._steps[k] + self._submitted[k] - self.left[k])
 
     def finish_open_steps(self) -> None:
-        """Bring every scene between two steps, count the steps done, and say what failed."""
+        """Finish or undo all open steps, count the steps done, and keep the reasons of failures."""
         if CHECKED:
             self._raise_violation()
         if self._halt[0]:
@@ -269,10 +273,12 @@ class Engine:
         for k in range(len(self.scenes)):
             violation = self._records.violation(k)
             if violation is not None:
-                raise SimulationError(f"step {self._done(k) + 1}: {violation}: please report this scene")
+                raise SimulationError(
+                    f"step {self._done(k) + 1}: {violation}: please report this defect with the scene"
+                )
 
     def _solve_open_steps(self) -> None:
-        """Solve to their ends the steps amid which lists are to grow."""
+        """Finish the steps during which lists have to grow."""
         while amid := self._grow():
             left = self.left.copy()
             self.left[:] = 0
@@ -282,11 +288,11 @@ class Engine:
             self.left[:] = left
 
     def report(self, k: int) -> StepReport:
-        """Return what the last step of scene k did."""
+        """Return the report of the last step of scene k."""
         return self._pulled(k).report(dict(self._service.proofs[k]).get(self._done(k), ()))
 
     def statistics(self, k: int) -> RunStatistics:
-        """Return what scene k has done since it was submitted."""
+        """Return the statistics of scene k since its steps were submitted."""
         statistics = self._pulled(k).statistics()
         statistics.infeasible = len(self._service.proofs[k])
         statistics.infeasible_grains = self._service.proofs[k][0][1] if self._service.proofs[k] else ()
@@ -294,15 +300,15 @@ class Engine:
         return statistics
 
     def infeasible_steps(self, k: int) -> list[tuple[int, tuple[int, ...]]]:
-        """Return which steps since scene k was submitted have no solution, and the grains that cannot fit."""
+        """Return the steps of scene k since `submit` without a solution, and the grains that cannot fit."""
         return list(self._service.proofs[k])
 
     def error(self, k: int) -> str | None:
-        """Return why scene k stopped before its end, if it did."""
+        """Return the reason why scene k stopped early, or None."""
         return self._service.errors.get(k)
 
 
 def _module_name(method: str, has_friction: bool, way: str) -> str:
-    """Return the name of the module that holds the kernels of a kind, launched in one way."""
+    """Return the name of the module that holds the kernels of a kind for one way of launching."""
     parts = ["warpgrains.kernels", method.replace("-", "_"), "friction" * has_friction, way]
     return "_".join(filter(None, parts))

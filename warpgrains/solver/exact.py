@@ -1,8 +1,8 @@
-"""The host's part of the method "exact": a step that sweeps do not converge, solved by factorizations.
+"""The host's part of the method "exact": factorizations for steps in which sweeps converge too slowly.
 
-It takes the contacts as the kernels have frozen them, with what the sweeps have made of their corrections,
-and puts those of `active_set` in their place, or of `interior_point` where this does not get there. The
-kernels then rebuild velocities, measure the residual and check the list (kernels/exact.py).
+The contacts and their corrections are those at which the kernels stopped. The solution of `active_set`, or of
+`interior_point` if the first fails, replaces the corrections. The kernels then recompute velocities,
+measure the residual and check the list (kernels/exact.py).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.kernels.record import Phase
 from warpgrains.scene.walls import INNER, body_of
 from warpgrains.solver import active_set, interior_point
 from warpgrains.solver.constraints import StepConstraints
@@ -21,12 +22,15 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.scene_memory import SceneMemory
 
-ASKED = 0.5  # of the tolerance, so that the kernels' rounding does not undo it
-BETTER = 0.01  # of the sweeps' residual: what an answer must come to
+ASKED = 0.5  # of the tolerance; leaves a margin for rounding in the kernels
+BETTER = 0.01  # of the residual after the sweeps: an answer must be below
 
 
 def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
-    """Solve a step from corrections that some sweeps have left, as closely as either method can."""
+    """Solve a step from the corrections of some sweeps by the active-set method.
+
+    If it fails, use the interior point method.
+    """
     found = active_set.solve(problem, matrix, q, tolerance)
     if found.residual <= tolerance:
         return found
@@ -36,13 +40,13 @@ def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: f
 
 
 class ExactSolver:
-    """Solves steps of one scene.
+    """Host solver for the steps of one scene.
 
     Parameters
     ----------
     scene : Scene
     memory : SceneMemory
-        Where its contacts are.
+        Memory of its contacts.
     """
 
     def __init__(self, scene: Scene, memory: SceneMemory):
@@ -50,10 +54,10 @@ class ExactSolver:
         self._matrix: NormalMatrix | None = None
 
     def solve(self) -> None:
-        """Replace the corrections of the step, unless no better ones are found, and let the kernels continue.
+        """Replace the corrections of the step if better ones are found, and let the kernels continue.
 
-        The gaps of a round wall depend on velocities (MODEL.md, eq. 18): they are those of the last answer,
-        until it satisfies its own.
+        The gaps of a round wall depend on the velocities (MODEL.md, eq. 18). They are iterated: each problem
+        takes the gaps of the last answer, until an answer satisfies its own gaps.
         """
         contacts, record = FrozenContacts(self._scene, self._memory), self._memory.record
         if self._matrix is None or not self._matrix.fits(contacts.problem.rows):
@@ -75,16 +79,17 @@ class ExactSolver:
             contacts.write(q)
         else:
             record["to_search"] = 0  # a proof that no velocities solve the step
-        record["control"]["corrected"], record["control"]["declined"] = 1, not is_better
+            record["step"]["patience"] = 0
+        record["control"]["phase"], record["control"]["resuming"] = Phase.CORRECTED, not is_better
 
 
 class FrozenContacts:
-    """The listed contacts of a step: pairs in lexicographic order, and grains wall after wall.
+    """The listed contacts of a step: pairs in lexicographic order, then wall contacts ordered by wall.
 
     Attributes
     ----------
     problem : Projection
-        The step's problem, with the gaps of grains that do not move.
+        The step's problem, with the gaps at the start of the step.
     """
 
     def __init__(self, scene: Scene, memory: SceneMemory):
@@ -99,19 +104,19 @@ class FrozenContacts:
         self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
 
     def problem_at(self, q: FloatArray) -> Projection:
-        """Return the step's problem, with the gaps that the walls have for the velocities of corrections."""
+        """Return the step's problem, with the wall gaps for the velocities that corrections q lead to."""
         rows, _, free, unit = self.problem
         scene = self._constraints.scene
         velocity = (free - rows.T @ q).reshape(-1, 2) / np.sqrt(scene.contact_mass)[:, np.newaxis]
         return self.problem._replace(bound=unit * self._constraints.sliding(scene.dt * velocity).gap_rate)
 
     def corrections(self) -> FloatArray:
-        """Return the corrections, in the units of the problem."""
+        """Return the corrections in the units of the problem."""
         walls = np.maximum(self._sign * self._dv[self._at_wall], 0.0)
         return self.problem.unit * np.concatenate([self._dv[self._place], walls])
 
     def write(self, q: FloatArray) -> None:
-        """Give the contacts other corrections."""
+        """Write corrections, in the units of the problem, to the contacts."""
         pairs, walls = np.split(q / self.problem.unit, [len(self._place)])
         self._dv[self._place] = pairs
         self._dv[self._at_wall] = 0.0

@@ -1,4 +1,4 @@
-"""What the contacts carry, in the units of forces (kernels/MODEL.md, eq. 9)."""
+"""Forces of contacts, from their corrections (kernels/MODEL.md, eq. 9)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ error is at most eps / 2 (|b| + mu dv), and within this bound while |b| <= 7 mu 
 
 @dataclass(frozen=True, eq=False)
 class PairContacts(Tabular):
-    """Contacts between grains during the last step: the pairs that carry a correction.
+    """Contacts between grains that carry a correction after the last step.
 
     Examples
     --------
@@ -38,7 +38,7 @@ class PairContacts(Tabular):
     normal: FloatArray
     """Unit normals from i to j, shape (m, 2)."""
     gap: FloatArray
-    """Free distances at the start of the step [m], shape (m,)."""
+    """Gaps at the start of the step [m], shape (m,)."""
     correction: FloatArray
     """Accumulated corrections dv_c [m/s], shape (m,)."""
     force: FloatArray
@@ -55,7 +55,7 @@ class PairContacts(Tabular):
 
 @dataclass(frozen=True, eq=False)
 class WallContacts(Tabular):
-    """Contacts with the walls during the last step: those that carry a correction.
+    """Wall contacts that carry a correction after the last step.
 
     Examples
     --------
@@ -70,7 +70,7 @@ class WallContacts(Tabular):
     normal: FloatArray
     """Unit normals from the grain into the wall, shape (m, 2)."""
     gap: FloatArray
-    """Free distances at the start of the step [m], shape (m,)."""
+    """Gaps at the start of the step [m], shape (m,)."""
     correction: FloatArray
     """Accumulated corrections [m/s], shape (m,), > 0."""
     force: FloatArray
@@ -82,7 +82,7 @@ class WallContacts(Tabular):
 
 
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
-    """Return the contacts between grains, whose centres were at `position` [m], shape (n, 2)."""
+    """Return the contacts between grains, whose centers were at `position` [m], shape (n, 2)."""
     i, j = corrections.pair.T
     mass = scene.contact_mass
     mass_i, mass_j = mass[i], mass[j]
@@ -100,7 +100,7 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
 
 
 def wall_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> WallContacts:
-    """Return the contacts with the walls, of grains whose centres were at `position` [m], shape (n, 2)."""
+    """Return the contacts with the walls, of grains whose centers were at `position` [m], shape (n, 2)."""
     normal, gap = scene.wall_frames(position, corrections.wall)
     mass = scene.contact_mass[corrections.wall[:, 0]]
     dv, dvt = corrections.wall_correction, _tangential(corrections.wall_friction, corrections.wall_correction)

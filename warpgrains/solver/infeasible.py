@@ -1,21 +1,21 @@
-"""Steps that no velocities solve: found, proved, and the grains that cannot fit named.
+"""Proofs that a step has no solution, and the grains that cannot fit.
 
-The contacts of a step demand J v <= b, with (J v)_c = (v_i - v_j) . n of a pair, v_i . n at a wall,
-whose n points into it, and b_c = gap_c / dt (kernels/MODEL.md, eqs. 10 and 15). Weights y >= 0 of the
-contacts prove, for any velocities v that meet these demands (Farkas 1902; y are forces that balance each
-other, J^T y = 0, though they press overlaps apart, b . y < 0),
+The contacts of a step demand J v <= b, with (J v)_c = (v_i - v_j) . n for a pair, v_i . n at a wall (n points
+into the wall), and b_c = gap_c / dt (kernels/MODEL.md, eqs. 10 and 15). For any weights y >= 0 of the
+contacts, velocities v that meet these demands satisfy
 
     b . y >= y . J v = (J^T y) . v >= -max_i |v_i| sum_i |(J^T y)_i|,
 
-so that max_i |v_i| >= -b . y / sum_i |(J^T y)_i|, which rounding makes no larger than it is. Where this speed
-carries a grain across the whole domain within the step, no velocities keep the grains between the walls: the
-step has no solution.
+and so max_i |v_i| >= -b . y / sum_i |(J^T y)_i|, a bound that is rounded downwards. If this speed carries a
+grain across the whole domain within the step, no velocities keep the grains between the walls, and the step
+has no solution. (This is Farkas' lemma, 1902: y are forces in equilibrium, J^T y = 0, that push against
+overlaps, b . y < 0.)
 
-Such weights are the positive part of J v - b where 1/2 |max(0, J v - b)|^2 is least: its gradient J^T y is
-zero there, and b . y = -|y|^2. The velocities that Gauss-Seidel leaves behind are near that place, so the
-search begins from them, by nonlinear conjugate gradients (Polak and Ribiere 1969) with exact line search.
+Such weights are the positive part of J v - b at the minimum of 1/2 |max(0, J v - b)|^2, where the gradient
+J^T y is zero and b . y = -|y|^2. The velocities after Gauss-Seidel sweeps are close to it, so the search
+starts from them. It uses nonlinear conjugate gradients (Polak and Ribiere 1969) with exact line search.
 
-A round wall leaves smaller gaps than its tangent, whose are proved upon: what the tangent refuses, it does.
+Gaps at a round wall are smaller than at its tangent. Proofs use the tangent, and hold for the round wall too.
 """
 
 from __future__ import annotations
@@ -35,39 +35,39 @@ if TYPE_CHECKING:
     from warpgrains.scene.state import Corrections
 
 EPS = np.finfo(float).eps
-TRIES = 100  # search directions: a chain of so many grains is sure to be found
+TRIES = 100  # search directions; any chain of up to this many grains is found
 LINE_STEPS = 3  # Newton steps of a line search, whose derivative is piecewise linear
-SHARES = (0.1, 0.01, 0.001, 0.0)  # of the largest weight, below which a contact is left out of a proof
+SHARES = (0.1, 0.01, 0.001, 0.0)  # fractions of the largest weight below which contacts are dropped
 
 Complex = NDArray[np.complex128]
-"""Vectors in the plane as x + iy."""
+"""Plane vectors as x + iy."""
 
 
 @dataclass(frozen=True)
 class InfeasibilityProof:
-    """Proof that a step has no solution.
+    """A proof that a step has no solution.
 
     Attributes
     ----------
     grains : tuple of int
         The grains that cannot fit, in ascending order.
     speed : float
-        No velocities that are all below it part them within the step [m/s].
+        Lower bound of the largest speed that would separate the grains within the step [m/s].
     """
 
     grains: tuple[int, ...]
     speed: float
 
     def __str__(self) -> str:
-        return f"no velocities below {self.speed:.1e} m/s part them in one step"
+        return f"no velocities below {self.speed:.1e} m/s separate them in one step"
 
 
 class UnilateralConstraints(StepConstraints):
-    """J v <= b of the contacts that carry a correction, and of the walls that grains overlap."""
+    """J v <= b of the contacts that carry a correction and of the walls that grains overlap."""
 
     @classmethod
     def of(cls, scene: Scene, position: FloatArray, corrections: Corrections) -> Self:
-        """Collect the contacts, for grains at these positions [m], shape (n, 2)."""
+        """Collect the constraints for grains at these positions [m], shape (n, 2)."""
         wall, key = every_wall(scene, np.arange(scene.n)), np.array([len(scene.walls) + 2, 1])
         every = cls.at(scene, position, corrections.pair, wall)
         carry = np.isin(wall @ key, (corrections.wall @ key)[corrections.wall_correction > 0.0])
@@ -75,17 +75,17 @@ class UnilateralConstraints(StepConstraints):
 
     @cached_property
     def direction(self) -> Complex:
-        """N as complex numbers, shape (m,)."""
+        """Normals as complex numbers, shape (m,)."""
         return _complex(self.normal)
 
     @cached_property
     def grain_pushed(self) -> Grains:
-        """Both ends of all contacts, shape (m + k,)."""
+        """Both grains of every pair and the grain of every wall contact, shape (m + k,)."""
         return np.concatenate([self.first, self.second])
 
     @cached_property
     def most(self) -> int:
-        """Contacts of the grain that has the most."""
+        """Largest number of contacts of one grain."""
         return int(np.bincount(self.grain_pushed).max())
 
     def approach(self, velocity: Complex) -> FloatArray:
@@ -102,10 +102,10 @@ class UnilateralConstraints(StepConstraints):
         return x + 1j * y
 
     def least_speed(self, weight: FloatArray, imbalance: Complex) -> float:
-        """Return what weights y >= 0, not all zero, prove: no velocities below it meet the demands [m/s].
+        """Return the largest speed [m/s] that weights y >= 0, not all zero, prove to be necessary.
 
-        A sum of m products is off by less than m eps times the sum of their sizes, whatever its order; a
-        normal is off by 2 eps, and a component of (J^T y)_i is the sum of at most `most` products.
+        A sum of m products has an error below m eps times the sum of their absolute values, in any order. A
+        normal has an error of 2 eps, and a component of (J^T y)_i is a sum of at most `most` products.
         """
         total = weight.sum()
         rounding = self.scene.annulus.rounding / self.scene.dt  # of an entry of b
@@ -115,9 +115,9 @@ class UnilateralConstraints(StepConstraints):
 
 
 def iterations_worth_a_search(grains: int) -> int:
-    """Return how many iterations of the contact loop take at least 20 times as long as a search.
+    """Return the number of iterations of the contact loop that take 20 times as long as a search.
 
-    Measured on one core: a search of 100 directions takes 5 ms and 16 us a grain, a sweep 0.2 us and 11 ns.
+    Measured on one core: a search of 100 directions takes 5 ms + 16 us per grain, a sweep 0.2 us + 11 ns.
     """
     return 30_000 + 12_000_000 // (grains + 40)
 
@@ -125,21 +125,21 @@ def iterations_worth_a_search(grains: int) -> int:
 def find_infeasibility_proof(
     scene: Scene, position: FloatArray, velocity: FloatArray, corrections: Corrections
 ) -> InfeasibilityProof | None:
-    """Look for a proof that a step has no solution; None if none is found, which proves nothing.
+    """Search for a proof that a step has no solution. None is no evidence of a solution.
 
     Parameters
     ----------
     scene : Scene
     position : ndarray
-        Centres at the start of the step [m], shape (n, 2).
+        Centers at the start of the step [m], shape (n, 2).
     velocity : ndarray
-        What the contact iteration made of the velocities [m/s], shape (n, 2).
+        Velocities after the contact iteration [m/s], shape (n, 2).
     corrections : Corrections
-        What the contacts carry after it.
+        Corrections after the contact iteration.
     """
     contacts = UnilateralConstraints.of(scene, position, corrections)
     if not (contacts.gap_rate < 0.0).any():
-        return None  # at rest, every demand is met
+        return None  # velocities of zero meet every demand
     too_fast = scene.annulus.diameter / scene.dt
     excess = contacts.approach(_complex(velocity)) - contacts.gap_rate
     last_slope, direction = np.zeros(scene.n, complex), np.zeros(scene.n, complex)
@@ -162,7 +162,7 @@ def find_infeasibility_proof(
 
 
 def _least_along(excess: FloatArray, change: FloatArray) -> FloatArray:
-    """Return excess + t change, where the sum of squares of its positive part is least."""
+    """Return excess + t change for the t that minimizes the sum of squares of its positive part."""
     t = 0.0
     for _ in range(LINE_STEPS):
         at_t = excess + t * change
@@ -176,7 +176,7 @@ def _least_along(excess: FloatArray, change: FloatArray) -> FloatArray:
 
 
 def _smallest(contacts: UnilateralConstraints, weight: FloatArray, too_fast: float) -> InfeasibilityProof:
-    """Return what is left of a proof when contacts of little weight are left out, as far as it stays one."""
+    """Return a proof with fewer grains, by dropping contacts of small weight while it remains a proof."""
     for share in SHARES:
         kept = np.where(weight >= share * weight.max(), weight, 0.0)
         speed = contacts.least_speed(kept, contacts.imbalance(kept))

@@ -1,15 +1,14 @@
-"""A step's convex problem (projection.py), by a proximal interior point method from given corrections.
+"""Proximal interior point method for a step's convex problem (projection.py), from given corrections.
 
-Its solution is where
+The solution satisfies
 
     u = u0 - A^T q,   s = b - A u,   q, s >= 0,   q_c s_c = 0.
 
-The last equation is relaxed to q_c s_c = mu, and mu driven to 0 by Newton's steps, with Mehrotra's predictor
-and corrector (1992). Each needs the factors of one matrix, I + A^T diag(q / (s + q / rho)) A. The proximal
-term rho (Rockafellar 1976) bounds it where contacts are more than a pile needs; it changes the way, not its
-end. Corrections that sweeps have left are nearly right but on the border, from where no long step is
-possible: the start is centred, moved to q_c s_c = mu with q - s as it is, and so is a point from which a
-step turns out short.
+The last equation is relaxed to q_c s_c = mu, and mu is driven to 0 by Newton steps with Mehrotra's predictor
+and corrector (1992). Each step factors one matrix, I + A^T diag(q / (s + q / rho)) A. The proximal term rho
+(Rockafellar 1976) bounds it if contacts are redundant; it changes the path, but not the solution. Corrections
+after sweeps are nearly right but on the boundary, from where no long step is possible. The start is therefore
+centered: q and s move to q_c s_c = mu with q - s unchanged. The same is done after a short step.
 """
 
 from typing import NamedTuple
@@ -19,20 +18,20 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.solver.projection import PROXIMITY, NormalMatrix, Projection, Solution
 
-FIRST = 30.0  # of the natural residual, whose square mu is at first
-WIDER = 100.0  # times the mean of q s: mu after a short step, and by how much more after the next,
-GROWTH = 3.0  # so that the way does not lead in a circle
-SHORT = 0.2  # of a step, from which on the iteration starts anew with a wider mu
-NEARLY = 0.999  # of the way to the border
+FIRST = 30.0  # initial sqrt(mu), in natural residuals
+WIDER = 100.0  # mu after a short step, in means of q s; GROWTH times that after the next,
+GROWTH = 3.0  # so that the iteration cannot cycle
+SHORT = 0.2  # step length below which the iteration restarts with a larger mu
+NEARLY = 0.999  # of the distance to the boundary
 MOST = 60  # factorizations
-LONG, STUCK = 0.9, 3  # a step, and how many of them leave A u + s - b as large: no u satisfies the bounds
-MOST_RESTARTS = 3  # after short steps: a step that has a solution has needed two
-STALLED = 25  # steps that do not halve the residual, after which more are of no use
-NEGLIGIBLE = 0.02  # of the tolerance: a correction of a contact that lets go
+LONG, STUCK = 0.9, 3  # steps, and their number without reducing A u + s - b: then no u satisfies the bounds
+MOST_RESTARTS = 3  # after short steps; steps with a solution have needed at most two
+STALLED = 25  # steps without halving the residual, after which the method gives up
+NEGLIGIBLE = 0.02  # in tolerances: contacts with smaller corrections are open
 
 
 class _Iterate(NamedTuple):
-    """A point on the way, q, s > 0, or a direction."""
+    """A point q, s > 0 of the iteration, or a direction."""
 
     u: FloatArray
     q: FloatArray
@@ -47,7 +46,7 @@ class _Iterate(NamedTuple):
         return float(1.0 / max(1.0, (-way.q / self.q).max(), (-way.s / self.s).max()))
 
     def centred(self, mu: float) -> "_Iterate":
-        """Return the q, s > 0 with the same q - s, and q s = mu; the smaller one without cancellation."""
+        """Return the q, s > 0 with the same q - s and with q s = mu; the smaller one without cancelation."""
         t = self.q - self.s
         large = 0.5 * (np.sqrt(t * t + 4.0 * mu) + np.abs(t))
         small = mu / large
@@ -59,7 +58,7 @@ class _Iterate(NamedTuple):
 
 
 def _begin(problem: Projection, q: FloatArray) -> tuple[_Iterate, float]:
-    """Return the point to start from, and its mu: the larger, the less q solves the step."""
+    """Return the start and its mu, which is larger if q solves the step less well."""
     across = problem.rows.T
     t = problem.target(q)
     error = np.maximum(t, 0.0) - q
@@ -69,7 +68,7 @@ def _begin(problem: Projection, q: FloatArray) -> tuple[_Iterate, float]:
 
 
 def _direction(problem: Projection, matrix: NormalMatrix, at: _Iterate) -> _Iterate:
-    """Return Mehrotra's direction."""
+    """Return Mehrotra's predictor-corrector direction."""
     rows, b, free, _ = problem
     u, q, s = at
     rd, rp = u - free + rows.T @ q, rows @ u + s - b
@@ -88,9 +87,9 @@ def _direction(problem: Projection, matrix: NormalMatrix, at: _Iterate) -> _Iter
 
 
 def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
-    """Solve a step from corrections that some sweeps have left, to a natural residual of the tolerance [m/s].
+    """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
 
-    Where the residual does not come down to it, the best corrections are returned; they may be those given.
+    If this residual is not reached, the best corrections are returned; they may be those given.
     """
     rows, b, _, unit = problem
     matrix.take(rows)

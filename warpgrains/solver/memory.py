@@ -1,4 +1,7 @@
-"""Whether a scene fits in memory: asked before buffers are allocated, not found out by a killed process."""
+"""Check of free memory before buffers are allocated.
+
+Without it, the operating system would kill a process that takes too much, with no message.
+"""
 
 from pathlib import Path
 
@@ -8,20 +11,20 @@ from warpgrains.errors import SimulationError
 
 
 def require_memory(needed: int, grains: int, device: wp.Device) -> None:
-    """Refuse what does not fit.
+    """Raise SimulationError if a device lacks the memory for a scene.
 
     Parameters
     ----------
     needed : int
-        [bytes]
+        Memory [bytes].
     grains : int
-        For how many grains, with the candidate pairs that there is to be room for.
+        Number of grains, for the message.
     device : wp.Device
 
     Raises
     ------
     SimulationError
-        They need more memory than the device has free.
+        More memory is needed than the device has free.
     """
     free = free_memory(device)
     if needed > free:
@@ -32,7 +35,7 @@ def require_memory(needed: int, grains: int, device: wp.Device) -> None:
 
 
 def free_memory(device: wp.Device) -> float:
-    """Return the free memory of a device [bytes], infinite where it is not told."""
+    """Return the free memory of a device [bytes], infinite if it is unknown."""
     if device.is_cuda:
         return float(device.free_memory)
     meminfo = Path("/proc/meminfo")

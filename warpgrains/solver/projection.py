@@ -1,11 +1,11 @@
 """A step as a convex problem, and the matrix that is factored to solve it.
 
-In units of its own, u = sqrt(M) v and q = sqrt(mu_c) dv, a step is (kernels/MODEL.md, eq. 20)
+In the scaled variables u = sqrt(M) v and q = sqrt(mu_c) dv, a step is (kernels/MODEL.md, eq. 20)
 
     min 1/2 |u - u0|^2  subject to  A u <= b,     u = u0 - A^T q,   q >= 0
 
-with rows of length 1. What solves it takes sums that are NumPy's own, and factors of qdldl, of one thread and
-without BLAS: the same bits every time.
+with rows of length 1. Sums are NumPy's own loops and factorizations are those of qdldl, single-threaded and
+without BLAS, so that the bits are the same every time.
 """
 
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from scipy import sparse
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.solver.constraints import Grains, StepConstraints
 
-PROXIMITY = 1e9  # rho: without it matrices grow to 1e13, and residuals stay at 1e-5 to 1e-7
+PROXIMITY = 1e9  # rho; without it matrix entries reach 1e13, and residuals stall at 1e-5 to 1e-7
 
 
 class Projection(NamedTuple):
@@ -30,10 +30,10 @@ class Projection(NamedTuple):
     free: FloatArray
     """u0, shape (2 n,)."""
     unit: FloatArray
-    """What one m/s of a contact's correction is in q, shape (m,)."""
+    """Scale of q: the value of q for a correction of 1 m/s, shape (m,)."""
 
     def target(self, q: FloatArray) -> FloatArray:
-        """Return q - s, whose positive part is q at the solution."""
+        """Return q - s, whose positive part equals q at the solution."""
         return q - self.bound + self.rows @ (self.free - self.rows.T @ q)
 
     def residual(self, q: FloatArray) -> float:
@@ -42,7 +42,7 @@ class Projection(NamedTuple):
 
 
 def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Projection:
-    """Return a step's problem, from its free velocities [m/s], shape (n, 2)."""
+    """Return a step's problem from its constraints and free velocities [m/s], shape (n, 2)."""
     mass, normal = constraints.scene.contact_mass, constraints.normal
     j, alone, pairs = constraints.second, constraints.wall_grain, len(constraints.second)
     i = constraints.first[:pairs]
@@ -59,12 +59,12 @@ def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Pr
 
 
 def _columns(grain: Grains) -> Grains:
-    """Return the indices of the velocities of grains among all, shape (m, 2)."""
+    """Return the columns of A for the velocities of grains, shape (m, 2)."""
     return np.stack([2 * grain, 2 * grain + 1], axis=1)
 
 
 class Solution(NamedTuple):
-    """The best corrections found."""
+    """Corrections and their natural residual."""
 
     q: FloatArray
     """Shape (m,)."""
@@ -74,9 +74,9 @@ class Solution(NamedTuple):
 
 
 class NormalMatrix:
-    """I + A^T diag(d) A and its factors, for all A with nonzeros where this one has them.
+    """I + A^T diag(d) A and its factors, for all A with the same sparsity pattern.
 
-    Its entries are a matrix times d, whose pattern is found once, and values for every A.
+    The entries are a matrix times d. The pattern of that matrix is found once, its values for every A.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class NormalMatrix:
         self._factors: Any = None
 
     def fits(self, rows: sparse.csr_array) -> bool:
-        """Return whether another A has its nonzeros at the same indices."""
+        """Return True if another A has the same sparsity pattern."""
         return np.array_equal(rows.indices, self._columns) and np.array_equal(rows.indptr, self._starts)
 
     def take(self, rows: sparse.csr_array) -> None:
@@ -114,7 +114,7 @@ class NormalMatrix:
         self._map.data[:] = rows.data[self._left] * rows.data[self._right]
 
     def factor(self, diagonal: FloatArray) -> None:
-        """Factor it for some d."""
+        """Factor the matrix for some d."""
         self._matrix.data[:] = self._identity + self._map @ diagonal
         if self._factors is None:
             self._factors = qdldl.Solver(self._matrix, upper=True)
@@ -122,12 +122,12 @@ class NormalMatrix:
             self._factors.update(self._matrix, upper=True)
 
     def solve(self, right: FloatArray) -> FloatArray:
-        """Return its inverse times a vector, once it is factored."""
+        """Return the inverse of the factored matrix times a vector."""
         return self._factors.solve(right)
 
 
 def _products(rows: sparse.csr_array) -> list[tuple[IndexArray, IndexArray, IndexArray, IndexArray]]:
-    """Return all terms of A^T diag(d) A, upper triangle: place by columns, row of A, two entries of A."""
+    """Return all terms of A^T diag(d) A, upper triangle: position by columns, row of A, two entries of A."""
     found = []
     lengths = np.diff(rows.indptr)
     for length in np.unique(lengths):

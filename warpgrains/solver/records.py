@@ -1,4 +1,4 @@
-"""The records of scenes of one kind, and the memory that they point to."""
+"""The records of scenes of one kind, and the memory blocks of their arrays."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 
 class SceneRecords:
-    """Records on a device, each with a block of memory for all its arrays.
+    """Records of scenes on a device, each with one memory block for all its arrays.
 
     Parameters
     ----------
     scenes : sequence of Scene
-        All of one kind (`Scene.kernel_kind`).
+        Scenes of the same `Scene.kernel_kind`.
     team : int
         Threads that share a scene.
     device : wp.Device
@@ -42,7 +42,7 @@ class SceneRecords:
     ----------
     device : array of SceneRecord
     host : ndarray
-        The same as the host sees them.
+        The same records in host memory.
     """
 
     def __init__(self, scenes: Sequence[Scene], team: int, device: wp.Device):
@@ -63,7 +63,7 @@ class SceneRecords:
         self._write_parameters()
 
     def _place(self, which: Counts, sizes: Sizes) -> None:
-        """Give scenes new blocks of memory, and write in their records where the arrays are."""
+        """Allocate memory blocks for scenes, and write the addresses of their arrays to the records."""
         layout = Layout.of(sizes)
         blocks = Block.several(layout.size, self._device)
         base = np.array([block.pointer for block in blocks], np.uint64)
@@ -86,7 +86,7 @@ class SceneRecords:
         return records + np.uint64(self.device.ptr + offset)
 
     def violation(self, k: int) -> str | None:
-        """Return which index of scene k was outside of its array, in checked mode (access.py), or None."""
+        """Return the array index of scene k that was out of bounds, in checked mode (access.py), or None."""
         found = self.host["violation"][k]
         if not found["found"]:
             return None
@@ -100,7 +100,7 @@ class SceneRecords:
         return f"{stage} uses {where}, which has length {found['length']}"
 
     def _write_parameters(self) -> None:
-        """Write what a scene's record holds beside arrays."""
+        """Write all fields of the records that are not arrays."""
         host, scenes, sizes = self.host, self._scenes, self.sizes
         for name in ("gravity", "drag", "spin_drag", "friction", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
@@ -139,25 +139,23 @@ class SceneRecords:
 
     @staticmethod
     def _write_surfaces(surface: FloatArray, scene: Scene) -> None:
-        """Write friction of the walls, and the speed of each along its tangent (kernels/friction.py)."""
+        """Write the friction of the walls and the speed of each along its tangent (kernels/friction.py)."""
         surface[:] = scene.friction_at_walls, 0.0
         surface[0, 1] = scene.radius_out * scene.angular_velocity_out
         if scene.has_two_circles:
             surface[1, 1] = -scene.radius_in * scene.angular_velocity_in
 
     def begin(self) -> bool:
-        """Write all starts to new memory at once; return False where scenes are not laid out alike."""
+        """Write all initial states at once; return False if the layouts of the scenes differ."""
         if self.together("verlet.skin") is None:
             return False
         for name in ("radius", "mass", "contact_mass", "position", "velocity"):
             array = self._together(f"grains.{name}")
             array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(array.shape)
         if self.sizes.friction:
-            for name in ("spin", "rim_mass"):
+            for name, own in (("spin", "spin_at_start"), ("rim_mass", "rim_mass")):
                 array = self._together(f"grains.{name}")
-                array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(
-                    array.shape
-                )
+                array[:] = np.stack([getattr(scene, own) for scene in self._scenes])
         self._together("grains.last_position")[:] = self._together("grains.position")
         self._together("verlet.skin")[:] = tuning.NO_SKIN
         self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self._scenes]
@@ -171,7 +169,7 @@ class SceneRecords:
         return np.ndarray(shape, field.dtype, self._block(k).host, self._offset[number, k].item())
 
     def together(self, name: str) -> np.ndarray[Any, Any] | None:
-        """Return an array of all scenes, a view (scenes, ...); None unless they are laid out alike."""
+        """Return an array of all scenes as a view (scenes, ...); None if their layouts differ."""
         number = self._number[name]
         field, length = fields()[number], self._length[number]
         start, memory = field.of(self.host)["data"].astype(np.int64), self._memory
@@ -190,18 +188,18 @@ class SceneRecords:
         return array
 
     def stacked(self, name: str, which: IndexArray) -> np.ndarray[Any, Any]:
-        """Return an array of some scenes, as long in each of them, shape (m, ...); a copy."""
+        """Return a copy of an array of some scenes, of the same length in each, shape (m, ...)."""
         whole = self.together(name)
         return np.stack([self.array(int(k), name) for k in which]) if whole is None else whole[which]
 
     def parameter(self, name: str, which: IndexArray) -> FloatArray:
-        """Return a number of some scenes, such as "radius_in", shape (m,)."""
+        """Return a field of some scenes, such as "radius_in", shape (m,)."""
         return np.array([getattr(self._scenes[k], name) for k in which])
 
     def wall_corrections(self, which: IndexArray) -> FloatArray:
-        """Return what grains of some scenes carry at each wall [m/s], shape (m, n, walls).
+        """Return the corrections of the grains of some scenes at each wall [m/s], shape (m, n, walls).
 
-        The scenes have as many grains and walls.
+        The scenes have equal numbers of grains and walls.
         """
         contact, dv = (self.together(f"contacts.{name}") for name in ("contact", "dv"))
         if contact is not None and dv is not None:
@@ -233,7 +231,7 @@ class SceneRecords:
         return np.ndarray(count, np.float64, self._bytes, k * self.host.itemsize + offset)
 
     def make_room(self, k: int, contacts: int) -> None:
-        """Move scene k to where a list of so many contacts has room.
+        """Move scene k to a memory block that holds a list of `contacts` contacts.
 
         Raises
         ------
@@ -247,7 +245,9 @@ class SceneRecords:
         self._resize(k, replace(self.sizes, contacts=grown))
 
     def keep_history(self, k: int, iterations: int) -> None:
-        """Let scene k keep zeta and residual of so many iterations of each step; 0: of none.
+        """Reserve memory for zeta and residual of the first `iterations` iterations of each step of scene k.
+
+        With 0, no history is kept.
 
         Raises
         ------
@@ -259,7 +259,7 @@ class SceneRecords:
             self._resize(k, replace(self.sizes, history=iterations))
 
     def _resize(self, k: int, sizes: Sizes) -> None:
-        """Move scene k to where there is room for other sizes."""
+        """Move scene k to a memory block for other sizes."""
         require_memory(int(bytes_needed(sizes.of(k))[0]), self._scenes[k].n, self._device)
         kept = {field.name: self.array(k, field.name) for field in fields()}
         self.sizes, self._memory = sizes, None
@@ -270,13 +270,13 @@ class SceneRecords:
         self.push(k)
 
     def pull(self, k: int) -> None:
-        """Let the host see what the device has written of scene k."""
+        """Copy the record and block of scene k from the device."""
         if not self._device.is_cpu:
             self.host[:] = self.device.numpy()
             self._block(k).pull()
 
     def push(self, k: int) -> None:
-        """Let the device see what the host has written of scene k."""
+        """Copy the record and block of scene k to the device."""
         if not self._device.is_cpu:
             self.device.assign(self.host)
             self._block(k).push()
@@ -284,7 +284,7 @@ class SceneRecords:
 
 @cache
 def _verlet_numbers() -> tuple[int, int]:
-    """Return where in a record `VerletNumbers` begin [bytes], and how many floats they are."""
+    """Return the offset of `VerletNumbers` in a record [bytes], and their number of floats."""
     dtype = np.dtype(SceneRecord.numpy_dtype())
     offset = dtype.fields["verlet"][1] + dtype["verlet"].fields["numbers"][1]
     return offset, VerletNumbers.numpy_dtype()["itemsize"] // 8

@@ -1,4 +1,4 @@
-"""One scene in memory: a state written to it, and what it has come to read from it."""
+"""One scene in memory: writing a state to it, and reading state, report and statistics from it."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import IntArray
+from warpgrains.kernels.record import Phase, StepState
 from warpgrains.kernels.record import RunStatistics as Sums
-from warpgrains.kernels.record import StepState
 from warpgrains.scene.state import Corrections, State, VerletList
 from warpgrains.scene.walls import INNER, body_of, wall_of
 from warpgrains.solver import tuning
@@ -24,19 +24,19 @@ VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity"
 
 
 class SceneMemory:
-    """One scene of some records.
+    """The memory of one scene among some records.
 
     Parameters
     ----------
     records : SceneRecords
     k : int
-        Its place among them.
+        Index of the scene in `records`.
     scene : Scene
 
     Attributes
     ----------
     record : np.void
-        The record itself, a view.
+        View of the record.
     """
 
     def __init__(self, records: SceneRecords, k: int, scene: Scene):
@@ -44,7 +44,7 @@ class SceneMemory:
         self.record = records.host[k]  # a view
 
     def array(self, name: str) -> np.ndarray[Any, Any]:
-        """Return an array of the record, such as "grains.position"; valid until the list grows."""
+        """Return an array of the record, such as "grains.position"; it is valid until the list grows."""
         return self._records.array(self._k, name)
 
     @property
@@ -54,7 +54,7 @@ class SceneMemory:
         return int(count["pairs"] + count["walls"])
 
     def _listed(self) -> tuple[IntArray, IntArray]:
-        """Return grain and other body of the listed contacts, in lexicographic order, and their indices."""
+        """Return grain and other body of the listed contacts in lexicographic order, and their indices."""
         first = np.repeat(np.arange(self._scene.n, dtype=np.int32), np.diff(self.array("neighbors.start")))
         body = np.stack([first, self.array("neighbors.neighbor")[: len(first)]], axis=1)
         return body, self.array("workspace.sweep_index")[: len(first)]
@@ -72,13 +72,16 @@ class SceneMemory:
         return body[is_wall] - np.array([0, self._scene.n], np.int32), index[is_wall]
 
     def _listed_sides(self) -> IntArray:
-        """Return grains and walls of the listed contacts, the annulus as its outer circle, shape (m, 2)."""
+        """Return (grain, wall) of listed wall contacts, shape (m, 2).
+
+        The annulus counts as its outer circle.
+        """
         wall = self.listed_walls()[0]
         wall[:, 1] = wall_of(wall[:, 1], np.zeros(len(wall)), self._scene.has_two_circles)
         return wall
 
     def corrections(self) -> Corrections:
-        """Return what the contacts carry after the last good step."""
+        """Return the corrections of the contacts after the last good step."""
         (pair, at_pair), (wall, at_wall) = self.listed_pairs(), self.listed_walls()
         dv, dv_wall = (self.array("contacts.dv")[index] for index in (at_pair, at_wall))
         active, at_side = dv != 0.0, dv_wall != 0.0
@@ -90,7 +93,7 @@ class SceneMemory:
         return Corrections(*carried, dvt[at_pair[active]], dvt[at_wall[at_side]])
 
     def state(self, steps: int) -> State:
-        """Return the exact state, after so many steps."""
+        """Return the exact state; `steps` is its number of steps."""
         numbers = self._records.verlet_numbers(self._k).copy()
         lists = VerletList(
             pair=self.listed_pairs()[0],
@@ -107,11 +110,11 @@ class SceneMemory:
         return State(steps, position, velocity, self.corrections(), lists, staggered, **rotation)
 
     def moment(self, name: str) -> bool:
-        """Return a flag of the record's scheme, such as "last_staggered"."""
+        """Return a flag of the record's time scheme, such as "last_staggered"."""
         return bool(self.record["scheme"][name])
 
     def load(self, state: State) -> None:
-        """Continue from a state."""
+        """Load a state, from which the scene continues."""
         lists, corrections = state.lists, state.corrections
         if lists is None:
             self._list(corrections.pair, corrections.wall, corrections)
@@ -137,14 +140,14 @@ class SceneMemory:
         record["scheme"]["staggered"] = state.staggered
 
     def _forget_list(self) -> None:
-        """Let the next step ask for a list: no skin suffices."""
+        """Invalidate the list, so that the next step requests a new one."""
         self.array("verlet.skin")[:] = tuning.NO_SKIN
         self.array("verlet.recent_deviation")[:] = 0.0
         self._records.verlet_numbers(self._k)[:] = 0.0
         self.record["verlet"]["numbers"]["base_skin"] = tuning.first_skin(self._scene)
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
-        """List pairs in lexicographic order and grains at the walls, with what they carry."""
+        """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
         n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 2, 1])
         carrying, body = (self._bodies(*of) for of in ((corrections.pair, corrections.wall), (pair, wall)))
         one_wall = not self._scene.has_two_circles
@@ -175,22 +178,23 @@ class SceneMemory:
         self.record["contacts"]["count"] = len(pair), 0, len(wall), int(len(wall) > 0)
 
     def _bodies(self, pair: IntArray, wall: IntArray) -> IntArray:
-        """Return contacts as the device has them, shape (m, 2): walls are bodies from n on."""
+        """Return contacts as pairs of bodies of the device, shape (m, 2). Walls are bodies >= n."""
         body = self._scene.n + body_of(wall[:, 1], self._scene.has_two_circles)
         return np.concatenate([pair, np.stack([wall[:, 0], body], axis=1)])
 
     def give_up_step(self) -> None:
-        """Take back what an unfinished step did; the next one makes a list anew if this one was about to."""
-        self.record["control"]["corrected"] = 0
+        """Undo an unfinished step; if it was about to rebuild the list, the next step does so."""
         for name in ("dv", "dvt"):
             start = self.array(f"contacts.{name}_start")[: self.contacts]
             self.array(f"contacts.{name}")[: self.contacts] = start
-        if self.record["control"]["unlisted"] or self.record["control"]["recoloring"]:
+        control = self.record["control"]
+        if control["phase"] == Phase.FULL or control["recoloring"]:
             self.record["control"] = 0
             self.array("verlet.skin")[:] = tuning.NO_SKIN
+        control["phase"] = Phase.ENDED
 
     def report(self, infeasible: tuple[int, ...]) -> StepReport:
-        """Return what the last step did; `infeasible` are the grains that are proved not to fit."""
+        """Return the report of the last step; `infeasible` are the grains that are proved not to fit."""
         step = dict(zip(STEP, self.record["step"].tolist(), strict=True))
         return StepReport(
             iterations=step["iterations"],
@@ -209,15 +213,15 @@ class SceneMemory:
         )
 
     def _history(self, iterations: int) -> StepHistory | None:
-        """Return what the iterations of the last step came to, where that was kept."""
+        """Return zeta and residual of the iterations of the last step, if they were kept."""
         zeta, residual = (self.array(f"history.{name}") for name in StepHistory._fields)
         return StepHistory(zeta[:iterations].copy(), residual[:iterations].copy()) if len(zeta) else None
 
     def statistics(self) -> RunStatistics:
-        """Return what the device has added up."""
+        """Return the sums and maxima that the device has accumulated."""
         sums = dict(zip(SUMS, self.record["statistics"].item(), strict=True))
         return RunStatistics(**sums, gap_error=self._gap_error(sums["residual"]))
 
     def _gap_error(self, residual: float) -> float:
-        """Return dt * residual in smallest radii."""
+        """Return dt * residual in units of the smallest radius."""
         return self._scene.dt * residual / self._scene.smallest_radius

@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
     from warpgrains.solver.scene_memory import SceneMemory
 
-REFUSED = -1  # outcome of a step whose list finds no memory
+REFUSED = -1  # outcome of a step whose list does not fit in memory
 
 
 def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
-    """Return the class that solves steps for a scene; None if the method needs none.
+    """Return the class that solves steps of a scene on the host; None if the method needs none.
 
     Raises
     ------
-    SceneError
-        It is "exact", and qdldl is not installed; it comes with the extra ``[exact]``.
+    InputError
+        The method is "exact" and qdldl, which the extra ``[exact]`` installs, is missing.
     """
     if method != "exact":
         return None
@@ -41,7 +41,7 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
 
 
 class Service:
-    """Answers requests of scenes during a step, and keeps the proofs and errors found.
+    """Server for the requests of scenes during a step; it keeps the proofs and errors.
 
     Parameters
     ----------
@@ -49,14 +49,14 @@ class Service:
         All of one method.
     records : SceneRecords
     memory : list of SceneMemory
-        Of each scene.
+        Memory of each scene.
 
     Attributes
     ----------
     proofs : list of list
-        Steps that have no solution, by number, and the grains that cannot fit, of each scene.
+        For each scene, the steps that have no solution and the grains that cannot fit.
     errors : dict of int to str
-        Why scenes stopped before their end.
+        Reasons why scenes stopped early, by scene.
     """
 
     def __init__(self, scenes: Sequence[Scene], records: SceneRecords, memory: list[SceneMemory]):
@@ -71,7 +71,7 @@ class Service:
         self.errors: dict[int, str] = {}
 
     def make_room(self, k: int) -> bool:
-        """Reserve memory for the list of scene k; return whether there is enough."""
+        """Reserve memory for the list of scene k; return True if there is enough."""
         try:
             self._records.make_room(k, int(self._memory[k].array("neighbors.total")[0]))
         except SimulationError as error:
@@ -80,11 +80,11 @@ class Service:
         return True
 
     def solve_exactly(self, k: int) -> None:
-        """Solve the step of scene k where its sweeps are too slow."""
+        """Solve the step of scene k, in which sweeps converge too slowly."""
         self._exact[k].solve()
 
     def look_for_proof(self, k: int, step: int) -> None:
-        """Name the grains of scene k that cannot fit after an unconverged step, of this number."""
+        """Search for the grains of scene k that cannot fit, after step number `step` did not converge."""
         proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity")
         wait = 0 if proof else iterations_worth_a_search(self._scenes[k].n)
         self._memory[k].record["to_search"] = wait
@@ -92,7 +92,7 @@ class Service:
             self.proofs[k].append((step, proof.grains))
 
     def explain(self, k: int, outcome: int, done: int) -> None:
-        """Keep why the step of scene k after `done` steps failed."""
+        """Store the reason why the step of scene k after `done` steps failed."""
         scene = self._scenes[k]
         why = self.errors[k] if outcome == REFUSED else _reason(scene, self._memory[k], outcome)
         self.errors[k] = f"step {done + 1}, from t = {done * scene.dt} s: {why}"
@@ -104,7 +104,7 @@ class Service:
 
 
 def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
-    """Return why the step of a scene failed with such an outcome."""
+    """Return the message for the outcome of a failed step."""
     if outcome == NOT_CONVERGED:
         return _not_converged(scene, memory)
     grain = int(memory.record["verlet"]["flags"]["bad_grain"])
@@ -120,7 +120,7 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
 
 
 def _excess(scene: Scene, velocity: list[float]) -> str:
-    """Return why a step cannot move a grain with such a velocity [m/s]."""
+    """Return the reason why a step cannot move a grain with this velocity [m/s]."""
     if not all(map(isfinite, velocity)):
         return "it is not finite"
     path = scene.dt * max(map(abs, velocity))
@@ -143,6 +143,6 @@ def _not_converged(scene: Scene, memory: SceneMemory) -> str:
 
 
 def _find_proof(scene: Scene, memory: SceneMemory, position: str, velocity: str) -> InfeasibilityProof | None:
-    """Look for a proof that no velocities solve the step from these positions, beginning at these."""
+    """Search for a proof that the step has no solution, from the arrays of these names."""
     where, how = memory.array(f"grains.{position}"), memory.array(f"grains.{velocity}")
     return find_infeasibility_proof(scene, where, how, memory.corrections())

@@ -1,4 +1,7 @@
-"""How long the arrays of scenes are: one table, and what it follows from."""
+"""Lengths of the arrays of scenes: one table (`lengths`), and the sizes that it depends on.
+
+The solver allocates memory by this table only, so that a new array needs one line here.
+"""
 
 from __future__ import annotations
 
@@ -18,29 +21,31 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 Counts = NDArray[np.int64]
-FEW = 40  # grains that are not worth a grid
+FEW = 40  # number of grains up to which all pairs are tested, without a grid
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """What the lengths of a scene's arrays follow from; every entry has shape (scenes,), or is one for all.
+    """Sizes that determine the lengths of a scene's arrays.
+
+    Every entry has shape (scenes,) or is one number for all.
 
     Attributes
     ----------
     grains, contacts : ndarray
-        Grains, and candidate contacts that there is capacity for.
+        Number of grains, and capacity of the list of contacts.
     walls : ndarray
-        Bodies that are walls (kernels/walls.py).
+        Number of wall bodies (kernels/walls.py).
     weighted : ndarray
-        1 where grains take unequal parts of corrections (`Scene.has_equal_shares`), 0 elsewhere.
+        0 if grains take equal shares of corrections (`Scene.has_equal_shares`), else 1.
     accelerated, friction : int
-        1 where the sweeps are accelerated, or there is friction, 0 elsewhere.
+        1 if sweeps are accelerated, or if there is friction, else 0.
     team : int
         CPU threads that share a scene.
     partials : int
-        Parts in which threads keep a maximum or a sum.
+        Number of partial maxima and sums, one per thread.
     history : int
-        Iterations of a step whose zeta and residual are kept.
+        Iterations of a step of which zeta and residual are kept.
     """
 
     grains: Counts
@@ -55,7 +60,7 @@ class Sizes:
 
     @classmethod
     def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> Sizes:
-        """Return the sizes that scenes of one kind have at first."""
+        """Return the initial sizes of scenes of one kind."""
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([not scene.has_equal_shares for scene in scenes], np.int64)
@@ -73,7 +78,7 @@ class Sizes:
 
     @property
     def is_dealt(self) -> bool:
-        """Whether threads are dealt tiles."""
+        """True if tiles of pairs are assigned to threads."""
         return self.team > 1 and not self.accelerated
 
     def of(self, k: int) -> Sizes:
@@ -84,12 +89,12 @@ class Sizes:
 
 
 def first_pairs(n: Counts) -> Counts:
-    """Return the capacity for pairs at first: more than a list mostly needs, at most all."""
+    """Return the initial capacity for pairs: more than most lists need, but at most all pairs."""
     return np.minimum(n * (n - 1) // 2, 5 * n)
 
 
 def lengths(size: Sizes) -> dict[str, Any]:
-    """Return the length of every array of a record, by struct and name: the one table of them."""
+    """Return the length of every array of a record, by struct and name. This is the only such table."""
     n, contacts = size.grains, size.contacts
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": contacts}
@@ -128,6 +133,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "working": {
             **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),
+            **dict.fromkeys(("dvt", "last_dvt"), ahead * friction * contacts),
             "weights": ahead * contacts * size.weighted,
             "limits": ahead * n * size.walls,
             "range": ahead * parts,
@@ -140,10 +146,12 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "neighbors": rows | search,
         "workspace": {
             "old": rows | dict.fromkeys(search, 0),
-            **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "sweep_index"), contacts),
+            **dict.fromkeys(("old_dv", "old_color", "old_place", "color", "color_rank"), contacts),
+            **dict.fromkeys(("sweep_index", "group", "sequence"), contacts),
             "old_dvt": friction * contacts,
-            "sequence": contacts,
-            "group": contacts + 1,
+            "tile": (1 - ahead) * contacts,
+            "tile_end": (1 - ahead) * (contacts + 1),
+            "next_tile": (1 - ahead) * n,
             **dict.fromkeys(("row_sum", "next_level", "used_colors"), n),
         },
         "dealt": {
@@ -163,5 +171,5 @@ def lengths(size: Sizes) -> dict[str, Any]:
 
 
 def grid_width(n: Any) -> Any:
-    """Return how many cells a side the grid for n grains has; few grains are all looked at."""
+    """Return the number of cells per side of the grid; few grains have a grid of one cell."""
     return np.where(n <= FEW, 1, 1 << np.ceil(np.log2(n) / 2).astype(np.int64))

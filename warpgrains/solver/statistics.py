@@ -1,4 +1,4 @@
-"""What steps and runs did: reports, their sums, and grains named in words."""
+"""Reports of steps, summaries of runs, and the sums and maxima that they are made of."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
@@ -13,13 +13,13 @@ NAMED = 10
 
 
 def named(grains: tuple[int, ...]) -> str:
-    """Name some grains, the first few if there are many."""
+    """Return the names of grains for messages, only the first few if there are many."""
     rest = len(grains) - NAMED
     return f"grains {', '.join(map(str, grains[:NAMED]))}{f' and {rest} more' if rest > 0 else ''}"
 
 
 class StepHistory(NamedTuple):
-    """How the contact iteration of a step went on; entry k - 1 is of iteration k >= 1.
+    """History of the contact iteration of a step; entry k - 1 belongs to iteration k >= 1.
 
     Examples
     --------
@@ -33,46 +33,46 @@ class StepHistory(NamedTuple):
     zeta: FloatArray
     """Largest change of a correction in the iteration [m/s], shape (iterations,)."""
     residual: FloatArray
-    """Error that it leaves, eta [m/s], shape (iterations,)."""
+    """Residual eta after the iteration [m/s], shape (iterations,)."""
 
 
 @dataclass(frozen=True)
 class StepReport(Tabular):
-    """What one step did.
+    """Report of one step.
 
     Attributes
     ----------
     iterations : int
         Iterations k >= 1 of the contact loop.
     zeta : float
-        Largest change of a correction in the last of them; where the accelerated method stops on it, also of
-        one that it has not swept and would have to [m/s].
+        Largest change of a correction in the last iteration [m/s]. If the accelerated method stops on zeta,
+        it includes contacts that were not swept but would change.
     residual : float
-        Error of the solve, eta [m/s]: the velocities are the exact ones of a step whose gaps are changed by
-        at most dt * residual, and free velocities by at most the residual a contact (MODEL.md, eq. 12).
+        Error of the solve, eta [m/s]: the velocities solve exactly a step whose gaps differ by at most
+        dt * residual, and whose free velocities differ by at most the residual per contact (MODEL.md,
+        eq. 12).
     gap_error : float
         dt * residual in units of the smallest radius.
     converged : bool
-        Whether zeta, or the residual if that is what the scene stops on, met the tolerance.
+        Whether zeta (or the residual, if the scene stops on it) met the tolerance.
     infeasible : tuple of int
-        Grains that cannot fit, where it is proved that no velocities solve the step
-        (solver/infeasible.py). Proofs are looked for after steps that did not converge, as long as they
-        are found, and otherwise so seldom that it costs at most a twentieth of the time: none found, an empty
-        tuple, proves nothing.
+        Grains that cannot fit, if it is proved that the step has no solution (solver/infeasible.py). Proofs
+        are searched for after steps that did not converge, every time while they are found, and otherwise so
+        seldom that the search takes at most 5 % of the time. An empty tuple proves nothing.
     contacts : int
         Contacts that carry a correction, between grains and with the walls.
     candidates : int
-        Contacts that were swept because they might have.
+        Contacts in the list, which might carry a correction.
     overlap : float
-        Worst overlap after the move, of grains with each other or with a wall [m].
+        Worst overlap between grains or with a wall after the grains moved [m].
     rebuilds : int
-        How often the candidates were searched anew.
+        Number of rebuilds of the list of candidates.
     redos : int
-        How often the step was solved again because a candidate might have been missing.
+        Number of times that the step was solved again because a candidate might have been missing.
     factorizations : int
-        How often the method "exact" factored a matrix.
+        Number of factorizations by the method "exact".
     history : StepHistory, optional
-        Zeta and residual of every iteration, of ``step(history=True)``.
+        Zeta and residual of every iteration, after ``step(history=True)``.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class StepReport(Tabular):
 
 @dataclass(frozen=True, repr=False)
 class Summary(Shown, Tabular):
-    """What a run did.
+    """Summary of a run.
 
     Attributes
     ----------
@@ -107,23 +107,23 @@ class Summary(Shown, Tabular):
     iterations_mean, iterations_max : float, int
         Iterations a step.
     unconverged : int
-        Steps that stopped at `max_iterations` and had not met the tolerance.
+        Steps that reached `max_iterations` without meeting the tolerance.
     infeasible : int
-        Steps among them of which it is proved that no velocities solve them, see `StepReport`.
+        Those of the unconverged steps that are proved to have no solution, see `StepReport`.
     infeasible_grains : tuple of int
-        The grains that could not fit in the first of these.
+        Grains that could not fit in the first infeasible step.
     residual, gap_error : float
         Worst error of any step [m/s], and in smallest radii, see `StepReport`.
     overlap : float
         Worst overlap after any step [m].
     rebuilds, redos : int
-        Searches for candidates, and steps solved again because one might have been missing.
+        Rebuilds of the list, and steps solved again because a candidate might have been missing.
     seconds : float
         Wall time [s].
     output : str or None
         The recording, if there is one.
     met : bool
-        Whether the run has ended at what it was to run until.
+        Whether the criterion `until` ended the run.
 
     Examples
     --------
@@ -148,8 +148,8 @@ class Summary(Shown, Tabular):
     output: str | None
     met: bool = False
 
-    def facts(self) -> dict[str, str]:
-        """Return what there is to tell of it in a line."""
+    def summary(self) -> dict[str, str]:
+        """Return the fields of the one-line summary by name."""
         told = {
             "steps": f"{self.steps}",
             "iterations": f"{self.iterations_mean:.1f} a step, {self.iterations_max} at most",
@@ -162,7 +162,7 @@ class Summary(Shown, Tabular):
 
 
 def _counted(reduce: Callable[[Any, Any], Any], default: Any = 0) -> Any:
-    """Return a field, and how it is added up."""
+    """Return a field with the function that combines its values, such as a sum or a maximum."""
     return field(default=default, metadata={"reduce": reduce})
 
 
@@ -172,9 +172,11 @@ def _first(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
 
 @dataclass
 class RunStatistics:
-    """Adds up what a run has done; a checkpoint keeps it, so that a resumed run tells of all its steps.
+    """Sums and maxima over the steps of a run.
 
-    The device adds up the steps of a launch the same way (kernels/statistics.py).
+    Checkpoints store them, so that a resumed run counts all its steps.
+
+    The device accumulates the steps of a launch in the same way (kernels/statistics.py).
 
     Attributes
     ----------
@@ -185,7 +187,7 @@ class RunStatistics:
     unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, redos, seconds
         As in `Summary`.
     held : int
-        Steps for which what is to end the run has held, and 1; 0 while it does not.
+        Number of steps for which the stopping criterion has held, plus 1; 0 if it does not hold.
     met : bool
         As in `Summary`.
     """
@@ -211,23 +213,23 @@ class RunStatistics:
 
     @classmethod
     def of_summary(cls, summary: Summary) -> Self:
-        """Return the statistics that a summary was made of."""
+        """Return the statistics from which a summary was computed."""
         alike = [field.name for field in fields(cls) if hasattr(summary, field.name)]
         return cls(iterations=round(summary.iterations_mean * summary.steps), **_alike(summary, *alike))
 
     def add(self, other: Self) -> None:
-        """Count what another run, or a part of this one, has done."""
+        """Add the statistics of other steps."""
         for counted in fields(self):
             name, reduce = counted.name, counted.metadata["reduce"]
             setattr(self, name, reduce(getattr(self, name), getattr(other, name)))
 
     def summary(self, output: str | None) -> Summary:
-        """Return the sums of what was counted."""
+        """Return the summary of the steps counted."""
         alike = [field.name for field in fields(Summary) if hasattr(self, field.name)]
         mean = self.iterations / max(1, self.steps)
         return Summary(iterations_mean=mean, output=output, **_alike(self, *alike))
 
 
 def _alike(record: Any, *names: str) -> dict[str, Any]:
-    """Return some of the fields of a record."""
+    """Return the named fields of a record."""
     return {name: getattr(record, name) for name in names}

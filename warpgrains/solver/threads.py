@@ -1,27 +1,27 @@
-"""OS threads that work side by side, while the caller's thread watches over them."""
+"""OS threads for tasks, while the calling thread polls their progress."""
 
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from threading import Condition
 
-GLANCE = 0.1  # seconds between two looks at how far they are
+GLANCE = 0.1  # seconds between two polls
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class _Works:
-    """Works that are done once each, whatever an interrupt has hidden from the executor that was starting."""
+    """Tasks that are executed exactly once, even if an interrupt occurs while threads start."""
 
     def __init__(self, works: Sequence[Callable[[], None]]) -> None:
         self._works, self._waiting = works, set(range(len(works)))
         self._ended, self._changed = 0, Condition()
 
     def submit(self, executor: Executor) -> list[Future[None]]:
-        """Have all works done."""
+        """Submit all tasks."""
         return [executor.submit(self._do, k) for k in range(len(self._works))]
 
     def _do(self, k: int) -> None:
@@ -37,7 +37,7 @@ class _Works:
                 self._changed.notify_all()
 
     def wait(self) -> None:
-        """Wait until all are done."""
+        """Wait until all tasks are done."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended == len(self._works))
 
@@ -47,15 +47,15 @@ def side_by_side(
     glance: Callable[[], None] | None = None,
     halt: Callable[[], None] | None = None,
 ) -> None:
-    """Do works on a thread each; one that nobody watches is done on the caller's.
+    """Execute each task on one thread; a single task without polling runs on the calling thread.
 
     Parameters
     ----------
     works : sequence of callable
     glance : callable, optional
-        Called now and then, and at the end.
+        Called every `GLANCE` seconds and at the end.
     halt : callable, optional
-        Called once if this thread is interrupted: it asks the works to end soon. They are waited for.
+        Called once if this thread is interrupted. It requests the tasks to end, and they are waited for.
     """
     if len(works) == 1 and glance is None:
         return works[0]()
@@ -69,7 +69,7 @@ def side_by_side(
         except BaseException:
             if halt is not None:
                 halt()
-            all_works.submit(executor)  # a team whose threads have not all begun would wait for ever
+            all_works.submit(executor)  # a team with a missing thread would wait for ever
             all_works.wait()
             raise
     for future in futures:

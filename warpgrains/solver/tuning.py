@@ -1,4 +1,8 @@
-"""Numbers chosen by measuring: for the lists of a scene, its device and its threads."""
+"""Constants that were chosen by measurement, and the parameters that follow from them.
+
+They concern the lists of a scene, its device and its threads. They change how fast a step is, and hardly its
+result.
+"""
 
 from __future__ import annotations
 
@@ -9,67 +13,68 @@ import numpy as np
 import warp as wp
 
 from warpgrains.console import start_warp
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.solver.threads import cores
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 EPS = float(np.finfo(np.float64).eps)
-BASE_SKIN = 0.12  # of the smallest radius: how far grains may at first stray before a list is built anew
-NO_SKIN = -1.0  # of a scene without a list: the next step asks for one
-RESERVE = 0.1  # of a base skin: what must be left of a skin before the iteration starts
-MONITOR_THRESHOLD = 0.3  # of a base skin: what a grain may stray in a step without being monitored
-NEAREST = 0.01  # radii a step: half of the narrowest skin (kernels/skins.py)
-TILE = {"sequential": 32768, "color": 4096}  # pairs interleaved: many hide latency, few fit in cache
-DEALT_TILE = 16384  # the same, where threads are dealt tiles: they wait at the borders of these
-DEALT_GRAINS = 20_000  # from which threads that are dealt tiles gain far more than they wait
-SEGMENT_GRAINS = 200.0  # grains for each thread and other thread, from which segments cost little
-HOST_FEW, HOST_MANY = 750.0, 0.15  # sweeps that the host takes as long as for a step of n grains: a + b n
-WAITING = 1.0 / 3.0  # of its time that a team's first thread may wait for the others; else they are fewer
-PAUSE = 0.03  # seconds of one thread alone before more are tried, at least
-SHARED_SET = 1000  # pairs of a set, from which threads that meet after each gain more than they wait
+BASE_SKIN = 0.12  # initial skin, in smallest radii: deviation after which a list is rebuilt
+NO_SKIN = -1.0  # marks a scene without a list: the next step requests one
+RESERVE = 0.1  # in base skins: margin of a skin at the start of the iteration
+MONITOR_THRESHOLD = 0.3  # in base skins: largest deviation in a step without monitoring
+NEAREST = 0.01  # radii per step: half of the narrowest skin (kernels/skins.py)
+TILE = {"sequential": 32768, "color": 4096}  # interleaved pairs: many hide latency, few fit in the cache
+DEALT_TILE = 16384  # the same if tiles are assigned to threads, which wait at their borders
+DEALT_GRAINS = 20_000  # least number of grains for assigned tiles, where threads gain more than they wait
+SEGMENT_GRAINS = 200.0  # grains per pair of threads above which segments cost little
+HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n sweeps
+WAITING = 1.0 / 3.0  # fraction of its time that a team's first thread may wait; above, the team shrinks
+PAUSE = 0.03  # shortest time of one thread alone before more are tried [s]
+SHARED_SET = 1000  # pairs of a set above which threads that synchronize after each set gain
 
 
 def first_skin(scene: Scene) -> float:
-    """Return how far grains may at first stray before a list is rebuilt [m]."""
+    """Return the initial skin [m]: the deviation of a grain after which its list is rebuilt."""
     return BASE_SKIN * scene.smallest_radius
 
 
 def cell_size(scene: Scene) -> float:
-    """Return the side of a cell [m]: about the diameter of the grains that are most frequent."""
+    """Return the side of a cell [m], about the diameter of the most frequent grains."""
     return 2.0 * (scene.typical_radius + first_skin(scene))
 
 
 def room(scene: Scene) -> float:
-    """Return how far grains may come beside the others while a list lasts [m]."""
+    """Return the largest relative displacement of grains while a list is valid [m]."""
     return 0.5 * scene.typical_radius
 
 
 def rounding(scene: Scene) -> float:
-    """Return what may be lost in the digits of a position [m]."""
+    """Return the largest rounding error of a position [m]."""
     return 16.0 * EPS * scene.radius_out
 
 
 def monitor_threshold(scene: Scene) -> float:
-    """Return the change of a velocity that need not be monitored, in base skins [1/s]."""
+    """Return the change of velocity below which a grain needs no monitoring, in base skins [1/s]."""
     return MONITOR_THRESHOLD / scene.dt
 
 
 def nearest(scene: Scene) -> float:
-    """Return how near to a violation contacts are swept, at most [m/s]."""
+    """Return the largest distance from violation [m/s] at which contacts are swept."""
     return NEAREST * scene.smallest_radius / scene.dt
 
 
 def tile(scene: Scene, is_dealt: bool) -> int:
-    """Return how many pairs are interleaved at most."""
+    """Return the largest number of interleaved pairs."""
     return DEALT_TILE if is_dealt else TILE[scene.order]
 
 
 def paying_threads(scene: Scene) -> int:
-    """Return how many threads pay for one scene: all cores, if there is enough to sweep between two waits.
+    """Return the number of threads that pay off for a scene: all cores, or 1 if it is small.
 
-    A pile has about 3 contacts a grain; they fall in about 12 colors, or in 7 sqrt(n) levels.
+    A pile has about 3 contacts per grain. They form about 12 colors or 7 sqrt(n) levels, after each of which
+    the threads synchronize.
     """
     if scene.method != "gauss-seidel":
         sets = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
@@ -78,23 +83,23 @@ def paying_threads(scene: Scene) -> int:
 
 
 def crew(scene: Scene, team: int) -> tuple[int, int]:
-    """Return how many threads of a team begin with a scene, and how many may ever take part in it."""
+    """Return the number of threads with which a team begins a scene, and the most that it may use."""
     most = min(team, cores())
     return most if paying_threads(scene) > 1 or not sys.platform.startswith("linux") else 1, most
 
 
 def patience(scene: Scene) -> int:
-    """Return how many sweeps take as long as the host's part of a step; 0 where it has none."""
+    """Return the number of sweeps that cost as much as the host's solution of a step; 0 without one."""
     if scene.method != "exact":
         return 0
     return int(HOST_FEW + HOST_MANY * scene.n)
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return how many threads share a scene on a CPU, at most: as many as are wanted, or else as pay.
+    """Return the largest number of CPU threads for a scene: `threads`, or the number that pays off.
 
-    Tiles of few grains are dealt to few threads: there are some 30 segments a thread, each of which asks how
-    far every other thread is, also where one thread sweeps them all.
+    Few grains use few threads if tiles are assigned to threads. There are about 30 segments per thread, and
+    each segment reads the progress of every other thread, even if one thread sweeps them all.
     """
     if device.is_cuda:
         return 1
@@ -104,10 +109,10 @@ def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> 
 
 
 def find_device(name: str) -> wp.Device:
-    """Return a Warp device by its name; raise SceneError if there is none."""
+    """Return a Warp device by its name; raise InputError if there is none."""
     start_warp()
     try:
         return wp.get_device(name)
     except (ValueError, RuntimeError) as error:
         known = ", ".join(device.alias for device in wp.get_devices())
-        raise SceneError(f"device {name!r} is unknown here; choose {known}") from error
+        raise InputError(f"device {name!r} does not exist: choose one of {known}") from error

@@ -1,1 +1,1 @@
-"""Sweeps: many runs, in one process, on many machines, and what came of them."""
+"""Sweeps: many runs, in one process or on many machines, and their results."""

@@ -1,4 +1,4 @@
-"""Axes of a sweep: what values a key takes, one run after the other.
+"""Axes of a sweep: the values that a key takes in its runs.
 
 ========================================== ==========================================================
 value in the sweep file                    its values
@@ -17,7 +17,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 MOST_VALUES = 1_000_000
@@ -26,21 +26,21 @@ Values = list[Any]
 
 
 def axis_values(name: str, axis: Any) -> Values:
-    """Return the values of an axis: of what the sweep file holds for a key, such as "physics.drag".
+    """Return the values of an axis from the entry of the sweep file for a key such as "physics.drag".
 
     Raises
     ------
-    SceneError
-        It is no axis: the message names key and value.
+    InputError
+        The entry is no axis. The message names key and value.
     """
     if isinstance(axis, list):
         values = axis
     elif isinstance(axis, dict):
         values = _generated(name, axis)
     else:
-        raise SceneError(f"axes.{name} is {axis!r}: it must be a list, a range, a log_range or seeds")
+        raise InputError(f"axes.{name} is {axis!r}: it must be a list, a range, a log_range or seeds")
     if not values:
-        raise SceneError(f"axes.{name} is []: it must have at least one value")
+        raise InputError(f"axes.{name} is []: it must have at least one value")
     return values
 
 
@@ -52,7 +52,7 @@ def _generated(name: str, axis: dict[str, Any]) -> Values:
             raise checks.unknown(f"key in axes.{name}", key, known)
     for key in known:
         if key not in axis:
-            raise SceneError(f"axes.{name}.{key} is missing: a {kind} needs it")
+            raise InputError(f"axes.{name}.{key} is missing: a {kind} needs it")
     return generate(f"axes.{name}", axis)
 
 
@@ -62,16 +62,16 @@ def _range(field: str, axis: dict[str, Any]) -> Values:
     steps = _count(f"{field}.count", axis["count"]) - 1
     (a, c), (b, d) = first.as_integer_ratio(), last.as_integer_ratio()
     values = [(a * d * (steps - k) + b * c * k) / (c * d * steps) for k in range(steps + 1)]
-    return _whole_if_written_so(axis["range"], values)
+    return _as_integers(axis["range"], values)
 
 
 def _log_range(field: str, axis: dict[str, Any]) -> Values:
     first, last = _ends(f"{field}.log_range", axis["log_range"])
     if min(first, last) <= 0.0:
-        raise SceneError(f"{field}.log_range is {axis['log_range']!r}: both ends must be greater than 0")
+        raise InputError(f"{field}.log_range is {axis['log_range']!r}: both ends must be greater than 0")
     steps = _count(f"{field}.count", axis["count"]) - 1
     between = [float(f"{first * (last / first) ** (k / steps):.12g}") for k in range(1, steps)]
-    return _whole_if_written_so(axis["log_range"], [first, *between, last])
+    return _as_integers(axis["log_range"], [first, *between, last])
 
 
 def _seeds(field: str, axis: dict[str, Any]) -> Values:
@@ -88,7 +88,7 @@ _KINDS: dict[str, tuple[Callable[[str, dict[str, Any]], Values], tuple[str, ...]
 def _ends(field: str, value: Any) -> tuple[float, float]:
     first, last = checks.vector(field, value)
     if first == last:
-        raise SceneError(f"{field} is {value!r}: its ends must differ")
+        raise InputError(f"{field} is {value!r}: its ends must differ")
     return first, last
 
 
@@ -96,6 +96,6 @@ def _count(field: str, value: Any) -> int:
     return checks.whole_number(field, value, least=2, most=MOST_VALUES)
 
 
-def _whole_if_written_so(ends: list[Any], values: list[float]) -> Values:
+def _as_integers(ends: list[Any], values: list[float]) -> Values:
     whole = all(isinstance(end, int) for end in ends) and all(value.is_integer() for value in values)
     return [int(value) for value in values] if whole else list(values)

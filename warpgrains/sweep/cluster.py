@@ -1,7 +1,8 @@
-"""Runs on an existing dask cluster: dask schedules, watches and restarts; here runs are only put in bundles.
+"""Runs on an existing dask cluster.
 
-All machines must see the folder of the sweep: workers write there what a local process would. A bundle whose
-worker died is done by another one, from the checkpoints, without the runs that are finished.
+dask schedules and restarts workers; this module groups runs into bundles. The folder of the sweep must be
+shared by all machines, because workers write the same files as a local process. If a worker dies, another one
+continues its bundle from the checkpoints, without the finished runs.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import interrupts_end_at_once, start_warp
-from warpgrains.errors import SceneError, missing_extra
+from warpgrains.console import exit_on_interrupt, start_warp
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.sizes import next_size
@@ -26,12 +27,14 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 FIRST_BUNDLE, MOST_IN_A_BUNDLE = 16, 16_384  # runs
-BUNDLE = 10.0  # s that a bundle is to take ...
-HANDLING = 0.05  # ... and for every thread that there is: a scheduler takes some 10 ms for a bundle
-AHEAD = 2  # bundles given out a thread
-FEWEST_THREADS = 16  # for which there are bundles, as workers come one by one
+BUNDLE = 10.0  # intended duration of a bundle [s] ...
+SECONDS_PER_THREAD = (
+    0.05  # ... plus this for every thread, because the scheduler takes about 10 ms per bundle
+)
+BUNDLES_PER_THREAD = 2  # submitted bundles per thread
+FEWEST_THREADS = 16  # assumed at least, because workers connect one by one
 CONNECT_WITHIN = 30.0  # s
-UNSEEN = "its result is not seen here: all machines must see DIR"
+NO_RESULT = "its result cannot be read here: all machines must share DIR"
 
 _one_at_a_time = Lock()
 
@@ -43,22 +46,22 @@ def finish_on_cluster(
     on_progress: OnProgress,
     client: Client,
 ) -> dict[int, str]:
-    """Carry runs out to their end on a cluster; return why some are not, by their numbers.
+    """Finish runs on a cluster; return the reasons why some are unfinished, by their numbers.
 
-    What dask gives up, since too many workers died of it, is done again in the end, a run at a time. A run
-    that is given up alone is left as it is, and standard error says so.
+    If dask gives up a bundle because too many of its workers died, its runs are tried again at the end, one
+    at a time. A run that is given up alone stays unfinished, and a message on standard error says so.
 
     Parameters
     ----------
     folder, runs, execution, on_progress
-        As for `finish_runs`; without `threads`, a worker uses as many as it has.
+        As for `finish_runs`; without `threads`, a worker uses all its threads.
     client
-        Of the cluster, see `connected`.
+        Client of the cluster, see `connected`.
     """
     left: dict[int, str] = {}
-    for run in _left_by_bundles(client, folder, runs, execution, on_progress):
+    for run in _run_bundles(client, folder, runs, execution, on_progress):
         future = client.submit(finish_bundle, folder, [run], execution, pure=False)
-        reason = future.exception() or future.result()[0].get(run.number, UNSEEN)
+        reason = future.exception() or future.result()[0].get(run.number, NO_RESULT)
         if run.number in folder.finished([run]):
             on_progress(1.0)
         else:
@@ -67,16 +70,17 @@ def finish_on_cluster(
     return left
 
 
-def _left_by_bundles(
+def _run_bundles(
     client: Client,
     folder: SweepFolder,
     runs: list[Run],
     execution: ExecutionOptions,
     on_progress: OnProgress,
 ) -> list[Run]:
-    """Have bundles carried out, some at a time; return the runs that they leave unfinished.
+    """Execute bundles, several at a time; return the runs that remain unfinished.
 
-    A bundle is as large as the time of the last one allows, and so small that no worker is idle at the end.
+    The size of a bundle follows from the time of the last one, and is limited so that no worker idles at the
+    end.
     """
     from distributed import as_completed
 
@@ -86,8 +90,8 @@ def _left_by_bundles(
     completed = as_completed()
     while True:
         threads = max(FEWEST_THREADS, sum(client.nthreads().values()))
-        while waiting and len(submitted) < AHEAD * threads:
-            most = max(1, len(waiting) // (AHEAD * threads))
+        while waiting and len(submitted) < BUNDLES_PER_THREAD * threads:
+            most = max(1, len(waiting) // (BUNDLES_PER_THREAD * threads))
             bundle = [waiting.popleft() for _ in range(min(size, most))]
             future = client.submit(finish_bundle, folder, bundle, execution, pure=False)
             submitted[future] = bundle
@@ -100,18 +104,19 @@ def _left_by_bundles(
         on_progress(len(finished))
         left += [run for run in bundle if run.number not in finished]
         if future.status == "finished":
-            wanted = max(BUNDLE, HANDLING * threads)
+            wanted = max(BUNDLE, SECONDS_PER_THREAD * threads)
             size = next_size(len(bundle), future.result()[1], wanted, MOST_IN_A_BUNDLE)
 
 
 def finish_bundle(
     folder: SweepFolder, runs: list[Run], execution: ExecutionOptions
 ) -> tuple[dict[int, str], float]:
-    """Carry out, on a worker, those runs of a bundle that an earlier worker has not finished.
+    """Finish, on a worker, those runs of a bundle that an earlier worker has not finished.
 
-    Returns why some are not, like `finish_runs`, and how long it took [s].
+    Returns the reasons why some are unfinished, like `finish_runs`, and the duration [s].
 
-    A worker with many threads is given many bundles at once: each in turn has all its threads.
+    A worker with many threads receives many bundles at once. They run one after the other, each with all
+    threads.
     """
     from distributed import get_worker
 
@@ -129,25 +134,25 @@ def finish_bundle(
 
 @contextmanager
 def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]:
-    """Connect to a cluster until the end of the ``with`` block.
+    """Yield a client that is connected to a cluster until the end of the ``with`` block.
 
     Parameters
     ----------
     scheduler
         Address of a dask scheduler, such as "tcp://host:8786"; or
     slurm_jobs
-        how many jobs Slurm is to start, each as dask-jobqueue is configured.
+        number of Slurm jobs to start, each as dask-jobqueue is configured.
 
     Raises
     ------
-    SceneError
-        Dask is not installed, or there is no such cluster.
+    InputError
+        Dask is not installed, or the cluster cannot be reached.
     """
     try:
         from distributed import Client
 
         if slurm_jobs is not None:
-            with interrupts_end_at_once():  # dask_jobqueue sets a handler that exits as if all were done
+            with exit_on_interrupt():  # dask_jobqueue sets a handler that exits with code 0
                 from dask_jobqueue import SLURMCluster
     except ModuleNotFoundError as error:
         raise missing_extra("a cluster", error, "cluster") from error
@@ -155,7 +160,7 @@ def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]
         try:
             client = Client(scheduler, timeout=CONNECT_WITHIN)
         except (OSError, ValueError) as error:
-            raise SceneError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
+            raise InputError(f"no dask scheduler answers at {scheduler!r}: {error}") from error
         with client:
             yield client
         return
@@ -163,7 +168,7 @@ def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]
         jobs = SLURMCluster()
     except ValueError as error:
         reason = str(error).partition("\n")[0]
-        raise SceneError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {reason}") from error
+        raise InputError(f"--slurm needs dask-jobqueue's configuration, jobqueue.yaml: {reason}") from error
     with jobs, Client(jobs) as client:
         jobs.scale(jobs=slurm_jobs)
         yield client

@@ -1,11 +1,10 @@
-"""The folder of a sweep: results of runs, and tables of them all, which are made of those alone.
+"""The folder of a sweep: results of runs, and tables of all results, which are made from them alone.
 
 ================== ==========================================================================================
 results.csv        the results of all runs that are finished; timing.csv, how long they took
-scenes/NAME.toml   what the runs of a scene have in common; their values on the axes are in their results
-parts/             results of runs that left nothing else: see `ResultShards`
-runs/00042/        the folder of a run that has one: since it is recorded, or asked for by ``--folders``; took
-                   long; failed
+scenes/NAME.toml   the common part of the runs of a scene; their values on the axes are in their results
+parts/             results of runs without a folder, see `ResultShards`
+runs/00042/        the folder of a run that is recorded, took long, failed, or if ``--folders`` is given
 grains/            copies of files of grains
 ================== ==========================================================================================
 """
@@ -16,45 +15,45 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_whole
+from warpgrains.errors import InputError, OutputError
+from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
 from warpgrains.sweep.results import MET, SECONDS, Columns
 from warpgrains.sweep.run_folder import GRAINS, RESULT, RunFolder
 from warpgrains.sweep.shards import ResultShards
 from warpgrains.sweep.sweep import BaseScene, Run, Sweep, copy_name
 
 RESULTS = "results.csv"
-GO_ON = "--resume continues a sweep, or choose another -o"
+HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 
 
 class Tables(NamedTuple):
-    """Finished runs, as the tables have them, by their numbers."""
+    """Numbers of the finished runs in the tables, by outcome."""
 
     finished: set[int]
     failed: dict[int, str]
-    """Why they failed."""
+    """Reasons of the failed runs, by number."""
     unconverged: set[int]
-    """Those with a step that stopped short of the tolerance."""
+    """Runs with a step that did not meet the tolerance."""
     unmet: set[int] | None
-    """Those that have ended before their criterion was met; None if they have none."""
+    """Runs that ended before their criterion was met; None if they have no criterion."""
 
 
 class SweepFolder:
-    """The folder that a sweep writes to.
+    """The output folder of a sweep.
 
     Parameters
     ----------
     path : Path
     columns : Columns
-        Of the results.
+        Columns of the results.
 
     Attributes
     ----------
     results, timing : Path
-        The results of all runs, none of which depends on when and where the run was done; and how long the
-        runs took [s].
+        Table of the results of all runs, which do not depend on when and where a run was done; and table of
+        the wall times of the runs [s].
     shards : ResultShards
-        The results of runs without a folder.
+        Results of the runs without a folder.
     """
 
     def __init__(self, path: Path, columns: Columns):
@@ -67,14 +66,14 @@ class SweepFolder:
         return type(self), (self.path, self.columns)
 
     def of(self, run: Run) -> RunFolder:
-        """Return the folder of a run, which need not exist."""
+        """Return the folder of a run, which may not exist yet."""
         return RunFolder(self._of(run.number), run, self.columns)
 
     def _of(self, number: int) -> Path:
         return self._runs / f"{number:05}"
 
     def prepare(self, sweep: Sweep) -> None:
-        """Write what the runs have in common, unless it exists: the folder then holds all of the sweep."""
+        """Write the common part of the runs. If it exists already, it must be that of this sweep."""
         for base in sweep.bases:
             files = {self._scene_file(base): self._common(base)}
             copies = base.grain_files.values()
@@ -82,46 +81,45 @@ class SweepFolder:
             for path, content in files.items():
                 if not path.exists():
                     path.parent.mkdir(parents=True, exist_ok=True)
-                    write_whole(path, content, writer())
+                    write_atomically(path, content, writer())
 
     def _scene_file(self, base: BaseScene) -> Path:
         return self.path / "scenes" / f"{base.name}.toml"
 
     def _common(self, base: BaseScene) -> bytes:
-        """Return the file of what the runs of a scene have in common."""
+        """Return the content of the file with the common part of the runs of a scene."""
         until = self.columns.until
         head = "" if until is None else f"# Its runs end earlier, at {until}\n"
         return f"{head}{base.text}".encode()
 
     def unfinished(self, sweep: Sweep, share: list[Run], resume: bool) -> list[Run]:
-        """Return the runs of a share that are not finished; the folder is made if there is none.
+        """Return the unfinished runs of a share; the folder is created if it is missing.
 
         Raises
         ------
-        SceneError
-            Some are begun, and that was not expected; as an `OutputError`, if results here are of another
-            sweep.
+        InputError
+            Some runs have begun although `resume` is False. It is an `OutputError` if the folder belongs to
+            another sweep.
         """
         make_folder(self.path)
         for base in sweep.bases:
             scene = self._scene_file(base)
             if scene.exists() and read_regular(scene) != self._common(base):
                 raise OutputError(
-                    f"'{scene}' is another scene than this sweep starts from, or has another --until:"
-                    " choose another -o"
+                    f"'{scene}' is of a sweep with another scene or another --until: choose another -o"
                 )
         self.shards.refresh(range(len(sweep.runs)))
         for run in sweep.runs:
             if run.number in self.shards.lines:
-                self.shards.require_own(run.number, run.labels())
+                self.shards.require_this_run(run.number, run.labels())
         begun = self.begun()
         for run in share:
             if run.number in self.shards.lines and not resume:
-                raise SceneError(f"'{self.path}' has results: {GO_ON}")
+                raise InputError(f"'{self.path}' has results: {HOW_TO_CONTINUE}")
             if run.number in begun:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
-                    raise SceneError(f"'{folder.path}' is there: {GO_ON}")
+                    raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
                 folder.require_no_other()
         finished = self.finished(share)
         return [run for run in share if run.number not in finished]
@@ -135,7 +133,7 @@ class SweepFolder:
             return set()
 
     def finished(self, runs: Sequence[Run]) -> set[int]:
-        """Return the numbers of those of some runs that have a result, good or bad."""
+        """Return the numbers of those of some runs that have a result, also of a failure."""
         numbers = {run.number for run in runs}
         self.shards.refresh(numbers)
         return (numbers & self.shards.lines.keys()) | self._with_result(numbers)
@@ -144,10 +142,10 @@ class SweepFolder:
         return {number for number in numbers & self.begun() if (self._of(number) / RESULT).exists()}
 
     def write_tables(self, sweep: Sweep) -> Tables:
-        """Write the tables of all finished runs, and return what they hold.
+        """Write the tables of all finished runs, and return their numbers by outcome.
 
-        Who finds, after writing, that more runs have finished meanwhile writes again. So when several
-        processes share a sweep, whoever writes last has all results, without waiting for one another.
+        If more runs have finished during the writing, the tables are written again. So if several processes
+        share a sweep, the last tables are complete, and no process waits for another one.
         """
         while True:
             finished = self.finished(sweep.runs)
@@ -168,7 +166,7 @@ class SweepFolder:
                 return self._tables(finished, results)
 
     def _tables(self, finished: set[int], results: list[bytes]) -> Tables:
-        """Return what the lines of the table of results hold."""
+        """Return the numbers of runs by outcome from the lines of the table of results."""
         met = [] if self.columns.until is None else [MET]
         found = columns_of(map(bytes.decode, results), lambda _: ("run", "error", "unconverged", *met))
         numbers = list(map(int, found["run"]))
@@ -185,9 +183,9 @@ class SweepFolder:
 def _write(table: Path, lines: Iterable[bytes]) -> None:
     content = b"".join(lines)
     if not table.is_file() or table.read_bytes() != content:
-        write_whole(table, content, writer())
+        write_atomically(table, content, writer())
 
 
 def writer() -> str:
-    """Name this process among all that may write here."""
+    """Return a name of this process that is unique among all that may write here."""
     return f".{socket.gethostname()}.{os.getpid()}"

@@ -1,4 +1,4 @@
-"""A picture of a sweep: one column of its results over another."""
+"""Plot of a sweep: one column of its results over another."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -14,60 +14,60 @@ from matplotlib.figure import Figure
 from warpgrains.analysis.plots import save_figure
 from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import read_columns
 from warpgrains.scene import checks
 from warpgrains.sweep.results import UNITS
 
 _SIZE = (6.0, 3.6)  # inches
 MOST_POINTS = 50_000
-LEAST_RATIO_FOR_LOG = 10.0  # of the largest to the smallest value on a logarithmic axis
+LEAST_RATIO_FOR_LOG = 10.0  # largest over smallest value from which an axis may be logarithmic
 
 Columns = Mapping[str, list[str]]
 
 
 @dataclass(frozen=True)
 class SweepPlot:
-    """A picture of a point a run, and a line through the means at each x."""
+    """A plot with one point per run, and a line through the means at each x."""
 
     x: str
     y: str
-    """Both are columns of the results."""
+    """Columns of the results on the axes."""
     color: str | None = None
-    """Column whose values have a color and a line each."""
+    """Column whose values are distinguished by color, with a line each."""
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return what a text such as "x=physics.drag, y=pile_height, color=scene" asks for."""
+        """Return the plot that a text such as "x=physics.drag, y=pile_height, color=scene" describes."""
         keys: dict[str, str] = {}
         for part in text.split(","):
             key, equals, column = part.strip().partition("=")
             if not (equals and column):
-                raise SceneError(f"--plot {text!r}: it must be x=COLUMN,y=COLUMN")
+                raise InputError(f"--plot {text!r}: it must be x=COLUMN,y=COLUMN")
             checks.one_of("key of --plot", key, ("x", "y", "color"))
             keys[key] = column.strip()
         if not {"x", "y"} <= keys.keys():
-            raise SceneError(f"--plot {text!r}: it must name x and y")
+            raise InputError(f"--plot {text!r}: it must name x and y")
         return cls(**keys)
 
     def require_columns(self, columns: Iterable[str]) -> None:
-        """Raise SceneError unless all that is drawn is among the columns."""
+        """Raise InputError unless all columns of the plot are among `columns`."""
         for name in (self.x, self.y, self.color):
             if name is not None:
                 checks.one_of("column to plot", name, columns)
 
     def draw(self, results: Path) -> Path:
-        """Draw the results in a table, and return the picture, which is next to it.
+        """Plot the results of a table, and return the picture's path, which is next to the table.
 
         Raises
         ------
-        SceneError
-            The table cannot be read, has no such columns, or nothing to draw in them.
+        InputError
+            The table cannot be read, lacks a column, or has no values to draw.
         """
         columns = read_columns(results, self._columns)
         good = [k for k, error in enumerate(columns["error"]) if not error]
         if not good:
-            raise SceneError(f"'{results}' holds nothing to draw: no run has come to its end")
+            raise InputError(f"'{results}' holds nothing to draw: no run is finished")
         columns = {name: [cells[k] for k in good] for name, cells in columns.items()}
         figure = Figure(figsize=_SIZE, layout="constrained")
         self.draw_on(figure.subplots(), columns)
@@ -76,12 +76,12 @@ class SweepPlot:
         return picture
 
     def _columns(self, head: list[str]) -> Iterable[str]:
-        """Return which columns of a table are needed."""
+        """Return the columns of a table that the plot needs."""
         self.require_columns(head)
         return {self.x, self.y, self.color or "error", "error"}
 
     def draw_on(self, axes: Axes, columns: Columns) -> None:
-        """Draw columns of a table without the runs that failed; of very many points, evenly chosen ones."""
+        """Draw columns of a table without failed runs; very many points are thinned out evenly."""
         x, y = _numbers(axes.xaxis, columns[self.x]), _numbers(axes.yaxis, columns[self.y])
         names, group = _coded(columns[self.color] if self.color else [""] * len(x))
         every = -(-len(x) // MOST_POINTS)
@@ -105,23 +105,26 @@ class SweepPlot:
 
 
 def _numbers(axis: Axis, cells: list[str]) -> FloatArray:
-    """Return numbers; of words, their places among all words, which are named on the axis."""
+    """Return the cells as numbers.
+
+    Words become their indices among the distinct words, which are the axis labels.
+    """
     try:
         return np.array([float(cell) for cell in cells])
     except ValueError:
-        words, places = _coded(cells)
+        words, indices = _coded(cells)
         axis.set_ticks(range(len(words)), words)
-        return places.astype(np.float64)
+        return indices.astype(np.float64)
 
 
 def _coded(cells: list[str]) -> tuple[list[str], IndexArray]:
-    """Return the different words among some, as they come, and the place of each one among them."""
-    places = {word: place for place, word in enumerate(dict.fromkeys(cells))}
-    return list(places), np.array([places[cell] for cell in cells])
+    """Return the distinct words in order of appearance, and the index of each word among them."""
+    indices = {word: index for index, word in enumerate(dict.fromkeys(cells))}
+    return list(indices), np.array([indices[cell] for cell in cells])
 
 
 def _is_geometric(values: FloatArray) -> bool:
-    """Return whether the median is nearer to the geometric than to the arithmetic mean of the extremes."""
+    """Return whether the median is closer to the geometric than to the arithmetic mean of the extremes."""
     low, middle, high = np.quantile(np.unique(values), [0.0, 0.5, 1.0])
     if low <= 0.0 or high < LEAST_RATIO_FOR_LOG * low:
         return False

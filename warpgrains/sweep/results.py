@@ -1,10 +1,10 @@
-"""The result of a run: a row of a table, by column; numbers are numbers until the row is written.
+"""The result of a run: one row of a table.
 
-First come the labels: the number of the run, the scene, and the values that it takes from the axes of the
-sweep, a column an axis. Then those of `UNITS`, and before the last of them, `error`, what else is asked for:
-`met`, 1 if the run has ended at its criterion and else 0, and what is measured. They are the same whenever,
-wherever and after however many interruptions the run is done. The last is `seconds`, its wall time, which the
-table of all results leaves out.
+The first columns are labels: the number of the run, the scene, and its value on each axis of the sweep. The
+columns of `UNITS` follow. Before the last of them, `error`, are the optional columns: `met`, 1 if the run
+ended by its criterion, else 0, and measured quantities. All these do not depend on when, where and with how
+many interruptions the run is done. The last column is `seconds`, the wall time, which the table of all
+results omits.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.quantities import OF_A_SWEEP, QUANTITIES
+from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.solver.ends import Ends
 from warpgrains.solver.statistics import RunStatistics
@@ -23,24 +23,36 @@ from warpgrains.solver.statistics import RunStatistics
 UNITS = {
     "grains": "",
     "steps": "",
-    "time": "s",  # simulated
-    "iterations_mean": "",  # a step
+    "time": "s",
+    "iterations_mean": "",
     "iterations_max": "",
-    "unconverged": "",  # steps that stopped short of the tolerance
-    "worst_overlap": "m",  # after any step
-    **{name: QUANTITIES[name].unit for name in OF_A_SWEEP},  # at the end of the run
-    "error": "",  # why the run failed, if it did
+    "unconverged": "",
+    "worst_overlap": "m",
+    **{name: QUANTITIES[name].unit for name in SWEEP_QUANTITIES},
+    "error": "",
 }
-"""Units of the columns that every sweep has, in their order."""
+"""Columns of every sweep in order, and their units."""
+MEANINGS = {
+    "grains": "number of grains",
+    "steps": "number of time steps",
+    "time": "simulated time",
+    "iterations_mean": "iterations of a step, mean",
+    "iterations_max": "iterations of a step, maximum",
+    "unconverged": "number of steps that stopped short of the tolerance",
+    "worst_overlap": "largest overlap after any step",
+    **{name: f"{QUANTITIES[name].meaning}, at the end of the run" for name in SWEEP_QUANTITIES},
+    "error": "reason of the failure, if the run failed",
+}
+"""Meanings of these columns, for the documentation."""
 MET = "met"
 COUNTS = ("grains", "steps", "iterations_max", "unconverged", MET)
-"""Columns that are whole numbers."""
+"""Columns of integers."""
 SECONDS = "seconds"
 COUNTED = ("steps", "iterations", "iterations_max", "unconverged", "overlap", MET, SECONDS)
-"""Fields of `RunStatistics` that results need."""
+"""Fields of `RunStatistics` that results depend on."""
 
 Values = tuple[Any, ...]
-"""A result without its labels, in the order of `Columns.after_labels`, and the seconds."""
+"""A result without labels, in the order of `Columns.after_labels`, followed by the seconds."""
 
 
 class Columns(NamedTuple):
@@ -49,32 +61,32 @@ class Columns(NamedTuple):
     axes: tuple[str, ...] = ()
     """Keys of the axes of the sweep."""
     measured: tuple[str, ...] = ()
-    """Names of quantities that are measured."""
+    """Names of measured quantities."""
     until: str | None = None
-    """What ends each run before its last step, see `criterion`."""
+    """Criterion that ends each run early, see `criterion`."""
 
     @property
     def after_labels(self) -> list[str]:
-        """The columns after the labels, without the seconds."""
+        """Columns after the labels, without the seconds."""
         *common, error = UNITS
         met = [] if self.until is None else [MET]
         return [*common, *met, *(name for name in self.measured if name not in UNITS), error]
 
     @property
     def all(self) -> list[str]:
-        """The columns of the table of all results."""
+        """Columns of the table of all results."""
         return ["run", "scene", *self.axes, *self.after_labels]
 
 
 def results(ends: Ends, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[Values]:
-    """Return the results of runs that have reached their ends, without labels.
+    """Return the results of finished runs, without labels.
 
     Parameters
     ----------
     ends
-        The runs.
+        Final states of the runs.
     snapshots
-        Their ends one by one, which are asked for only where something more is measured.
+        Final states as snapshots, which are used only if quantities are measured.
     columns
         See `Columns.after_labels`.
     """
@@ -88,39 +100,39 @@ def results(ends: Ends, snapshots: Iterable[Snapshot], columns: Sequence[str]) -
         "iterations_max": done["iterations_max"],
         "unconverged": done["unconverged"],
         "worst_overlap": done["overlap"],
-        **{name: of_runs(grains) for name, of_runs in OF_A_SWEEP.items()},
+        **{name: of_runs(grains) for name, of_runs in SWEEP_QUANTITIES.items()},
     }
     if MET in columns:
         numbers[MET] = done[MET].astype(np.int64)
     measured = [name for name in columns if name not in (*UNITS, MET)]
     if measured:
-        moments = list(snapshots)
-        numbers |= {name: np.array([QUANTITIES[name].of(moment) for moment in moments]) for name in measured}
+        states = list(snapshots)
+        numbers |= {name: np.array([QUANTITIES[name].of(state) for state in states]) for name in measured}
     values = [numbers[name].tolist() if name in numbers else repeat("") for name in columns]
     return zip(*values, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
 
 
 def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> Values:
-    """Return the result of a run that has reached its end, see `results`."""
+    """Return the result of a finished run, see `results`."""
     counted = {name: np.array([getattr(done, name)]) for name in COUNTED}
     return next(results(Ends(end.grains, np.array([end.scene.dt]), counted), [end], columns))
 
 
 def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> Values:
-    """Return the result of a run that failed."""
+    """Return the result of a failed run."""
     return (*("" for _ in columns[:-1]), reason, f"{seconds:.3f}")
 
 
 def require_result(rows: list[Row], labels: Row, columns: Sequence[str]) -> Row:
-    """Return the one row of a run's table; raise SceneError unless it is a result with these labels."""
+    """Return the only row of a run's table. Raises InputError unless it is a result with these labels."""
     if len(rows) != 1 or list(rows[0]) != [*labels, *columns, SECONDS] or None in rows[0].values():
-        raise SceneError("it is not one row of these columns")
+        raise InputError("it does not have one row with the columns of this sweep")
     row = rows[0]
     if any(row[name] != label for name, label in labels.items()):
-        raise SceneError("it is of another run")
+        raise InputError("it is of another run")
     for name in [SECONDS] if row["error"] else [*columns[:-1], SECONDS]:
         try:
             (int if name in COUNTS else float)(row[name])
         except ValueError:
-            raise SceneError(f"{name} is {row[name]!r}") from None
+            raise InputError(f"{name} is {row[name]!r}") from None
     return row

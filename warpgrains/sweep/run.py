@@ -1,4 +1,4 @@
-"""A run of a sweep that has a folder, while it is carried out in a group with others."""
+"""A run of a sweep with a folder, during its execution in a group."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import HasState, snapshot
-from warpgrains.batch.resident import Done
-from warpgrains.errors import OutputError, SceneError
+from warpgrains.batch.resident import StepsDone
+from warpgrains.errors import InputError, OutputError
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.options import ExecutionOptions, RunOptions
@@ -18,7 +18,7 @@ from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.results import result
-from warpgrains.sweep.run_folder import AGAIN, RunFolder
+from warpgrains.sweep.run_folder import HOW_TO_REPEAT, RunFolder
 from warpgrains.sweep.sweep import Run
 
 if TYPE_CHECKING:
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 
 
 class ResumePoint(NamedTuple):
-    """The start of a run, or the end of its steps without a folder."""
+    """State from which a run continues: its start, or its last state as a short run."""
 
     run: Run
     state: State | None = None
-    """None at its start."""
+    """None at the start of the run."""
     statistics: RunStatistics | None = None
     error: str | None = None
-    """Why it failed in these steps, if it did."""
+    """Reason of a failure in these steps, or None."""
 
 
 class GroupedRun:
-    """A run from where it is, which nobody else carries out as long as it is locked."""
+    """A run that is being executed in a group. No other process executes it, because its folder is locked."""
 
     def __init__(self, folder: RunFolder, start: Checkpoint):
         self.folder, self.scene = folder, start.scene
@@ -54,9 +54,9 @@ class GroupedRun:
     def begin(
         cls, sweep: SweepFolder, point: ResumePoint, execution: ExecutionOptions, held: ExitStack
     ) -> Self | str:
-        """Return a run where it is, or why it goes no further: it is left to others, or has failed.
+        """Return the run, or the reason why it cannot continue: another process has it, or it has failed.
 
-        `held` gets its lock and its outputs.
+        Its lock and outputs are entered into `held`.
         """
         folder, run = sweep.of(point.run), None
         with ExitStack() as own:
@@ -64,15 +64,15 @@ class GroupedRun:
                 own.push(folder.lock())
                 start = folder.begin(execution)
                 if point.error is not None:
-                    raise SceneError(point.error)
+                    raise InputError(point.error)
                 if point.state is not None and point.statistics is not None and start.statistics.steps == 0:
                     start = replace(start, state=point.state, statistics=point.statistics)
                 run = cls(folder, start)
                 own.push(run._open())
             except (OutputError, OSError) as error:
                 return str(error)
-            except SceneError as error:
-                reason = str(error) if run is None else f"{error}: {AGAIN}"
+            except InputError as error:
+                reason = str(error) if run is None else f"{error}: {HOW_TO_REPEAT}"
                 folder.fail(reason, 0.0 if run is None else run.statistics.seconds)
                 return reason
             held.push(own.pop_all())
@@ -92,23 +92,23 @@ class GroupedRun:
         return self._outputs
 
     @property
-    def goes_on(self) -> bool:
-        """Whether there are steps left to do."""
+    def has_steps_left(self) -> bool:
+        """True if steps remain to be done."""
         return self.statistics.steps < self.options.steps and self.error is None
 
     @property
     def progress(self) -> float:
-        """The share of the run that is done."""
-        return self.statistics.steps / self.options.steps if self.goes_on else 1.0
+        """Fraction of the run that is done."""
+        return self.statistics.steps / self.options.steps if self.has_steps_left else 1.0
 
     @property
-    def is_recorded(self) -> bool:
-        """Whether there are frames left to record."""
+    def has_frames_left(self) -> bool:
+        """True if frames remain to be recorded."""
         return self._recorder is not None and self.error is None
 
     @property
     def steps_to_output(self) -> int:
-        """Steps until the next frame or row of the series is due, or the run ends."""
+        """Number of steps until the next frame or row of the series, or to the end of the run."""
         steps = self.statistics.steps
         ends = [self.options.steps]
         if self._recorder is not None:
@@ -117,8 +117,8 @@ class GroupedRun:
             ends.append((steps // self._series.every + 1) * self._series.every)
         return min(ends) - steps
 
-    def count(self, done: Done) -> None:
-        """Count the steps that the run has done; it ends now if its criterion is met."""
+    def count(self, done: StepsDone) -> None:
+        """Add the steps that the run has done; it ends now if its criterion is met."""
         if self.until is None:
             self.statistics.add(done.statistics)
         self.error = done.error
@@ -126,11 +126,11 @@ class GroupedRun:
             self.options = replace(self.options, steps=self.statistics.steps)
 
     def state(self) -> State:
-        """Return the state that the run has reached."""
+        """Return the present state of the run."""
         return self._state
 
     def observe(self, moving: HasState) -> None:
-        """Record a frame and measure, where they are due; the grains are where `moving` has them."""
+        """Record a frame and append to the series, if due. The grains are those of `moving`."""
         if self.error is not None:
             return
         steps = self.statistics.steps
@@ -141,20 +141,20 @@ class GroupedRun:
         if self._series is not None and steps % self._series.every == 0:
             self._series.observe(snapshot(self.scene, moving.state()))
 
-    def reach(self, state: State) -> None:
-        """Take the state that the run has reached; the frames it counts are on the disk."""
+    def set_state(self, state: State) -> None:
+        """Set the present state of the run and flush the frames that it counts to the disk."""
         self._state = state
         if self._recorder is not None:
             self._recorder.flush()
 
-    def keep(self) -> None:
-        """Save where the run is; the rows of its series are on the disk before that."""
+    def save_checkpoint(self) -> None:
+        """Save a checkpoint after flushing the rows of the series to the disk."""
         if self._series is not None:
             self._series.flush()
-        self.folder.keep(Checkpoint(self.scene, self._state, self.options, self.statistics))
+        self.folder.save_checkpoint(Checkpoint(self.scene, self._state, self.options, self.statistics))
 
     def complete(self) -> str | None:
-        """Make the recording whole; return why it cannot be, if so."""
+        """Complete the recording; return the reason if that fails."""
         try:
             self._outputs.close()
         except OSError as error:
@@ -162,7 +162,7 @@ class GroupedRun:
         return None
 
     def finish(self) -> None:
-        """Save the result."""
+        """Save the result of the run."""
         if self.error is None:
             end = snapshot(self.scene, self._state)
             self.folder.finish(result(end, self.statistics, self.folder.columns.after_labels))

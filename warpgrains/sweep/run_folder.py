@@ -1,11 +1,11 @@
-"""The folder of one run, which holds all that it takes to continue it.
+"""The folder of one run, with everything that is needed to continue it.
 
 ================== ==========================================================================================
-scene.toml         what is simulated; alone it gives the run again
-checkpoint.npz     its state, now and then and at the end: ``warpgrains run --resume`` takes it on from there
-recording.usdc     its frames, if they are wanted
-series.csv         what is measured as it goes, if that is wanted
-result.csv         a line of names and a line of values; it appears last: a run that has it is finished
+scene.toml         the scene, which suffices to repeat the run
+checkpoint.npz     the state at intervals and at the end; ``warpgrains run --resume`` continues from it
+recording.usdc     the frames, if requested
+series.csv         quantities over time, if requested
+result.csv         a line of names and a line of values; a run is finished if this file exists
 ================== ==========================================================================================
 """
 
@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from warpgrains.analysis.quantities import QUANTITIES
-from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import csv_line, read_regular, read_table, table_text, write_whole
+from warpgrains.errors import InputError, OutputError
+from warpgrains.files import csv_line, read_regular, read_table, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene.document import parse_toml
 from warpgrains.scene.reader import scene_fields
@@ -26,12 +26,12 @@ from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_
 from warpgrains.simulation.options import ExecutionOptions, RunOptions
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.results import MET, SECONDS, Columns, Values, failure, require_result
-from warpgrains.sweep.shards import OTHERWISE
+from warpgrains.sweep.shards import OTHER_COLUMNS
 from warpgrains.sweep.sweep import Run
 
 RESULT = "result.csv"
 GRAINS = "grains"
-AGAIN = "delete the run's folder to do it again"
+HOW_TO_REPEAT = "delete the folder of the run to repeat it"
 
 
 class RunFolder:
@@ -48,7 +48,7 @@ class RunFolder:
     Attributes
     ----------
     labels : dict of str to str
-        The first columns of its result.
+        The first columns of the run's result.
     """
 
     def __init__(self, path: Path, run: Run, columns: Columns):
@@ -58,52 +58,54 @@ class RunFolder:
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
         self.result = path / RESULT
 
-    def require_own(self) -> None:
-        """Raise OutputError if the folder is that of another run, and SceneError if it is damaged."""
+    def require_this_run(self) -> None:
+        """Raise OutputError if the folder belongs to another run, and InputError if it is damaged."""
         if not self.scene_file.exists():
             return
         try:
             found = read_regular(self.scene_file).decode()
         except UnicodeDecodeError:
-            raise SceneError(f"'{self.scene_file}' is no text: {AGAIN}") from None
-        except SceneError as error:
-            raise SceneError(f"{error}: {AGAIN}") from None
-        if self._is_of_another(found):
-            raise OutputError(
-                f"'{self.scene_file}' is another scene than this run of the sweep: choose another -o"
-            )
+            raise InputError(f"'{self.scene_file}' is not text: {HOW_TO_REPEAT}") from None
+        except InputError as error:
+            raise InputError(f"{error}: {HOW_TO_REPEAT}") from None
+        if self._belongs_to_another_run(found):
+            raise OutputError(f"'{self.scene_file}' is the scene of another sweep: choose another -o")
         if found != self._text:
-            raise SceneError(f"'{self.scene_file}' is damaged: {AGAIN}")
-        if self.result.exists() and self._measures_otherwise():
-            raise OutputError(f"'{self.result}' {OTHERWISE}")
+            raise InputError(f"'{self.scene_file}' is damaged: {HOW_TO_REPEAT}")
+        if self.result.exists() and self._has_other_columns():
+            raise OutputError(f"'{self.result}' {OTHER_COLUMNS}")
 
     def require_no_other(self) -> None:
-        """Raise OutputError if the folder is that of another run; damage makes the run fail in its turn."""
+        """Raise OutputError if the folder belongs to another run.
+
+        Damage is not tested; it makes the run fail later.
+        """
         try:
-            self.require_own()
+            self.require_this_run()
         except OutputError:
             raise
-        except (SceneError, OSError):
+        except (InputError, OSError):
             pass
 
-    def _is_of_another(self, found: str) -> bool:
-        """Return whether a scene file is whole, and that of another run: else it is this run's, or damaged.
+    def _belongs_to_another_run(self, found: str) -> bool:
+        """Return whether a scene file is complete and belongs to another run.
 
-        The first line names the run and its values, which the lines after it have too: in the file of another
-        run, both differ.
+        The first line names the run and its values, and the other lines contain them too. In the file of
+        another run both differ; if only the first line or only the rest differs, the file
+        is damaged.
         """
         (head, _, body), (own_head, _, own_body) = found.partition("\n"), self._text.partition("\n")
         if head == own_head or body == own_body or not head.startswith("# run "):
             return False
         try:
             parse_toml(found, self.scene_file)
-        except SceneError:
+        except InputError:
             return False
         return True
 
-    def _measures_otherwise(self) -> bool:
-        """Return whether the result has good columns, but not those of this sweep."""
-        with suppress(OSError, SceneError):
+    def _has_other_columns(self) -> bool:
+        """Return whether the result is intact, but has other columns than this sweep."""
+        with suppress(OSError, InputError):
             names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
             until = "rest" if MET in names else None
             columns = Columns(
@@ -113,26 +115,26 @@ class RunFolder:
         return False
 
     def lock(self) -> Lock:
-        """Return the lock on the run, that on its checkpoint: no sweep and no ``run --resume`` shares it."""
+        """Lock the run by its checkpoint, so that no other sweep and no ``run --resume`` executes it."""
         self.path.mkdir(parents=True, exist_ok=True)
         return Lock(self.checkpoint)
 
     def begin(self, execution: ExecutionOptions) -> Checkpoint:
-        """Return where the run, which is locked, is: at its start, or where another process left it.
+        """Return the start of the locked run, or the checkpoint at which another process left it.
 
-        It is recorded as `execution` says; but a run that is resumed keeps to what it was begun with.
+        `execution` determines the outputs of a new run. A resumed run keeps its first outputs.
 
         Raises
         ------
-        SceneError
-            Its scene is none, or its checkpoint is damaged; as an `OutputError`, if it is finished, or the
-            folder is that of another run.
+        InputError
+            The scene is invalid or the checkpoint is damaged. It is an `OutputError` if the run is finished
+            or the folder belongs to another run.
         """
-        self.require_own()
+        self.require_this_run()
         if self.result.exists():
             raise OutputError("another process has finished it")
         if self.checkpoint.exists():
-            return self._kept()
+            return self._read_checkpoint()
         scene = Scene(**{**scene_fields(self._text, self.scene_file), "name": self.labels["scene"]})
         wanted: dict[str, Any] = {}
         if execution.fps is not None:
@@ -152,44 +154,47 @@ class RunFolder:
         )
         return Checkpoint(scene, first_state(scene), options, RunStatistics())
 
-    def _kept(self) -> Checkpoint:
-        """Return the checkpoint of this run; the places that it names count for nothing."""
+    def _read_checkpoint(self) -> Checkpoint:
+        """Return the checkpoint of this run; file names that it contains are ignored."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
         steps = kept.statistics.steps if kept.statistics.met else kept.scene.steps
         own = (self._text, self.columns.until, steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
-            raise SceneError(f"checkpoint '{self.checkpoint}' is of another run: {AGAIN}")
+            raise InputError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
         record = None if options.record is None else str(self.recording)
         series = None if options.series is None else str(self.series)
         places: dict[str, Any] = {"record": record, "series": series, "checkpoint": str(self.checkpoint)}
         return replace(kept, options=replace(options, **places))
 
-    def keep(self, reached: Checkpoint) -> None:
-        """Save where the run is."""
+    def save_checkpoint(self, reached: Checkpoint) -> None:
+        """Write the run's state and options to its folder."""
         self._write_scene()
         write_checkpoint(self.checkpoint, reached)
 
     def finish(self, values: Values) -> None:
-        """Save the result of the run: from then on it is finished."""
+        """Save the result of the run, which is finished from then on."""
         self._write_scene()
         names = (*self.columns.after_labels, SECONDS)
         row = self.labels | dict(zip(names, values, strict=True))
-        write_whole(self.result, table_text([row]).encode())
+        write_atomically(self.result, table_text([row]).encode())
 
     def fail(self, reason: str, seconds: float = 0.0) -> None:
-        """Save that the run has failed: from then on it is finished."""
+        """Save a failure as the result of the run, which is finished from then on."""
         self.finish(failure(reason, self.columns.after_labels, seconds))
 
     def line(self) -> bytes:
-        """Return the line of its result; if it cannot be read, that the run has failed for this reason."""
+        """Return the line of the run's result.
+
+        If it cannot be read, the result is a failure for this reason.
+        """
         columns = self.columns.after_labels
         try:
             return csv_line(require_result(read_table(self.result), self.labels, columns).values())
-        except SceneError:
-            lost = failure(f"{RESULT} is damaged: {AGAIN}", columns)
+        except InputError:
+            lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", columns)
             return csv_line([*self.labels.values(), *lost])
 
     def _write_scene(self) -> None:
         if not self.scene_file.exists():
-            write_whole(self.scene_file, self._text.encode())
+            write_atomically(self.scene_file, self._text.encode())

@@ -1,9 +1,11 @@
-"""Runs of a sweep in one process, in groups: while a group is carried out, another thread begins the next.
+"""Runs of a sweep in one process, in groups.
 
-Runs without a folder come first, thousands at a time: what a group of them did is one shard, written before
-the next group is advanced. Those that take longer than `SHORT` or fail continue with a folder, where every
-run begins if that is asked for. These proceed in slices of about a second. Now and then, and at the end,
-they save where they are, so that a killed process loses little.
+While one group is advanced, another thread prepares the next.
+
+Runs without a folder come first, in groups of thousands. The results of a group are one shard, written before
+the next group is advanced. Runs that take longer than `SHORT` or fail continue with a folder; on request
+every run has one. These runs advance in slices of about a second, and save checkpoints at intervals and at
+the end, so that a killed process loses little.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from warpgrains.sweep.short import ShortRuns
 from warpgrains.sweep.sizes import next_size
 from warpgrains.sweep.sweep import Run
 
-GROUP, SLICE = 1.0, 1.0  # s that a group, and a slice of the steps of one with folders, is to take
+GROUP, SLICE = 1.0, 1.0  # intended durations of a group, and of a slice of a group with folders [s]
 FIRST_SLICE = 4  # steps
 BETWEEN_CHECKPOINTS = 20.0  # s
 FIRST_WIDTH, LEAST_WIDTH, WIDTH, RECORDED_WIDTH = 16, 16, 64, 16  # runs in a group; frames wait in memory
@@ -38,15 +40,15 @@ WRITERS = 16
 def finish_runs(
     folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnProgress
 ) -> dict[int, str]:
-    """Carry out runs that are not finished to their end, each from where it is.
+    """Execute unfinished runs to their ends, each from its last checkpoint.
 
-    A run that fails gets a result that says why, and the others continue. So they do if another process has
-    a run, or its files cannot be used.
+    A run that fails has the reason as its result, and the other runs continue. They also continue if another
+    process has a run, or its files cannot be used.
 
     Returns
     -------
     dict of int to str
-        By the numbers of the runs that were not carried out to their end, why not.
+        Reasons why runs are unfinished, by their numbers.
 
     Raises
     ------
@@ -66,7 +68,7 @@ def finish_runs(
 
 
 def _in_groups(runs: ShortRuns | FolderRuns, points: Iterable[ResumePoint]) -> None:
-    """Carry out runs in groups, each of which is begun on another thread while the one before is advanced."""
+    """Execute runs in groups. Another thread prepares each group while the previous one is advanced."""
     waiting, width = iter(points), FIRST_WIDTH
     with ExitStack() as all_held, ThreadPoolExecutor(1) as ahead:
 
@@ -86,7 +88,7 @@ def _in_groups(runs: ShortRuns | FolderRuns, points: Iterable[ResumePoint]) -> N
 
 
 class FolderRuns:
-    """Carries out runs that have a folder each.
+    """Runner for runs with a folder each.
 
     Parameters
     ----------
@@ -96,7 +98,7 @@ class FolderRuns:
     Attributes
     ----------
     left : dict of int to str
-        Why runs are not carried out to their end, by their numbers.
+        Reasons why runs are unfinished, by their numbers.
     """
 
     def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress):
@@ -107,7 +109,7 @@ class FolderRuns:
         self.narrowest = min(LEAST_WIDTH, self.widest)
 
     def begin(self, points: list[ResumePoint], held: ExitStack) -> list[GroupedRun]:
-        """Return the runs that can continue, each where it is; `held` gets their locks and outputs."""
+        """Return the runs that can continue; their locks and outputs are entered into `held`."""
         begun = [(point, GroupedRun.begin(self._folder, point, self._execution, held)) for point in points]
         self.left |= {point.run.number: run for point, run in begun if isinstance(run, str)}
         runs = [run for _, run in begun if not isinstance(run, str)]
@@ -115,22 +117,22 @@ class FolderRuns:
         return runs
 
     def carry_out(self, runs: list[GroupedRun]) -> int:
-        """Advance runs to their ends, and save their results once their recordings are whole.
+        """Advance runs to their ends, complete their recordings and save their results.
 
         Returns
         -------
         int
-            How many grains they have.
+            Total number of grains of the runs.
         """
         self._on_progress(sum(run.progress for run in runs))
-        self._advance([run for run in runs if run.goes_on])
+        self._advance([run for run in runs if run.has_steps_left])
         troubles = [(run, run.complete()) for run in runs]
         self.left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
         _write(GroupedRun.finish, [run for run, trouble in troubles if trouble is None])
         return sum(run.scene.n for run in runs)
 
     def _advance(self, runs: list[GroupedRun]) -> None:
-        """Advance runs to their ends; one that does not fit in memory, even alone, has failed."""
+        """Advance runs to their ends. A run that does not fit in memory even alone has failed."""
         if not runs:
             return
         try:
@@ -149,15 +151,15 @@ class FolderRuns:
         self._in_slices(runs, sets)
 
     def _in_slices(self, runs: list[GroupedRun], sets: ResidentSets) -> None:
-        """Advance runs in slices, record and measure, and save where they are."""
+        """Advance runs in slices; record, measure and save checkpoints between slices."""
         slice_steps, kept_at = FIRST_SLICE, perf_counter()
         for run in runs:
             run.observe(run)
-        if any(run.is_recorded for run in runs):
-            _keep(runs, sets)
-        while any(run.goes_on for run in runs):
+        if any(run.has_frames_left for run in runs):
+            _save_checkpoints(runs, sets)
+        while any(run.has_steps_left for run in runs):
             start, before = perf_counter(), sum(run.progress for run in runs)
-            steps = [min(slice_steps, run.steps_to_output) if run.goes_on else 0 for run in runs]
+            steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
             endings = [(run.until, run.statistics) for run in runs if run.until is not None]
             for resident in sets.advance(steps, lambda _: None, endings or None):
                 for k, scene in resident.scenes.items():
@@ -167,18 +169,18 @@ class FolderRuns:
             self._on_progress(sum(run.progress for run in runs) - before)
             now = perf_counter()
             slice_steps = next_size(max(steps), now - start, SLICE, inf)
-            if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.goes_on for run in runs):
-                _keep(runs, sets)
+            if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.has_steps_left for run in runs):
+                _save_checkpoints(runs, sets)
                 kept_at = now
 
 
-def _keep(runs: list[GroupedRun], sets: ResidentSets) -> None:
+def _save_checkpoints(runs: list[GroupedRun], sets: ResidentSets) -> None:
     for k, run in enumerate(runs):
-        run.reach(sets.state(k))
-    _write(GroupedRun.keep, runs)
+        run.set_state(sets.state(k))
+    _write(GroupedRun.save_checkpoint, runs)
 
 
 def _write(write: Callable[[GroupedRun], None], runs: list[GroupedRun]) -> None:
-    """Write files of all runs at the same time: most of the time is spent waiting for the disk."""
+    """Write files of all runs in parallel threads, because most of the time is spent waiting for the disk."""
     with ThreadPoolExecutor(WRITERS) as writers:
         list(writers.map(write, runs))

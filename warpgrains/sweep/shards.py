@@ -1,9 +1,9 @@
-"""Results of short runs, many in a file: tables that appear whole and are never changed.
+"""Result shards: tables with the results of many short runs, written atomically and never changed.
 
-A shard is a CSV table with the columns of `results.csv` and the seconds, named after its first run, its last
-one and its content: ``0000512-0001023-a1b2c3d4e5f60718.csv``. Any number of processes and machines write
-shards at the same time. A shard whose content is not that of its name is damaged: it is set aside, as
-``….csv.damaged``, and its runs are done again. A run may be in two shards, done twice.
+A shard is a CSV table with the columns of `results.csv` and the seconds. Its name consists of its first run,
+its last run and a hash of its content: ``0000512-0001023-a1b2c3d4e5f60718.csv``. Any number of processes and
+machines may write shards at the same time. If the content does not match the hash, the shard is damaged: it
+is renamed to ``….csv.damaged``, and its runs are done again. A run that was done twice is in two shards.
 """
 
 import re
@@ -12,15 +12,15 @@ from collections.abc import Collection, Iterable, Mapping
 from hashlib import sha256
 from pathlib import Path
 
-from warpgrains.errors import OutputError, SceneError
-from warpgrains.files import Row, csv_line, write_whole
+from warpgrains.errors import InputError, OutputError
+from warpgrains.files import Row, csv_line, write_atomically
 from warpgrains.sweep.results import Values
 
-DIGITS = 16  # of a shard's hash
+DIGITS = 16  # hexadecimal digits of a shard's hash
 
 _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
 
-OTHERWISE = "measures something else: choose another -o, or the same --measure"
+OTHER_COLUMNS = "has other columns: choose another -o, or the same --measure"
 
 
 class ResultShards:
@@ -29,14 +29,14 @@ class ResultShards:
     Parameters
     ----------
     path
-        The folder, which need not exist.
+        The folder, which may not exist yet.
     columns
-        Names of their columns, the run's number first.
+        Names of the columns, the run's number first.
 
     Attributes
     ----------
     lines : dict of int to bytes
-        Lines of the table, by the number of their run.
+        Lines of the tables, by number of the run.
     """
 
     def __init__(self, path: Path, columns: Iterable[str]):
@@ -45,20 +45,20 @@ class ResultShards:
         self._read: set[str] = set()
 
     def write(self, results: Mapping[int, tuple[Row, Values]], writer: str) -> None:
-        """Add a shard of labels and values of runs, by number; `writer` names this process."""
+        """Write a shard of the labels and values of runs by number; `writer` identifies this process."""
         if results:
             lines = (_line(*results[number]) for number in sorted(results))
             content = self._head + b"".join(lines)
             name = f"{min(results):07}-{max(results):07}-{_hash(content)}.csv"
-            write_whole(self.path / name, content, writer)
+            write_atomically(self.path / name, content, writer)
 
     def refresh(self, numbers: Collection[int]) -> None:
-        """Read the shards that are new and may hold some of these runs; set damaged ones aside.
+        """Read new shards that may contain some of these runs, and rename damaged ones.
 
         Raises
         ------
-        SceneError
-            One is of another sweep.
+        InputError
+            A shard belongs to another sweep.
         """
         first, last = min(numbers, default=0), max(numbers, default=-1)
         for path in sorted(self.path.glob("*.csv")):
@@ -69,24 +69,22 @@ class ResultShards:
                 self._take(path)
 
     def _take(self, path: Path) -> None:
-        """Take the lines of a shard; set it aside if it is damaged."""
+        """Read the lines of a shard; rename it if it is damaged."""
         content = path.read_bytes() if path.is_file() else b""
         if path.name.rpartition("-")[2] != f"{_hash(content)}.csv":
             path.rename(path.with_name(f"{path.name}.damaged"))
-            print(f"'{path}' is damaged: its runs are done again", file=sys.stderr)
+            print(f"'{path}' is damaged: its runs are repeated", file=sys.stderr)
             return
         if not content.startswith(self._head):
-            raise SceneError(f"'{path}' is of another sweep, or {OTHERWISE}")
+            raise InputError(f"'{path}' is of another sweep, or {OTHER_COLUMNS}")
         for line in content[len(self._head) :].splitlines(keepends=True):
             self.lines.setdefault(int(line.partition(b",")[0]), line)
         self._read.add(path.name)
 
-    def require_own(self, number: int, labels: Row) -> None:
-        """Raise OutputError if the result of a run that has these labels is that of another run."""
+    def require_this_run(self, number: int, labels: Row) -> None:
+        """Raise OutputError if the result of run `number` has other labels, that is, of another run."""
         if not self.lines[number].startswith(_cells(labels) + b","):
-            raise OutputError(
-                f"run {number} in '{self.path}' is another than this sweep's: choose another -o"
-            )
+            raise OutputError(f"run {number} in '{self.path}' belongs to another sweep: choose another -o")
 
 
 def _cells(labels: Row) -> bytes:
@@ -94,7 +92,7 @@ def _cells(labels: Row) -> bytes:
 
 
 def _line(labels: Row, values: Values) -> bytes:
-    """Return a line of a shard; its values are numbers, which need no quotes."""
+    """Return the line of a run in a shard; its values are numbers, which need no quotes."""
     return b"%b,%b\n" % (_cells(labels), ",".join(map(str, values)).encode())
 
 

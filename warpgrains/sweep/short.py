@@ -1,7 +1,7 @@
-"""Short runs: in large groups, without a folder or a lock of their own; what a group did is one shard.
+"""Short runs: executed in large groups, without folders and locks for single runs.
 
-What a group did is written before the next one is advanced: of a process that is killed, one is to be done
-again.
+The results of a group are one shard. It is written before the next group is advanced, so that a killed
+process loses one group only.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import Ending, ResidentSet, ResidentSets
-from warpgrains.errors import SceneError, SimulationError
+from warpgrains.errors import InputError, SimulationError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
@@ -29,9 +29,9 @@ from warpgrains.sweep.run import ResumePoint
 from warpgrains.sweep.run_folder import GRAINS
 from warpgrains.sweep.sweep import BaseScene, Run
 
-SHORT = 20.0  # s; a run that is not done by then gets a folder and checkpoints
+SHORT = 20.0  # s; longer runs continue with a folder and checkpoints
 WIDTH = 4096  # runs in a group
-ALIKE = 256  # scenes kept for others with the same grains
+CACHED_SCENES = 256  # cached scenes, from which scenes with the same grains are made
 
 
 class ShortRun(NamedTuple):
@@ -41,7 +41,7 @@ class ShortRun(NamedTuple):
     labels: Row
     scene: Scene
     ending: Ending | None
-    """What ends it before its last step."""
+    """Criterion that ends the run early, and its statistics."""
 
 
 class ShortGroup(NamedTuple):
@@ -49,25 +49,25 @@ class ShortGroup(NamedTuple):
 
     runs: list[ShortRun]
     sets: ResidentSets | None
-    """None if there are none."""
+    """None if the group is empty."""
 
 
 class ShortRuns:
-    """Carries out short runs of a sweep.
+    """Runner for the short runs of a sweep.
 
     Parameters
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
     held : ExitStack
-        Gets the locks on runs.
+        Stack that holds the locks on runs.
 
     Attributes
     ----------
     left : dict of int to str
-        Why runs are left to other processes, by their numbers.
+        Reasons why runs are left to other processes, by their numbers.
     longer : list of ResumePoint
-        What is to be carried out as runs with a folder.
+        Runs that are to continue with a folder.
     """
 
     def __init__(
@@ -78,27 +78,27 @@ class ShortRuns:
         self._folder, self._on_progress = folder, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.narrowest, self.widest = self._threads, WIDTH
-        self._alike: dict[tuple[BaseScene, str], Scene] = {}
+        self._cache: dict[tuple[BaseScene, str], Scene] = {}
         folder.shards.path.mkdir(parents=True, exist_ok=True)
         self._locks = RunLocks(folder.shards.path / ".claims")
         held.callback(self._locks.close)
 
     def begin(self, points: list[ResumePoint], held: ExitStack) -> ShortGroup:
-        """Put the scenes of runs in memory; nothing is held."""
-        free = self._free([point.run for point in points])
+        """Load the scenes of runs into memory. Nothing is entered into `held`."""
+        free = self._available([point.run for point in points])
         runs = [short for run in free if (short := self._short(run)) is not None]
         sets = None
         if runs:
             try:
                 sets = ResidentSets([short.scene for short in runs], self._device, self._threads)
-                sets.enter()
-            except SimulationError:  # there is no memory for one of them
+                sets.make_resident()
+            except SimulationError:  # one of the scenes does not fit in memory
                 self.longer += [ResumePoint(short.run) for short in runs]
                 runs, sets = [], None
         return ShortGroup(runs, sets)
 
-    def _free(self, runs: list[Run]) -> list[Run]:
-        """Return the runs that nobody else has or has finished, and that have no folder."""
+    def _available(self, runs: list[Run]) -> list[Run]:
+        """Return the runs without a folder that no other process has locked or finished."""
         begun = self._folder.begun()
         self.longer += [ResumePoint(run) for run in runs if run.number in begun]
         runs = [run for run in runs if run.number not in begun]
@@ -111,10 +111,13 @@ class ShortRuns:
         return [run for run in runs if run.number in free]
 
     def _short(self, run: Run) -> ShortRun | None:
-        """Return a run of a group; None if it is long: no scene, large, or with a label of several lines."""
+        """Return a run as a member of a group; None if it must run with a folder.
+
+        It must if its scene is invalid or large, or if a label has several lines.
+        """
         labels = run.labels()
         if not any(end in label for label in labels.values() for end in "\r\n"):
-            with suppress(SceneError):
+            with suppress(InputError):
                 scene = self._scene(run)
                 until = criterion(self._folder.columns.until, scene)
                 if paying_threads(scene) == 1:
@@ -124,7 +127,7 @@ class ShortRuns:
         return None
 
     def _scene(self, run: Run) -> Scene:
-        """Return the scene of a run, made of one that has the same grains and walls where there is one."""
+        """Return the scene of a run, derived from a cached one with the same grains and walls, if any."""
         settings: dict[str, Any] = {}
         of_grains = []
         for name, value in run.values.items():
@@ -133,18 +136,18 @@ class ShortRuns:
                 of_grains.append(value)
             else:
                 settings[key] = value
-        alike = self._alike.get((run.base, repr(of_grains)))
-        if alike is not None:
-            return alike.with_settings(**settings)
+        cached = self._cache.get((run.base, repr(of_grains)))
+        if cached is not None:
+            return cached.with_settings(**settings)
         fields = document_fields(run.sections(GRAINS), self._folder.path)
         scene = Scene(**fields, name=run.base.name)
-        if len(self._alike) == ALIKE:
-            del self._alike[next(iter(self._alike))]
-        self._alike[run.base, repr(of_grains)] = scene
+        if len(self._cache) == CACHED_SCENES:
+            del self._cache[next(iter(self._cache))]
+        self._cache[run.base, repr(of_grains)] = scene
         return scene
 
     def carry_out(self, group: ShortGroup) -> int:
-        """Advance a group to its end, or for as long as a run is short; return how many grains it has."""
+        """Advance a group to its end, but for `SHORT` seconds at most; return the number of grains."""
         if (sets := group.sets) is None:
             return 0
         steps, end = [short.scene.steps for short in group.runs], perf_counter() + SHORT
@@ -155,7 +158,7 @@ class ShortRuns:
             counted += share * done
             self._on_progress(share * done)
             if perf_counter() > end:
-                sets.halt()
+                sets.cancel()
 
         endings = [short.ending for short in group.runs if short.ending is not None]
         ended: dict[int, tuple[Row, Values]] = {}
@@ -174,7 +177,7 @@ class ShortRuns:
         return sum(short.scene.n for short in group.runs)
 
     def _ended(self, runs: list[ShortRun], resident: ResidentSet) -> Iterator[tuple[int, Values]]:
-        """Yield the results of the runs that are at their ends, by their places in the group."""
+        """Yield the results of the finished runs with their indices in the group."""
         columns = self._folder.columns.after_labels
         if self._folder.columns.until is not None:
             for k, scene in resident.scenes.items():
@@ -182,7 +185,7 @@ class ShortRuns:
                 if statistics.met or statistics.steps == scene.scene.steps:
                     yield k, result(snapshot(scene.scene, scene.state()), statistics, columns)
             return
-        for engine, numbers, indices in resident.alike():
+        for engine, numbers, indices in resident.by_grain_count():
             ended = engine.left[indices] == 0
             if ended.any():
                 which = numbers[ended].tolist()

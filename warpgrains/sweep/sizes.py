@@ -1,19 +1,19 @@
-"""Sizes of groups of runs, of slices of their steps and of bundles for a cluster, by the time they take."""
+"""Sizes of groups, slices and bundles of work, chosen from the time that earlier ones took."""
 
-GROWTH = 8  # how much larger than the last one the next may be
+GROWTH = 8  # largest ratio of a size to the previous one
 
 
 def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:
-    """Return how large the next piece of work is to be.
+    """Return the size of the next unit of work.
 
     Parameters
     ----------
     size, seconds
-        The last one's, and the time that it took [s].
+        Size and duration [s] of the last unit.
     wanted
-        The time that the next one is to take [s].
+        Intended duration of the next unit [s].
     most, least
-        Bounds; `most` comes first.
+        Bounds; if they conflict, `most` counts.
     """
     paced = size * min(GROWTH, wanted / max(seconds, 1e-3))
     return max(1, int(min(max(least, paced), most)))

@@ -1,14 +1,14 @@
-"""Sweep files: TOML in, the runs of a sweep out.
+"""Sweep files: TOML text in, the runs of a sweep out.
 
 ======== =================== ======================================================================
 section  keys                meaning
 ======== =================== ======================================================================
-(top)    scene               the base scene: a file beside the sweep file, or the name of a shipped one
-..       or: folder          a folder beside the sweep file: each of its .toml files is a base scene
-..       combine             "grid" (default): every value of an axis with every one of the others;
+(top)    scene               the base scene: a file next to the sweep file, or a shipped scene
+..       or: folder          a folder next to the sweep file: each of its .toml files is a base scene
+..       combine             "grid" (default): all combinations of the values of the axes;
                              "zip": the first values of all axes, then the second ones, ...
 set      section.key         a value that replaces the base scene's in all runs
-axes     section.key         values of which every run has one, see `axes`
+axes     section.key         a list of values, one of which each run has, see `axes`
 ======== =================== ======================================================================
 
 The keys are those of scene files: ``physics.drag = [0.1, 0.5]`` in ``[axes]`` is an axis of two values.
@@ -23,7 +23,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Self
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.scene import checks
 from warpgrains.scene.document import (
@@ -43,29 +43,32 @@ KEYS = ("scene", "folder", "combine", "set", "axes")
 COMBINATIONS = ("grid", "zip")
 
 Values = dict[str, Any]
-"""Values by the keys that take them, such as "physics.drag"."""
+"""Values by key, such as "physics.drag"."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseScene:
-    """A scene that runs start from."""
+    """A scene from which runs are derived."""
 
     name: str
-    """What it is called."""
+    """Name of the scene."""
     sections: Table
-    """What its file holds, and what the sweep sets."""
+    """Sections of the scene file, with the values that the sweep sets for all runs."""
     grain_files: dict[str, Path]
-    """Files of grains that its runs name, by name; the runs read copies of them, see `copy_name`."""
+    """Files of grains by the names that the runs use; the runs read copies, see `copy_name`."""
 
     @property
     def text(self) -> str:
-        """A scene file of what its runs have in common; copies of files of grains are in ../grains."""
+        """Text of a scene file with the common part of the runs.
+
+        Copies of files of grains are in ../grains.
+        """
         copies = {name: f"../grains/{copy_name(path)}" for name, path in self.grain_files.items()}
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
         return "".join(notes) + toml_text(self.with_values({}, "../grains"))
 
     def with_values(self, values: Values, copies: str) -> Table:
-        """Return its sections with some values replaced; copies of files of grains are in folder `copies`."""
+        """Return the sections with some values replaced; copies of files of grains are in folder `copies`."""
         sections = _with_values(self.sections, values)
         source = self.grain_files.get(sections.get("grains", {}).get("file"))
         if source is not None:
@@ -78,23 +81,23 @@ class Run:
     """One run of a sweep."""
 
     number: int
-    """Its place in the sweep, from 0."""
+    """Index of the run in the sweep, from 0."""
     base: BaseScene
-    """The scene it starts from."""
+    """Scene from which the run is derived."""
     values: Values
-    """What it takes from the axes, by key."""
+    """Values on the axes, by key."""
 
     def labels(self) -> Row:
-        """Return what tells it from others: the first columns of its result, "run" and "scene" among them."""
+        """Return the first columns of the run's result, which identify it: "run", "scene" and the axes."""
         cells = {key: _cell(value) for key, value in self.values.items()}
         return {"run": str(self.number), "scene": self.base.name, **cells}
 
     def sections(self, copies: str) -> Table:
-        """Return the sections of its scene file, see `BaseScene.with_values`."""
+        """Return the sections of the run's scene file, see `BaseScene.with_values`."""
         return self.base.with_values(self.values, copies)
 
     def text(self, copies: str) -> str:
-        """Return its scene file, see `sections`."""
+        """Return the text of the run's scene file, see `sections`."""
         values = ", ".join(f"{key} = {toml_value(value)}" for key, value in self.values.items())
         name = self.base.name if self.base.name.isprintable() else toml_value(self.base.name)
         head = f"# run {self.number} of a sweep over {name}{values and ': '}{values}\n\n"
@@ -106,20 +109,20 @@ class Sweep:
     """All runs of a sweep."""
 
     runs: list[Run]
-    """In the order of the axes, the last one changing fastest."""
+    """Runs in the order of the axes, the last axis varying fastest."""
     axes: tuple[str, ...]
     """Keys of the axes."""
     bases: list[BaseScene]
-    """The scenes that the runs start from."""
+    """Scenes from which the runs are derived."""
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a sweep file, a folder of scenes, each a run, or the shipped sweep of that name.
+        """Read a sweep file, a folder of scenes (one run each), or the shipped sweep of that name.
 
         Raises
         ------
-        SceneError
-            There is no such file, or it is no sweep: the message names key and value.
+        InputError
+            The file does not exist or is no sweep. The message names key and value.
         """
         path = Path(path)
         is_folder = os.path.isdir(path)
@@ -129,7 +132,7 @@ class Sweep:
         combine = checks.one_of("combine", document.get("combine", "grid"), COMBINATIONS)
         fixed, axes = _by_key(document, "set"), _by_key(document, "axes")
         for key in fixed.keys() & axes.keys():
-            raise SceneError(f"{key} is in [set] and in [axes]: it must be in one of them")
+            raise InputError(f"{key} is in [set] and in [axes]: it must be in one of them")
         lists = {key: axis_values(key, axis) for key, axis in axes.items()}
         bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
         pairs = itertools.product(bases, _combinations(lists, combine))
@@ -138,7 +141,7 @@ class Sweep:
 
 @cache
 def copy_name(grain_file: Path) -> str:
-    """Return under which name a file of grains is copied: it tells the content."""
+    """Return the name of the copy of a file of grains, which contains a hash of the content."""
     return f"{hashlib.sha256(grain_file.read_bytes()).hexdigest()[:12]}-{grain_file.name}"
 
 
@@ -147,7 +150,7 @@ def _cell(value: Any) -> str:
 
 
 def _by_key(document: Table, name: str) -> Values:
-    """Return what a section of a sweep holds, by "section.key"; each is a key of scene files."""
+    """Return the entries of a section of a sweep by "section.key". Each must be a key of scene files."""
     found: Values = {}
     for section, table in _table(name, document.get(name, {})).items():
         for key, value in _table(f"{name}.{section}", table).items():
@@ -158,7 +161,7 @@ def _by_key(document: Table, name: str) -> Values:
 
 def _table(name: str, value: Any) -> Table:
     if not isinstance(value, dict):
-        raise SceneError(f"{name} is {value!r}: it must be a section")
+        raise InputError(f"{name} is {value!r}: it must be a section")
     return value
 
 
@@ -168,16 +171,16 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
     lengths = {key: len(values) for key, values in lists.items()}
     if len(set(lengths.values())) > 1:
         counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
-        raise SceneError(f"combine is 'zip': the axes must have as many values each, not {counts}")
+        raise InputError(f"combine is 'zip': all axes must have the same number of values, not {counts}")
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
 
 
 def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[BaseScene]:
     for path in _base_paths(document, folder):
         if path.exists() and not path.is_file():
-            raise SceneError(f"scene '{path}' of the sweep is not a regular file")
+            raise InputError(f"scene '{path}' of the sweep is not a regular file")
         sections = _with_values(read_document(path), fixed)
-        toml_value(path.stem)  # which the tables hold: it must be text
+        toml_value(path.stem)  # a cell of the tables: it must be text
         grains = _table("grains", sections.get("grains", {}))
         if isinstance(grains.get("radius"), dict) and "file" in grains["radius"]:
             grains["radius"] = read_radii(path.parent, grains["radius"])
@@ -190,27 +193,27 @@ def _base_paths(document: Table, folder: Path) -> list[Path]:
     given = checks.only_one("a sweep", document, ("scene", "folder"))
     name = document[given]
     if not isinstance(name, str):
-        raise SceneError(f"{given} is {name!r}: it must be the name of a {given}")
+        raise InputError(f"{given} is {name!r}: it must be the name of a {given}")
     if given == "scene":
         return [Path(name) if name in shipped_scenes() and not (folder / name).exists() else folder / name]
     scenes = sorted((folder / name).glob("*.toml"))
     if not scenes:
-        raise SceneError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
+        raise InputError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
     return scenes
 
 
 def _grain_file(folder: Path, name: Any) -> Path:
     if not isinstance(name, str) or "\0" in name or not (folder / name).is_file():
-        raise SceneError(f"grains.file is {name!r}: there is no such file in {str(folder)!r}")
+        raise InputError(f"grains.file is {name!r}: it does not exist in {str(folder)!r}")
     if not (folder / name).resolve().is_relative_to(folder.resolve()):
-        raise SceneError(
-            f"grains.file is {name!r}: results hold a copy, so it must be in the folder of its scene"
+        raise InputError(
+            f"grains.file is {name!r}: it must be in the folder of its scene, because results contain a copy"
         )
     return folder / name
 
 
 def _with_values(sections: Table, values: Values) -> Table:
-    """Return the sections of a scene with some values replaced; the given ones are left as they are."""
+    """Return a copy of the sections of a scene with some values replaced."""
     changed = {name: dict(table) if isinstance(table, dict) else table for name, table in sections.items()}
     for name, value in values.items():
         section, _, key = name.partition(".")

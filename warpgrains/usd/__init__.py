@@ -1,1 +1,1 @@
-"""Recordings: written, read back and checked."""
+"""Recordings in USD: writing, reading and checking them."""

@@ -1,4 +1,4 @@
-"""Checks of a recording that no USD validator makes."""
+"""Checks of a recording beyond those of USD validators."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,29 +8,42 @@ from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.usd.forces import FORCES, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, quaternions
-from warpgrains.usd.reader import Values, open_recording, refusing_foreign_content, values_of
+from warpgrains.usd.reader import Values, open_recording, refusing_untrusted_content, values_of
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
 
 
 def inspect_recording(path: str | Path) -> list[str]:
-    """Return what is wrong with a recording, one line a problem; an empty list means nothing is.
+    """Return the problems of a recording, one line each; the list is empty if there are none.
 
     Raises
     ------
-    SceneError
-        If the file is missing, is not USD, or holds what no recording does. A file that crashes USD or has no
-        end is refused by the command ``warpgrains check`` only.
+    InputError
+        The file is missing, is not USD, or has content that recordings do not have. Only the command
+        ``warpgrains check`` is safe against files that crash USD or never end.
     """
-    with refusing_foreign_content(path):
+    with refusing_untrusted_content(path):
         return _problems(open_recording(Path(path)))
+
+
+def report_on_recording(path: str | Path) -> list[str]:
+    """Return the lines that `check` prints: the problems of a recording, or else "OK" and its size."""
+    with refusing_untrusted_content(path):
+        stage = open_recording(Path(path))
+        return _problems(stage) or [_size(stage)]
+
+
+def _size(stage: Usd.Stage) -> str:
+    position = GrainsInspector(stage.GetPrimAtPath(GRAINS)).position
+    codes = position.GetTimeSamples()
+    return f"OK: {len(codes)} frames, {_length(position, codes[0])} grains"
 
 
 def _problems(stage: Usd.Stage) -> list[str]:
     problems = list(_stage_problems(stage))
     prim = stage.GetPrimAtPath(GRAINS)
     if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
-        return [*problems, f"there are no UsdGeom.Points or PointInstancer at {GRAINS}"]
+        return [*problems, f"no UsdGeom.Points or PointInstancer at {GRAINS}"]
     grains = GrainsInspector(prim)
     codes = grains.position.GetTimeSamples()
     problems += [*_code_problems(stage, codes), *grains.static_problems()]
@@ -52,9 +65,9 @@ def _stage_problems(stage: Usd.Stage) -> Iterator[str]:
     if UsdGeom.GetStageMetersPerUnit(stage) != 1.0:
         yield f"metersPerUnit is {UsdGeom.GetStageMetersPerUnit(stage)}, not 1"
     if not UsdPhysics.StageHasAuthoredKilogramsPerUnit(stage):
-        yield "kilogramsPerUnit is not stated"
+        yield "kilogramsPerUnit is missing"
     if not stage.GetDefaultPrim():
-        yield "there is no defaultPrim"
+        yield "defaultPrim is missing"
     if stage.GetTimeCodesPerSecond() != stage.GetFramesPerSecond():
         yield (
             f"timeCodesPerSecond {stage.GetTimeCodesPerSecond():g} differs "
@@ -64,18 +77,18 @@ def _stage_problems(stage: Usd.Stage) -> Iterator[str]:
 
 def _code_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
     if not codes:
-        yield "the grains have no frames"
+        yield "the grains have no time samples"
         return
     if codes != [codes[0] + frame for frame in range(len(codes))] or codes[0] != int(codes[0]):
         yield "the time codes of the grains are not consecutive integers"
     start, end = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     if (start, end) != (codes[0], codes[-1]):
         frames = f"{codes[0]:g} to {codes[-1]:g}"
-        yield f"startTimeCode and endTimeCode are {start:g} and {end:g}, the frames {frames}"
+        yield f"startTimeCode and endTimeCode are {start:g} and {end:g}, but the frames are {frames}"
 
 
 def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float]) -> Iterator[str]:
-    """Yield each problem once, with the first frame that has it and the number of others."""
+    """Yield each problem once, with its first frame and the number of other frames."""
     found: dict[str, list[float]] = {}
     for code in codes:
         for problem in problems_of(code):
@@ -86,9 +99,9 @@ def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float])
 
 
 class GrainsInspector:
-    """Checks the grains, be they `UsdGeom.Points` or a `UsdGeom.PointInstancer`.
+    """Checks of the grains, which are `UsdGeom.Points` or a `UsdGeom.PointInstancer`.
 
-    All that is `animated` must have the time codes of their `position`.
+    All `animated` attributes must have the time codes of `position`.
     """
 
     def __init__(self, prim: Usd.Prim) -> None:
@@ -112,7 +125,7 @@ class GrainsInspector:
         self.animated = [self._extent, *changing]
 
     def static_problems(self) -> Iterator[str]:
-        """Yield what is wrong with what no frame may change."""
+        """Yield the problems of attributes that are the same in all frames."""
         ids, size = values_of(self._ids), values_of(self._size)
         if ids is not None and len(np.unique(ids)) != len(ids):
             yield f"ids are not unique: {len(ids) - len(np.unique(ids))} of {len(ids)} repeat another"
@@ -123,7 +136,7 @@ class GrainsInspector:
                 yield f"{attribute.GetName()} change with time"
 
     def frame_problems(self, code: float) -> Iterator[str]:
-        """Yield what is wrong with the frame at time code `code`."""
+        """Yield the problems of the frame at time code `code`."""
         position = values_of(self.position, code)
         if position is None or len(position) == 0:
             yield f"{self.position.GetName()} are empty"
@@ -162,7 +175,7 @@ class GrainsInspector:
 
 
 class ForcesInspector:
-    """Checks the force chains, a mesh of bands, all `animated` with the grains."""
+    """Checks of the force chains, a mesh of bands whose `animated` attributes have the grains' time codes."""
 
     def __init__(self, prim: Usd.Prim) -> None:
         names = ("points", "faceVertexCounts", "faceVertexIndices", "primvars:force", "extent")
@@ -171,11 +184,11 @@ class ForcesInspector:
         self.animated = [*(prim.GetAttribute(name) for name in names), *self._forces[1:]]
 
     def frame_problems(self, code: float) -> Iterator[str]:
-        """Yield what is wrong with the frame at time code `code`."""
+        """Yield the problems of the frame at time code `code`."""
         points, _, indices, _, extent = self.animated[:5]
         corners, vertices, numbers = (values_of(attribute, code) for attribute in self.animated[:3])
         if corners is None or vertices is None or numbers is None:
-            yield "force chains lack a value"
+            yield "force chains lack points, faceVertexCounts or faceVertexIndices"
             return
         yield from _length_problem(points, int(vertices.sum()), f"{len(vertices)} bands", code)
         yield from _length_problem(indices, len(corners), f"{len(corners)} corners", code)
@@ -187,8 +200,8 @@ class ForcesInspector:
             yield from _extent_problems(extent, corners, np.zeros(len(corners)), code)
 
 
-def _length(attribute: Usd.Attribute) -> int:
-    values = values_of(attribute)
+def _length(attribute: Usd.Attribute, code: float = 0.0) -> int:
+    values = values_of(attribute, code)
     return 0 if values is None else len(values)
 
 
@@ -214,4 +227,4 @@ def _extent_problems(
         return
     centre, reach = places.astype(np.float64), half_width.astype(np.float64)[:, np.newaxis]
     if ((centre - reach < extent[0]) | (centre + reach > extent[1])).any():
-        yield "extent does not cover what it bounds"
+        yield "extent does not contain all grains or bands"

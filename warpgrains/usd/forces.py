@@ -22,11 +22,11 @@ GRAINS_OF = ("grain", "neighbour")
 TANGENTIAL = "primvars:tangential_force"
 """The attribute of the tangential forces [N], in recordings with friction."""
 
-_GAP = 0.05  # to the grains behind, in their height
+_GAP = 0.05  # distance to the grains behind, in their height
 
 
 class ForceChains:
-    """A mesh of bands just in front of the grains, `height` [m] high; primvars tell force [N] and grains."""
+    """A mesh of bands just in front of grains of `height` [m]. Primvars hold force [N] and grains."""
 
     def __init__(self, scene: Scene, height: float) -> None:
         self._scene = scene
@@ -34,7 +34,7 @@ class ForceChains:
         self._depth = (1.0 + _GAP) * height
 
     def define(self, stage: Usd.Stage) -> None:
-        """Author the prim and all that no frame changes."""
+        """Author the prim and all attributes that are the same in all frames."""
         bands = UsdGeom.Mesh.Define(stage, FORCES)
         bands.CreatePointsAttr()
         bands.CreateFaceVertexCountsAttr()
@@ -56,7 +56,7 @@ class ForceChains:
         set_kind(bands.GetPrim(), "subcomponent")
 
     def samples(self, frame: Frame) -> Arrays:
-        """Return the value of each attribute that `frame` sets."""
+        """Return the values of the animated attributes for a frame."""
         chains = chains_of(self._scene, self._scale, frame)
         shown = triples(chains.corners().reshape(-1, 2))
         shown[:, 2] = self._depth

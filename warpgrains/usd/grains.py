@@ -32,21 +32,21 @@ _MOST_PROTOTYPES = 16
 class GrainPoints:
     """Grains as `UsdGeom.Points`; their `widths` are diameters.
 
-    They have ids, velocities, colors (an indexed primvar: a table, and the index of each grain's color), and
-    raw values as primvars: mass [kg], speed [m/s], pressure [N/m] if frames have contacts, and the radius [m]
-    if it gives the color; with friction also `ROTATION`, and mobilized friction if frames have contacts.
+    Attributes are ids, velocities and colors (an indexed primvar: a table, and an index per grain). Further
+    primvars hold mass [kg], speed [m/s], pressure [N/m] if frames have contacts, and the radius [m] if grains
+    are colored by it; with friction also `ROTATION`, and mobilized friction if frames have contacts.
 
     Parameters
     ----------
     scene : Scene
-        What is drawn.
+        The scene that is drawn.
     colors : GrainColors
     has_contacts : bool
         Whether frames have contacts.
     """
 
     height = 1.0
-    """How far a grain of radius 1 m reaches towards the viewer [m]."""
+    """Extent of a grain of radius 1 m towards the viewer [m]."""
     _position = "points"
 
     def __init__(self, scene: Scene, colors: GrainColors, has_contacts: bool) -> None:
@@ -56,7 +56,7 @@ class GrainPoints:
         self._colors, self._has_contacts, self._rotates = colors, has_contacts, scene.has_friction
 
     def define(self, stage: Usd.Stage) -> None:
-        """Author the prim and all that no frame changes."""
+        """Author the prim and all attributes that are the same in all frames."""
         prim = self._define_prim(stage)
         set_kind(prim, "subcomponent")
         UsdGeom.Boundable(prim).CreateExtentAttr()
@@ -81,7 +81,7 @@ class GrainPoints:
                 prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(value))
 
     def samples(self, frame: Frame) -> Arrays:
-        """Return the value of each attribute that `frame` sets."""
+        """Return the values of the animated attributes for a frame."""
         shown = triples(frame.position)
         values = {
             self._position: shown,
@@ -115,15 +115,15 @@ class GrainPoints:
         return {f"primvars:{name}": value.astype(np.float32) for name, value in values}
 
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
-        """Return the attributes that give the colors, int32, shape (n,)."""
+        """Return the attributes that hold the colors, int32, shape (n,)."""
         return {COLOR_INDICES: levels.astype(np.int32)}
 
 
 class GrainInstances(GrainPoints):
-    """Grains as instances of a shape of radius 1, scaled, and with friction turned.
+    """Grains as scaled instances of a shape of radius 1, rotated if there is friction.
 
-    Each also has one of 16 prototypes, whose colors are means of neighbors in the table of colors: Blender
-    reads no primvars of an instancer.
+    Each grain uses one of 16 prototypes, whose colors are means over ranges of the color table, because
+    Blender does not read primvars of an instancer.
     """
 
     _position = "positions"

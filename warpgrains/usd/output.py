@@ -1,37 +1,37 @@
-"""The file that a recording becomes: where it may be, what it may replace, and who may write it."""
+"""The output file of a recording: its valid paths, the files that it may replace, and its lock."""
 
 from pathlib import Path
 
 from pxr import Sdf, Tf
 
-from warpgrains.errors import SceneError
-from warpgrains.files import require_place
+from warpgrains.errors import InputError
+from warpgrains.files import require_writable_path
 from warpgrains.locks import Lock, lock_own
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
 RECORDED_BY = "warpgrains"
-"""Key in a layer's own data by which a recording is known."""
+"""Key in a layer's custom data that identifies a recording."""
 
 
 def log_of(path: Path) -> Path:
-    """Return the file that holds the frames of the recording `path` until it is complete."""
+    """Return the path of the log that holds the frames of recording `path` until it is complete."""
     return path.with_name(path.name + ".frames")
 
 
 def lock_output(path: Path) -> Lock:
-    """Return the lock on a recording.
+    """Lock a recording for writing.
 
     Raises
     ------
-    SceneError
-        It cannot be written there; as an `OutputError`, if another process does so, or there is something
-        that is no recording.
+    InputError
+        It cannot be written there. It is an `OutputError` if another process writes it, or if the file exists
+        and is no recording.
     """
-    require_place("output", path, *SUFFIXES)
+    require_writable_path("output", path, *SUFFIXES)
     try:
         str(path).encode()
     except UnicodeEncodeError:
-        raise SceneError(f"output '{path}' is not UTF-8: USD can write no file of such a name") from None
+        raise InputError(f"output '{path}' is not UTF-8: USD cannot write a file of this name") from None
     return lock_own(path, _is_recording, "recording of warpgrains")
 
 

@@ -1,4 +1,4 @@
-"""A recording read back, for pictures and curves."""
+"""Reader of recordings, for pictures and curves."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from pxr import Tf, Usd, UsdGeom
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale
 from warpgrains.drawing.colors import ColorScale, encoded
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ROTATION
@@ -23,7 +23,7 @@ Values = NDArray[Any]
 
 
 class RecordingReader:
-    """The frames of a recording, whichever way its grains are drawn.
+    """The frames of a recording, for any form in which its grains are drawn.
 
     Parameters
     ----------
@@ -35,19 +35,19 @@ class RecordingReader:
     time : ndarray
         Time of each frame since the first one [s], shape (f,).
     rate : float
-        Frames a second [1/s].
+        Frames per second [1/s].
     radius : ndarray
         Radii of the grains [m], shape (n,).
     walls : list of Ring
-        As they are drawn.
+        Walls as drawn.
     scale : ColorScale or None
-        What the colors stand for.
+        Range of values that the colors represent; None for the palette.
     chain_scale : ChainScale or None
-        How wide a force is drawn; None if no force chains were recorded.
+        Scale from forces to widths; None if no force chains were recorded.
 
     Raises
     ------
-    SceneError
+    InputError
         The file is missing, is not USD or holds no frames of grains.
     """
 
@@ -56,12 +56,12 @@ class RecordingReader:
         prim = self._stage.GetPrimAtPath(GRAINS)
         is_points = bool(prim) and prim.IsA(UsdGeom.Points)
         if not (is_points or (prim and prim.IsA(UsdGeom.PointInstancer))):
-            raise SceneError(f"'{path}' holds no grains")
+            raise InputError(f"'{path}' holds no grains")
         self._position = prim.GetAttribute("points" if is_points else "positions")
         self._prim = prim
         self._codes = self._position.GetTimeSamples()
         if not self._codes:
-            raise SceneError(f"'{path}' holds no frames")
+            raise InputError(f"'{path}' holds no frames")
         self.rate = float(self._stage.GetTimeCodesPerSecond())
         self.time = (np.array(self._codes) - self._codes[0]) / self.rate
         radius = (
@@ -77,7 +77,7 @@ class RecordingReader:
         self.chain_scale = ChainScale.read(scales["forces"]) if has_forces else None
 
     def position(self, frame: int) -> FloatArray:
-        """Return the centres of the grains [m], shape (n, 2)."""
+        """Return the centers of the grains [m], shape (n, 2)."""
         return _values(self._position, self._codes[frame])[:, :2]
 
     def velocity(self, frame: int) -> FloatArray:
@@ -97,23 +97,23 @@ class RecordingReader:
         return _values(spin, self._codes[frame]), _values(angle, self._codes[frame])
 
     def color(self, frame: int) -> FloatArray:
-        """Return the colors of the grains as screens take them (sRGB), shape (n, 3)."""
+        """Return the colors of the grains as screens need them (sRGB), shape (n, 3)."""
         table = encoded(_values(self._prim.GetAttribute("primvars:displayColor")))
         indices = values_of(self._prim.GetAttribute(COLOR_INDICES), self._codes[frame])
         return np.tile(table[0], (len(self.radius), 1)) if indices is None else table[indices]
 
     def scene_fields(self) -> dict[str, Any]:
-        """Return the fields of the scene that was simulated, all but what frames and radii tell."""
-        told = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
+        """Return the fields of the simulated scene, except those that frames and radii contain."""
+        data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
         mass = self._prim.GetAttribute("primvars:mass")
-        if "parameters" not in told or not mass:
-            raise SceneError("the recording does not tell its whole scene: an earlier release has made it")
-        fields = read_parameters(str(told["parameters"]))
-        texts = {"name": str(told["name"]), "text": str(told["scene"])}
+        if "parameters" not in data or not mass:
+            raise InputError("the recording does not contain its complete scene: an earlier release wrote it")
+        fields = read_parameters(str(data["parameters"]))
+        texts = {"name": str(data["name"]), "text": str(data["scene"])}
         return {**fields, **texts, "mass": _values(mass)}
 
     def chains(self, frame: int) -> Chains:
-        """Return the force chains."""
+        """Return the force chains of a frame."""
         forces, code = self._stage.GetPrimAtPath(FORCES), self._codes[frame]
         corner = _values(forces.GetAttribute("points"), code).reshape(-1, 4, 3)[:, :, :2]
         ends = np.stack([corner[:, [0, 3]].mean(axis=1), corner[:, [1, 2]].mean(axis=1)], axis=1)
@@ -127,29 +127,32 @@ class RecordingReader:
 
 
 def open_recording(path: Path) -> Usd.Stage:
-    """Open a recording; SceneError if there is none that can be read."""
+    """Open a recording. Raises InputError if the file is missing or cannot be read."""
     if not path.is_file():
-        raise SceneError(f"recording '{path}' does not exist")
+        raise InputError(f"recording '{path}' does not exist")
     try:
         return Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        raise SceneError(f"recording '{path}' is not a USD file that can be read") from error
+        raise InputError(f"recording '{path}' is not a USD file that can be read") from error
 
 
 @contextmanager
-def refusing_foreign_content(path: str | Path) -> Iterator[None]:
-    """Turn what USD and NumPy raise, of all kinds, on what no recording holds into a SceneError."""
+def refusing_untrusted_content(path: str | Path) -> Iterator[None]:
+    """Raise InputError instead of any exception of USD or NumPy that unexpected content causes."""
     try:
         yield
-    except (SceneError, OSError, MemoryError):
+    except (InputError, OSError, MemoryError):
         raise
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise SceneError(f"recording '{path}' holds what no recording does: {reason}") from error
+        raise InputError(f"recording '{path}' is damaged: {reason}") from error
 
 
 def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
-    """Return the value at a time code, None where there is none; TypeError if it is no array of numbers."""
+    """Return the value at a time code, or None if there is none.
+
+    Raises TypeError if it is no array of numbers.
+    """
     value = attribute.Get(code)
     if value is None:
         return None

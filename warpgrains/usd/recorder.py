@@ -1,4 +1,4 @@
-"""Recordings: a run as a USD file that other programs read."""
+"""Recorder: a run as a USD file that other programs read."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import OF_CONTACTS, GrainColors
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
@@ -31,49 +31,48 @@ DRAWN_AS = ("points", "discs", "spheres")
 
 
 class Recorder:
-    """Writes the frames of a run to one USD file: integer time codes 0, 1, 2, ..., one a frame.
+    """Writer of the frames of a run to one USD file, at integer time codes 0, 1, 2, ....
 
-    Use it in a ``with`` block. The file appears under its name when the block ends well and only then.
-    Until then each frame is appended to the log next to it, see `FrameLog`. A killed process leaves all
-    frames there, and so does a block left by an exception, Ctrl-C included; but a log of one frame that was
-    not flushed is deleted. `recover` makes a file of the log. Until the block ends, the recorder has a `Lock`
-    on the output.
+    Use it in a ``with`` block. The file appears only when the block ends without an exception. Until then
+    each frame is appended to the log next to it, see `FrameLog`. The log remains after a killed process or
+    an exception, Ctrl-C included; only a log of one frame that was not flushed is deleted. `recover` makes a
+    recording from the log. During the block, the recorder holds a `Lock` on the output.
 
     Parameters
     ----------
     path : str or Path
-        Output; ``.usdc`` (binary), ``.usda`` (text) or ``.usdz`` (package) by its suffix. Text takes much
-        time and memory to check: it is for small recordings.
+        Output; ``.usdc`` (binary), ``.usda`` (text) or ``.usdz`` (package) by its suffix. Use text for small
+        recordings only, because checking it takes much time and memory.
     scene : Scene
-        What is recorded: radii, walls, time step and the scene's text go into the file.
+        The scene that is recorded. Its radii, walls, time step and text are stored in the file.
     frames_per_second : float
-        Wanted frames per second of simulated time [1/s], see `FrameTimes`.
+        Requested frames per second of simulated time [1/s], see `FrameTimes`.
     color_by : str
         Color of the grains: "speed", "pressure", "radius", "palette" or, with friction, "spin" or
         "mobilized", see `GrainColors`.
     forces : bool
         Whether to draw force chains, see `ForceChains`.
     draw_as : str
-        How grains are drawn: as "points", or as instances of "discs" or "spheres".
+        Form of the grains: "points", or instances of "discs" or "spheres".
     resume_at : int, optional
-        Continue the log of an earlier run of the same scene, or its file, with this frame, dropping what
-        follows it.
+        First frame to write when the log or the file of an earlier run of the same scene is continued; later
+        frames of it are dropped.
 
     Attributes
     ----------
     path, log : Path
-        Output file, and the file that holds its frames until it is complete.
+        Output file, and the log that holds its frames until it is complete.
     times : FrameTimes
-        When the frames are, and the step that each is made of.
+        Times of the frames, and the steps that they belong to.
     needs_contacts : bool
-        Whether `record` must be given contacts: for force chains, and colors by `OF_CONTACTS`.
+        Whether `record` requires contacts, for force chains and colors by `OF_CONTACTS`.
 
     Raises
     ------
-    SceneError
-        If the suffix, the coloring or the way to draw is unknown, the folder cannot be written, the log of an
-        earlier run exists, or the one to continue does not; as an `OutputError`, if another process records
-        to this file, or it is no recording.
+    InputError
+        The suffix, the coloring or the form of the grains is unknown, the folder cannot be written, the log
+        of an earlier run exists, or the log to continue is missing. It is an `OutputError` if another process
+        records to this file, or the file exists and is no recording.
     """
 
     def __init__(
@@ -116,7 +115,7 @@ class Recorder:
 
     @property
     def frames(self) -> int:
-        """Frames recorded so far."""
+        """Number of frames recorded so far."""
         return self._frames.frames
 
     def __enter__(self) -> Self:
@@ -127,7 +126,7 @@ class Recorder:
             if kind is None:
                 self.close()
             elif self.frames > 1 or self._is_needed:
-                with suppress(OSError):  # what ended the block is the news
+                with suppress(OSError):  # the exception that ended the block is the one to report
                     self.flush()
             else:
                 self._frames.remove()
@@ -150,19 +149,19 @@ class Recorder:
         Parameters
         ----------
         position, velocity : ndarray
-            [m] and [m/s], shape (n, 2), after step ``times.step(frames)``.
+            Centers [m] and velocities [m/s], shape (n, 2), after step ``times.step(frames)``.
         contacts, wall_contacts
-            What `Simulation.contacts` and `Simulation.wall_contacts` return; used where `needs_contacts`.
+            Results of `Simulation.contacts` and `Simulation.wall_contacts`; used if `needs_contacts`.
         spin, angle : ndarray, optional
-            [rad/s] and [rad], shape (n,); needed with friction, and not used without.
+            Angular velocities [rad/s] and angles [rad], shape (n,); required with friction, unused without.
 
         Raises
         ------
         ValueError
-            If a shape is not (n, 2) or (n,), n being the number of grains of the scene, or contacts, spin or
-            angle are needed and missing.
+            A shape is not (n, 2) or (n,) with the scene's number n of grains, or required contacts, spins or
+            angles are missing.
         OSError
-            If the frame cannot be written; the frames before it are in the log, and it may be tried again.
+            The frame cannot be written. Earlier frames are in the log, and the call may be repeated.
         """
         if np.shape(position) != self._shape or np.shape(velocity) != self._shape:
             shapes = f"{np.shape(position)} and {np.shape(velocity)}"
@@ -177,23 +176,23 @@ class Recorder:
         self._frames.append(arrays)
 
     def flush(self) -> None:
-        """Put all frames so far on the disk: a later run can continue with ``resume_at=recorder.frames``."""
+        """Flush all frames to the disk. A later run can continue with ``resume_at=recorder.frames``."""
         self._frames.sync()
         self._is_needed = True
 
     def close(self) -> None:
-        """Make one file of all frames, check it, put it under its name and delete the log.
+        """Make one file of all frames, check it, move it to its name and delete the log.
 
         Raises
         ------
         ValueError
-            If no frame was recorded.
+            No frame was recorded.
         OSError
-            If the file cannot be written; the log is still there.
+            The file cannot be written. The log remains.
         """
         try:
             if self.frames == 0:
-                raise ValueError(f"nothing was recorded for '{self.path}'")
+                raise ValueError(f"no frame was recorded for '{self.path}'")
             self.flush()
             write_recording(self.log, self.path, self.frames)
             self._frames.remove()
@@ -202,13 +201,16 @@ class Recorder:
             self._lock.release()
 
     def _resume(self, frames: int) -> None:
-        """Continue the log behind its first frames; if it has become the file, write it anew from there."""
+        """Continue the log after its first frames.
+
+        If only the finished file exists, the log is rebuilt from it.
+        """
         is_joined = self.path.exists() and not self.log.exists()
         if is_joined:
             reopen_log(self.path, self.log)
         try:
             self._frames.reopen(frames)
-        except SceneError:
+        except InputError:
             if is_joined:
                 self.log.unlink()
             raise
@@ -224,21 +226,21 @@ def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool)
 
 
 def recover(log: str | Path) -> tuple[Path, int]:
-    """Make a file of the frames that a killed run left, and return its path and their number.
+    """Make a recording from the frames of a killed run, and return its path and number of frames.
 
     Parameters
     ----------
     log : str or Path
-        The run's log, ``<output>.frames``; it is left as it is.
+        The run's log, ``<output>.frames``; it is kept unchanged.
 
     Raises
     ------
-    SceneError
-        This is no log, or it holds no frames; as an `OutputError`, if its run goes on.
+    InputError
+        The file is no log or holds no frames. It is an `OutputError` if its run still continues.
     """
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
     if log.suffix != ".frames" or target.suffix not in SUFFIXES or not log.is_file():
-        raise SceneError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
+        raise InputError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
         return target, write_recording(log, target)

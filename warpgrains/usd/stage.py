@@ -1,4 +1,4 @@
-"""All of a recording that no frame changes, and what drawings share: material, meshes, arrays as float32."""
+"""Content of a recording that is the same in all frames, and helpers of all drawings."""
 
 from __future__ import annotations
 
@@ -21,36 +21,38 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 PROTOTYPES = Sdf.Path("/World/Prototypes")
-"""Shapes that are drawn where grains are instances of them: a class, which is not drawn itself."""
+"""Prototypes of instanced grains, in a class prim, which is not drawn itself."""
 WALLS = Sdf.Path("/World/Walls")
 MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
 CAMERA = Sdf.Path("/World/main_cam")
-"""By this name usdview and usdrecord know the camera to look through."""
+"""Name by which usdview and usdrecord select the camera."""
 
-_MARGIN = 1.05  # half-width of the picture, in that of what is to be seen
+_MARGIN = 1.05  # half-width of the picture, in half-widths of the scene
 _FOCAL_LENGTH = 50.0
 _APERTURE = 24.0
-_SKY = 0.4  # share of the light; it is also how bright the background is, where a viewer shows one
-_FROM_FRONT = (1.0 - _SKY) * 0.7853981633974483  # pi / 4: in Blender, what faces both has its own color
+_SKY = 0.4  # fraction of the light from the sky; also the brightness of the background, if shown
+_FROM_FRONT = (1.0 - _SKY) * 0.7853981633974483  # pi / 4: in Blender, fully lit faces keep their color
 _INFINITY = np.float32(np.inf)
 
 
 class Drawing(Protocol):
-    """Something that every frame shows: a prim whose values the frames set."""
+    """Interface of a prim whose animated attributes are set by frames."""
 
     def define(self, stage: Usd.Stage) -> None:
-        """Author the prim and all that no frame changes."""
+        """Author the prim and all attributes that are the same in all frames."""
 
     def samples(self, frame: Frame) -> Arrays:
-        """Return the value of each attribute that `frame` sets."""
+        """Return the values of the animated attributes for a frame."""
 
 
 def static_layer(
     scene: Scene, rate: float, drawings: Iterable[Drawing], scales: Mapping[str, dict[str, str | float]]
 ) -> Sdf.Layer:
-    """Return an anonymous layer with everything that no frame changes, of so many frames a second [1/s].
+    """Return an anonymous layer with the content that is the same in all frames.
 
-    The scales of what is drawn stand in the layer's own data, beside the scene.
+    `rate` is in frames per second [1/s].
+
+    The layer's custom data hold the scene and the scales of colors and forces.
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
@@ -72,7 +74,7 @@ def static_layer(
             "parameters": parameters_text(scene),
             **scales,
         },
-        "cameraSettings": {"boundCamera": str(CAMERA)},  # Omniverse looks through it
+        "cameraSettings": {"boundCamera": str(CAMERA)},  # the camera that Omniverse uses
     }
     _define_material(stage)
     _define_lights(stage)
@@ -101,7 +103,7 @@ def _define_material(stage: Usd.Stage) -> None:
 
 
 def bind_material(prim: Usd.Prim, color: FloatArray | None = None) -> None:
-    """Give a prim the material, and one color (sRGB), unless it has colors of its own."""
+    """Bind the material to a prim, and give it one color (sRGB) unless it has per-grain colors."""
     if color is not None:
         value = Vt.Vec3fArray([Gf.Vec3f(*linear(color).tolist())])
         UsdGeom.Gprim(prim).CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set(value)
@@ -136,7 +138,7 @@ def set_kind(prim: Usd.Prim, kind: str) -> None:
 
 
 def _define_lights(stage: Usd.Stage) -> None:
-    """Define a bright sky, and a light along the view, whose power does not depend on its size."""
+    """Define a bright sky, and a distant light along the view."""
     sky = UsdLux.DomeLight.Define(stage, "/World/Sky")
     sky.CreateIntensityAttr(_SKY)
     sky.CreateColorAttr(Gf.Vec3f(1.0))  # Blender ignores a sky without a color
@@ -146,10 +148,10 @@ def _define_lights(stage: Usd.Stage) -> None:
 
 
 def _define_camera(stage: Usd.Stage, shown: float) -> None:
-    """Define a perspective camera on the z axis: Blender misreads the aperture of an orthographic one.
+    """Define a perspective camera on the z axis, because Blender misreads orthographic apertures.
 
-    The aperture is square, and higher than wide by the last bits: so Blender fits it to the height of
-    pictures, and all is seen in square and in wide ones.
+    The aperture is square, but higher than wide in the last bits. Therefore Blender fits it to the height of
+    pictures, and square and wide pictures show the whole scene.
     """
     distance = shown * 2.0 * _FOCAL_LENGTH / _APERTURE
     camera = UsdGeom.Camera.Define(stage, CAMERA)
@@ -162,14 +164,14 @@ def _define_camera(stage: Usd.Stage, shown: float) -> None:
 
 
 def _define_walls(stage: Usd.Stage, scene: Scene) -> None:
-    """Author the prims of the walls, outside the space that they leave to the grains."""
+    """Author the prims of the walls, which lie outside the space of the grains."""
     set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
     for name, ring in rings(scene).items():
         define_mesh(stage, WALLS.AppendChild(name), ring.shape(), np.array(WALL_COLOR))
 
 
 def read_walls(stage: Usd.Stage) -> list[Ring]:
-    """Return the walls as they are drawn."""
+    """Return the walls as drawn."""
     walls = stage.GetPrimAtPath(WALLS).GetChildren()
     return [_read_ring(np.array(wall.GetAttribute("points").Get(), np.float64)[:, :2]) for wall in walls]
 
@@ -181,18 +183,19 @@ def _read_ring(points: NDArray[np.float64]) -> Ring:
 
 
 def triples(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Return values, shape (n, 2), as the file shows them: float32, shape (n, 3), the third component 0."""
+    """Return values, shape (n, 2), as stored in the file: float32, shape (n, 3), with third component 0."""
     shown = np.zeros((len(values), 3), dtype=np.float32)
     shown[:, :2] = values
     return shown
 
 
 def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the float32 box [m] that covers spheres, rounded outwards.
+    """Return the float32 box [m] that contains spheres, rounded outwards.
 
-    Centres [m], shape (n, 3), n >= 1, and half the widths [m], shape (n,), are as the file shows them.
+    `shown` are the centers [m], shape (n, 3), n >= 1, and `half_width` half the widths [m], shape (n,), both
+    as stored in the file.
     """
-    edges = np.empty((3, len(shown)))  # a row a component: NumPy reduces long rows much faster
+    edges = np.empty((3, len(shown)))  # one row per component, because NumPy reduces long rows much faster
     box = np.empty((2, 3), dtype=np.float32)
     low = np.subtract(shown.T, half_width, out=edges).min(axis=1)
     np.nextafter(low.astype(np.float32), -_INFINITY, out=box[0])

@@ -1,4 +1,4 @@
-"""A USD file out of a log of frames, and back again, with some 28 MB of frames in memory at a time."""
+"""Conversion of a log of frames to a USD file and back, with about 28 MB of frames in memory at a time."""
 
 import os
 import shutil
@@ -13,38 +13,38 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Tf, UsdUtils, Work
 
-from warpgrains.errors import SceneError
-from warpgrains.files import followed, publish
+from warpgrains.errors import InputError
+from warpgrains.files import publish, resolve_link
 from warpgrains.frame_log import FrameLog, LogReader
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
-_PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # in every package, so that its bytes repeat
-_SAMPLE = 128  # bytes that a value takes in memory beside its array
+_PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # of every package, so that its bytes repeat
+_SAMPLE = 128  # bytes of memory per value in addition to its array
 
 
 def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     """Write the frames of a log to one USD file, and return their number.
 
-    The file, ``.usdc``, ``.usda`` or ``.usdz``, takes the place of an earlier one when it is complete,
-    checked and on the disk.
+    The file, ``.usdc``, ``.usda`` or ``.usdz``, replaces an earlier one when it is complete, checked and on
+    the disk.
 
     Parameters
     ----------
     log, target : Path
     frames : int, optional
-        How many frames there must be; by default, as many as can be read.
+        Required number of frames; by default, all frames that can be read.
 
     Raises
     ------
-    SceneError
-        The log is none, or has no frames.
+    InputError
+        The file is no log, or has no frames.
     OSError
-        The file cannot be written, or would not hold these frames.
+        The file cannot be written, or the log holds fewer frames.
     """
-    reader, target = LogReader(log), followed(target)
-    with _workplace(target) as folder:
+    reader, target = LogReader(log), resolve_link(target)
+    with _temporary_folder(target) as folder:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
-        with _reporting_os_errors(target), _freeing_at_once():
+        with _reporting_os_errors(target), _freeing_in_this_thread():
             written = _write_binary(reader, binary, frames)
             if target.suffix == ".usda":
                 Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
@@ -88,7 +88,7 @@ def _sample(flat: Sdf.Layer, path: Sdf.Path, code: float) -> NDArray[Any]:
 
 
 def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
-    """Return all of a layer that no frame changes, as text."""
+    """Return the content of a layer without animated attributes, as text."""
     constants = Sdf.Layer.CreateAnonymous(".usdc")
     constants.TransferContent(flat)
     for path in animated:
@@ -99,7 +99,7 @@ def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:
 
 
 def _write_binary(reader: LogReader, binary: Path, frames: int | None) -> int:
-    """Write the first frames of a log, or all, to a usdc file, and return how many it has."""
+    """Write the first `frames` frames of a log, or all, to a usdc file, and return their number."""
     flat = Sdf.Layer.CreateNew(str(binary))
     constants = Sdf.Layer.CreateAnonymous(".usda")
     constants.ImportFromString(reader.constants)
@@ -116,7 +116,7 @@ def _write_binary(reader: LogReader, binary: Path, frames: int | None) -> int:
             flat.Save()
             unsaved = 0
     if not written:
-        raise SceneError(f"'{reader.path}' holds no frames of a recording")
+        raise InputError(f"'{reader.path}' holds no frames of a recording")
     flat.startTimeCode, flat.endTimeCode = 0, written - 1
     flat.Save()
     return written
@@ -128,12 +128,12 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
     for name in names:
         found = layer.GetNumTimeSamplesForPath(name)
         if found != frames:
-            raise OSError(f"'{path}' holds {found} frames of {name} after writing {frames}")
+            raise OSError(f"'{path}' reads back {found} frames of {name}, but {frames} were written")
 
 
 @contextmanager
-def _workplace(target: Path) -> Iterator[Path]:
-    """Give an empty folder next to the target: USD leaves files of its own names there when it is killed."""
+def _temporary_folder(target: Path) -> Iterator[Path]:
+    """Yield an empty folder next to the target, because a killed USD process leaves temporary files there."""
     folder = target.with_name(f".draft.{target.name}")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
@@ -145,7 +145,7 @@ def _workplace(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def _reporting_os_errors(path: Path) -> Iterator[None]:
-    """Turn what USD raises when it cannot write `path` or read it back into an OSError of one line."""
+    """Raise a one-line OSError instead of USD's exceptions when `path` cannot be written or read back."""
     try:
         yield
     except Tf.ErrorException as error:
@@ -156,8 +156,8 @@ def _reporting_os_errors(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _freeing_at_once() -> Iterator[None]:
-    """Keep USD from freeing saved values in threads of its own: on a busy machine it would be late by all."""
+def _freeing_in_this_thread() -> Iterator[None]:
+    """Keep USD from freeing saved values in its own threads, which on a busy machine would lag behind."""
     limit = Work.GetConcurrencyLimit()
     Work.SetConcurrencyLimit(1)
     try:

@@ -1,1 +1,1 @@
-"""A window on a simulation or a recording: a page that the browser of this machine shows."""
+"""The page that plays a simulation or a recording in the browser of this machine."""

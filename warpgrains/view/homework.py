@@ -1,4 +1,7 @@
-"""A homework beside the reference: velocities, iterations and positions of a step, one after the other."""
+"""Player of a homework next to the reference: the stages of each time step, one after the other.
+
+The stages are velocities, iterations and positions.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -10,25 +13,25 @@ from warpgrains.grade.probes import start_of
 from warpgrains.grade.sandbox import Answer, Child, EndedError
 from warpgrains.pictures.shots import Setting, Shot
 from warpgrains.scene.scene import Scene
-from warpgrains.view.players import NONE_YET
+from warpgrains.view.players import PLACEHOLDER
 
 _EQUAL, _DIFFERENT = np.array([0.75, 0.83, 0.95]), np.array([0.85, 0.1, 0.1])
-_LEAST = 1e-9  # [m/s]: a smaller difference may be rounding
-_SLOWED = 1.0 / 30.0  # seconds in which a stage is played
+_LEAST = 1e-9  # [m/s]: smaller differences may be rounding errors
+_SLOWED = 1.0 / 30.0  # duration of a stage on the page [s]
 
 
 class Homework:
-    """A homework and the reference, each in a sandbox; a step of the player is one stage of a time step.
+    """A homework and the reference, each in a sandbox. A step of the player is one stage of a time step.
 
-    Both start each time step from the reference's state; within it, each goes on from its own velocities.
-    Grains are drawn where the reference has them. The more their velocities differ, compared with the largest
-    difference at that stage, the redder they are.
+    Both start each time step from the reference's state; within it, each continues with its own velocities.
+    Grains are drawn at the reference's positions. The redness of a grain is the difference of its velocities,
+    relative to the largest difference at that stage.
 
     Parameters
     ----------
     scene : Scene
     start : callable
-        Returns the running reference and the running homework.
+        Function that returns the running reference and the running homework.
     name : str
     """
 
@@ -43,7 +46,7 @@ class Homework:
         self.restart()
 
     def restart(self) -> None:
-        """Go back to the start of the scene, with fresh processes."""
+        """Return to the start of the scene, with new processes."""
         self.close()
         self._children = self._start()
         self.steps, self._time_steps = 0, 0
@@ -60,14 +63,14 @@ class Homework:
             child.close()
 
     @property
-    def is_over(self) -> bool:
-        """Whether the homework has ended."""
+    def has_ended(self) -> bool:
+        """True if the homework has ended."""
         return self.error is not None
 
     def advance(self, steps: int) -> None:
-        """Go some stages on."""
+        """Advance by some stages."""
         for _ in range(steps):
-            if not self.is_over:
+            if not self.has_ended:
                 try:
                     next(self._stages)
                     self.steps += 1
@@ -104,16 +107,16 @@ class Homework:
         return [child.ask(self._call._replace(iteration=iteration, state=state)) for child, state in pairs]
 
     def _difference(self) -> FloatArray:
-        """Return the difference of the velocities of each grain [m/s], shape (n,); infinity if it is NaN."""
+        """Return the differences of the grains' velocities [m/s], shape (n,); NaN counts as infinite."""
         n = self._scene.n
         one, other = (state[2 * n : 4 * n].reshape(2, n) for state in self._states)
         return np.nan_to_num(np.hypot(*(one - other)), nan=np.inf)
 
     def set_style(self, color_by: str, forces: bool) -> None:
-        """Do nothing: grains are colored by the difference."""
+        """Do nothing, because grains are colored by the difference."""
 
     def shot(self) -> Shot:
-        """Return the grains where the reference has them, colored by the difference."""
+        """Return the grains at the reference's positions, colored by the difference."""
         n, difference = self._scene.n, self._difference()
         finite = difference[np.isfinite(difference)]
         share = np.clip(difference / max(finite.max(initial=0.0), _LEAST), 0.0, 1.0)
@@ -124,19 +127,19 @@ class Homework:
         )
 
     def readout(self) -> dict[str, str]:
-        """Return the stage, both zeta, and the grain that differs most."""
+        """Return the stage, both zeta, and the grain with the largest difference."""
         difference = self._difference()
         worst = int(difference.argmax())
         differs = difference[worst] > _LEAST
-        expected, found = (NONE_YET if np.isnan(zeta) else f"{zeta:.2e} m/s" for zeta in self._zeta)
-        told = {
+        expected, found = (PLACEHOLDER if np.isnan(zeta) else f"{zeta:.2e} m/s" for zeta in self._zeta)
+        rows = {
             "step": f"{self._time_steps + 1}",
-            "stage": self._stage or NONE_YET,
+            "stage": self._stage or PLACEHOLDER,
             "zeta of the reference": expected,
             "zeta of the homework": found,
             "largest difference of v": f"{difference[worst]:.2e} m/s, grain {worst}" if differs else "none",
         }
-        return told | ({"error": self.error} if self.error else {})
+        return rows | ({"error": self.error} if self.error else {})
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Return zeta of the homework over the iterations of the step."""

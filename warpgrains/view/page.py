@@ -1,4 +1,4 @@
-"""The page: keys and buttons, sliders, numbers and curves next to the grains, and the loop that plays."""
+"""The page: keys and buttons, sliders, numbers and curves next to the grains, and the playback loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 from warpgrains.pictures.shots import Setting
 from warpgrains.view.players import AXES, Live, Player, Recorded
 from warpgrains.view.server import HOST, serve_page
@@ -30,15 +30,16 @@ _MOST_SPEED = 10.0
 
 
 class Page:
-    """A page for this machine alone, whose actions `run` performs in one thread, between two steps.
+    """Page for this machine alone. `run` performs its actions in one thread, between two steps.
 
-    The threads of the server receive keys and queue actions, so that the page answers however slow a step is.
+    The threads of the server receive keys and queue actions, so that the page responds even if a step is
+    slow.
 
     Parameters
     ----------
     player : Player
     port : int
-        Where it is; if that is taken, the next one that is not.
+        Port of the page; if it is in use, the next free one.
     """
 
     def __init__(self, player: Player, port: int) -> None:
@@ -62,7 +63,7 @@ class Page:
         return f"http://{HOST}:{self._server.get_port()}"
 
     def run(self, announce: Callable[[str], None] = lambda url: None) -> None:
-        """Say where the page is, and play until `close`, or an exception such as Ctrl-C."""
+        """Announce the address of the page, and play until `close` or an exception such as Ctrl-C."""
         try:
             announce(self.url)
             while True:
@@ -78,10 +79,10 @@ class Page:
                 self._server.stop()
 
     def _play(self) -> None:
-        """Advance by a frame, and wait for the rest of its time."""
+        """Advance by a frame, and wait until it is time for the next one."""
         start = time.perf_counter()
         self._player.advance(max(1, round(self._speed / _FRAMES / self._player.dt)))
-        self.is_playing = not self._player.is_over
+        self.is_playing = not self._player.has_ended
         self._show(texts=not self.is_playing or start - self._texts_at > 1.0 / _TEXTS)
         time.sleep(max(0.0, 1.0 / _FRAMES - (time.perf_counter() - start)))
 
@@ -92,18 +93,18 @@ class Page:
         return self
 
     def close(self) -> None:
-        """End the page."""
+        """Stop playing and close the server."""
         self._asked.put(None)
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.url}" width="100%" height="600"></iframe>'
 
     def _ask(self, what: Callable[[], None]) -> Callable[[Any], None]:
-        """Return the callback of a key: it queues `what`."""
+        """Return the callback of a key, which queues the action `what`."""
         return lambda _: self._asked.put(what)
 
     def _resume(self) -> None:
-        self.is_playing = not self._player.is_over
+        self.is_playing = not self._player.has_ended
 
     def _pause(self, then: Callable[[], None] = lambda: None) -> None:
         self.is_playing = False
@@ -117,7 +118,7 @@ class Page:
 
     def _set_style(self, **style: Any) -> None:
         self._style |= style
-        with suppress(SceneError):  # a coloring that does not exist
+        with suppress(InputError):  # a coloring that does not exist
             self._player.set_style(**self._style)
         self._show(texts=True)
 
@@ -126,7 +127,7 @@ class Page:
         assert isinstance(self._player, Live)
         try:
             change()
-        except SceneError as error:
+        except InputError as error:
             self._refused = str(error)
         else:
             self._refused = None
@@ -167,9 +168,7 @@ class Page:
             gui.add_command(name, hotkey=key).on_trigger(self._ask(action))
         self._run = buttons[0]
         self._readout = gui.add_html("")
-        speed = gui.add_slider(
-            "playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time: a second takes a second"
-        )
+        speed = gui.add_slider("playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time")
         speed.on_update(lambda _: setattr(self, "_speed", value_of(speed)))
         if player.colorings:
             colors = gui.add_dropdown("color by", player.colorings, initial_value="speed")
@@ -183,11 +182,11 @@ class Page:
         if isinstance(player, Recorded):
             frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
             frame.on_update(self._ask(lambda: self._go_to(round(value_of(frame)))))
-        self._legend = gui.add_html("")  # below the sliders, which stay where they are when it grows
+        self._legend = gui.add_html("")  # below the sliders, so that they do not move when it grows
         self._curves = {title: self._add_curve(title) for title in player.curves()}
 
     def _add_physics(self, player: Live) -> None:
-        """Add sliders of drag, gravity, tolerance and friction; each begins at the scene's value."""
+        """Add sliders of drag, gravity, tolerance and friction, which start at the scene's values."""
         gui, scene = self._server.gui, player.scene
         size, angle = float(np.hypot(*scene.gravity)), float(np.degrees(np.arctan2(*scene.gravity[::-1])))
         most_drag = 0.9 * float(scene.mass.min()) / scene.dt
@@ -209,7 +208,7 @@ class Page:
         add_friction(gui, player, lambda change: self._ask(lambda: self._change(change)))
 
     def _add_curve(self, title: str) -> viser.GuiUplotHandle:
-        """Add a chart, which is shown as soon as there is a curve."""
+        """Add a chart, which is shown as soon as it has a curve."""
         x, y = AXES[title]
         series = (uplot.Series(label=x), uplot.Series(label=y, stroke="black", width=1))
         return self._server.gui.add_uplot(
@@ -229,7 +228,7 @@ def _vector(size: float, degrees: float) -> tuple[float, float]:
 
 
 def _table(rows: dict[str, str]) -> str:
-    """Return names and values as a table; a value's element has the class "value" and its name as data."""
+    """Return names and values as an HTML table; a value has the class "value" and its name as data."""
     cells = (
         f'<tr><td style="width: 50%">{escape(name)}</td>'
         f'<td class="value" data-name="{escape(name)}">{escape(value)}</td></tr>'
@@ -239,7 +238,7 @@ def _table(rows: dict[str, str]) -> str:
 
 
 def _legend(setting: Setting, error: str | None = None) -> str:
-    """Return why the run has ended, the colors with range and unit, and the force of the widest chains."""
+    """Return the reason of the end, the color range with its unit, and the force of the widest chains."""
     lines = [] if error is None else [f'<div style="color: #c00000">{escape(error)}</div>']
     if setting.scale is not None:
         scale = setting.scale
@@ -250,5 +249,5 @@ def _legend(setting: Setting, error: str | None = None) -> str:
         lines.append(f'<div style="display: flex; justify-content: space-between">{ends}</div>')
     if setting.chain_scale is not None:
         force, width = setting.chain_scale.force, setting.chain_scale.width
-        lines.append(f"<div>force chains: {force:.2g} N or more is {width:.2g} m wide</div>")
+        lines.append(f"<div>force chains: {width:.2g} m wide at {force:.2g} N or more</div>")
     return f'<div class="legend" style="font-size: 0.8em; margin: 0.4em 1em">{"".join(lines)}</div>'

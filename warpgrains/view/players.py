@@ -1,4 +1,4 @@
-"""Players for the page: a simulation, step by step, or the frames of a recording."""
+"""Players for the page: a simulation, or the frames of a recording."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from warpgrains.usd.reader import RecordingReader
     from warpgrains.view.homework import Homework
 
-NONE_YET = "\N{EN DASH}"
-"""What stands for a number that there is not yet, so that the table has its rows from the start."""
+PLACEHOLDER = "\N{EN DASH}"
+"""Placeholder for a number that does not exist yet, so that the table has all rows from the start."""
 AXES = {
     "log10 zeta of the last step": ("iteration", "log10 zeta [m/s]"),
     "energy [J]": ("time [s]", "energy [J]"),
 }
-"""Titles of the axes of each curve."""
+"""Titles of the axes of each curve, by the curve's title."""
 
-_REMEMBERED = 500  # steps, in the curve of energy
-_LEAST = 1e-16  # zeta that is plotted [m/s]
+_REMEMBERED = 500  # steps in the curve of energy
+_LEAST = 1e-16  # smallest zeta that is plotted [m/s]
 
 
 class Live:
-    """A simulation. What is played is what `Simulation.run` simulates, to the last bit."""
+    """Player of a simulation. The results are bit-identical to those of `Simulation.run`."""
 
     has_chains = True
 
@@ -65,12 +65,12 @@ class Live:
         return self._simulation.steps
 
     @property
-    def is_over(self) -> bool:
-        """Whether a step has failed."""
+    def has_ended(self) -> bool:
+        """True if a step has failed."""
         return self.error is not None
 
     def advance(self, steps: int) -> None:
-        """Take some steps, and keep the report of the last."""
+        """Do some steps, and keep the report of the last one."""
         try:
             if steps > 1:
                 self._simulation.advance(steps - 1)
@@ -81,12 +81,12 @@ class Live:
         self._past.append((self._simulation.time, self._energy()))
 
     def restart(self) -> None:
-        """Go back to the scene's start."""
+        """Return to the start of the scene."""
         self._simulation.restore(first_state(self._simulation.scene))
         self._forget()
 
     def change(self, **fields: object) -> None:
-        """Go on with some fields of the scene changed."""
+        """Change some fields of the scene and continue."""
         self._simulation.change(**fields)
 
     def set_friction(self, friction: float, out: float, inside: float) -> None:
@@ -106,12 +106,12 @@ class Live:
         )
 
     def set_style(self, color_by: str, forces: bool) -> None:
-        """Color grains by a quantity, and draw force chains or not."""
+        """Color grains by a quantity, with or without force chains."""
         self._painter = Painter(self._simulation.scene, color_by, forces)
         self.setting = self._painter.setting
 
     def shot(self) -> Shot:
-        """Return the present state."""
+        """Return the present state as a shot."""
         return self._painter.shot_of(self._simulation)
 
     def _energy(self) -> float:
@@ -120,9 +120,9 @@ class Live:
         return float(0.5 * (scene.mass * speed**2).sum() + 0.25 * (scene.mass * rim**2).sum())
 
     def readout(self) -> dict[str, str]:
-        """Return numbers of the last step."""
+        """Return numbers of the last step by name."""
         rows = {"time": f"{self._simulation.time:.4g} s", "steps": f"{self.steps}"}
-        rows |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), NONE_YET)
+        rows |= dict.fromkeys(("iterations", "zeta", "residual", "contacts", "converged"), PLACEHOLDER)
         report = self._report
         if report is not None:
             rows |= {
@@ -149,7 +149,7 @@ class Live:
 
 
 class Recorded:
-    """A recording. A step is a frame, colored as the file says."""
+    """Player of a recording. A step is a frame; colors are those of the file."""
 
     def __init__(self, reader: RecordingReader, name: str) -> None:
         self._reader, self.name = reader, name
@@ -159,38 +159,38 @@ class Recorded:
         self.has_chains = reader.chain_scale is not None
 
     @property
-    def is_over(self) -> bool:
-        """Whether this is the last frame."""
+    def has_ended(self) -> bool:
+        """True at the last frame."""
         return self.steps >= self.last
 
     def advance(self, steps: int) -> None:
-        """Go some frames on."""
+        """Advance by some frames."""
         self.steps = min(self.steps + steps, self.last)
 
     def restart(self) -> None:
-        """Go back to the first frame."""
+        """Return to the first frame."""
         self.steps = 0
 
     def set_style(self, color_by: str, forces: bool) -> None:
-        """Draw force chains or not; the colors are those of the file."""
+        """Show or hide force chains; the colors are those of the file."""
         self._forces = forces
 
     def shot(self) -> Shot:
-        """Return the frame."""
+        """Return the present frame as a shot."""
         shot = shot_of(self._reader, self.steps)
         return shot if self._forces else replace(shot, chains=None)
 
     def readout(self) -> dict[str, str]:
-        """Return numbers of the frame."""
+        """Return numbers of the frame by name."""
         rows = {"time": f"{self._reader.time[self.steps]:.4g} s", "frame": f"{self.steps} of {self.last}"}
         if self.has_chains:
             rows["contacts"] = f"{len(self._reader.chains(self.steps).force)}"
         return rows
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Return nothing: a recording holds no iterations."""
+        """Return no curves, because a recording stores no iterations."""
         return {}
 
 
 Player: TypeAlias = "Live | Recorded | Homework"
-"""What a page plays, in steps of `dt` [s]."""
+"""A player of a page; one of its steps takes `dt` [s]."""

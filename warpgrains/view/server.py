@@ -1,4 +1,4 @@
-"""A viser server that serves its own page alone: no other web page of the browser can connect to it."""
+"""A viser server that only its own page can use: other web pages in the browser cannot connect to it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from websockets.http11 import Request, Response
 
 HOST = "127.0.0.1"
 OWN_NAMES = (HOST, "localhost", "::1")
-"""Names of this machine that the page may be opened under; a port may be forwarded."""
+"""Host names of this machine in the page's address; the port may be a forwarded one."""
 REFUSAL = "only the page that this server serves may connect to it\n"
 MALFORMED = 1007  # RFC 6455, 7.4.1: data that is not consistent with the type of the message
 
@@ -32,17 +32,17 @@ _silent.addHandler(logging.NullHandler())
 
 
 def serve_page(port: int, label: str) -> viser.ViserServer:
-    """Return a server at a port of this machine, or at the next port that is free.
+    """Return a server at a port of this machine, or at the next free port.
 
-    A browser lets any web page connect to any WebSocket, and says in the header ``Origin`` where that page is
-    from. Connections of other origins are refused. A message that is malformed ends its connection.
+    Browsers let any web page connect to any WebSocket, and send the origin of the page in the header
+    ``Origin``. Connections from other origins are refused. A malformed message closes its connection.
     """
-    with _guarding(), redirect_stdout(StringIO()):  # its banner
+    with _guarding(), redirect_stdout(StringIO()):  # suppresses its banner
         return viser.ViserServer(HOST, port, label=label, verbose=False)
 
 
 def is_own_origin(request: Request) -> bool:
-    """Return whether a request comes from the page itself: from the host that it was opened under."""
+    """Return whether a request comes from the served page, that is, from the host of the page's address."""
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     if len(hosts) != 1 or len(origins) != 1:
         return False
@@ -51,7 +51,10 @@ def is_own_origin(request: Request) -> bool:
 
 @contextmanager
 def _guarding() -> Iterator[None]:
-    """Have servers that are started meanwhile guarded: viser passes on no options of websockets."""
+    """Protect servers that are started in the block.
+
+    Since viser passes no options to websockets, a function of websockets is replaced.
+    """
     serve = websockets.asyncio.server.serve
 
     def guarded(handler: Handler, *where: Any, process_request: OnRequest, **options: Any) -> Any:
@@ -72,7 +75,7 @@ def _guarding() -> Iterator[None]:
 
 
 def _of_own_origin(answer: OnRequest) -> OnRequest:
-    """Return what answers a request: other origins get a refusal instead of a WebSocket."""
+    """Return a handler of requests that refuses other origins a WebSocket."""
 
     def answer_own(connection: ServerConnection, request: Request) -> Response | None:
         if "Upgrade" in request.headers and not is_own_origin(request):
@@ -83,13 +86,13 @@ def _of_own_origin(answer: OnRequest) -> OnRequest:
 
 
 def _without_tracebacks(handler: Handler) -> Handler:
-    """Return what serves a connection, and closes it after a message that cannot be read."""
+    """Return a handler of connections that closes one after an unreadable message, without a traceback."""
 
     async def serve_quietly(connection: ServerConnection) -> None:
         asyncio.get_running_loop().set_exception_handler(lambda loop, context: None)
         try:
             await handler(connection)
-        except Exception:  # whatever a foreign message makes viser raise
+        except Exception:  # an untrusted message can make viser raise any exception
             await connection.close(MALFORMED, "not a message of the page")
 
     return serve_quietly

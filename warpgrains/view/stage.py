@@ -1,4 +1,4 @@
-"""The drawing of the page: walls, grains as discs of their true radii, force chains."""
+"""Drawing of the page: walls, grains as discs of their true radii, and force chains."""
 
 import numpy as np
 import viser
@@ -27,7 +27,7 @@ class Stage:
         server.initial_camera.fov = _FIELD_OF_VIEW
         self._scene.configure_default_lights(False)
         self._scene.configure_environment_map(None)
-        self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors as they are
+        self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors unchanged
         for number, ring in enumerate(setting.walls):
             wall = ring.shape()
             self._add_mesh(f"/walls/{number}", wall.points, wall.corners, WALL_COLOR)

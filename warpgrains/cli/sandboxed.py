@@ -1,9 +1,9 @@
-"""What is done with files of foreign hands, in a process of its own, with limits of time and memory.
+"""Functions that read untrusted USD files, executed in a subprocess with limits on time and memory.
 
-USD follows references, opens what they name and descends as deep as a file goes: a hostile one hangs, fills
-the memory or crashes its reader, and only that.
+USD follows references, opens the files that they name, and descends as deep as a file is nested. A malicious
+file can hang, fill the memory or crash its reader; here it does so in the subprocess only.
 
-    python -m warpgrains.cli.apart FUNCTION '{"path": ...}'
+    python -m warpgrains.cli.sandboxed FUNCTION '{"path": ...}'
 """
 
 import errno
@@ -17,32 +17,32 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
-from warpgrains.errors import SceneError
+from warpgrains.errors import InputError
 
 SECONDS = 120.0
 SECONDS_A_BYTE = 1e-6
 BYTES = 8 * 2**30
 BYTES_A_BYTE = 32
-"""Limits of a reader, and what they grow by with each byte of the file."""
+"""Limits of a reader, and their increase per byte of the file."""
 
-_REMARKS = 65536  # bytes of them that are passed on
+_REMARKS = 65536  # bytes of the subprocess's standard error that are shown
 _BAD_INPUT, _NOT_WRITTEN = 2, 3
 
 
-def done_apart(function: str, path: str, **arguments: Any) -> Any:
-    """Call a function, such as "usd.check.inspect_recording", with a recording, in a process of its own.
+def run_sandboxed(function: str, path: str, **arguments: Any) -> Any:
+    """Call a function, such as "usd.check.report_on_recording", with a recording, in a subprocess.
 
     Raises
     ------
-    SceneError
-        The function raised it; or its process crashed, or met a limit.
+    InputError
+        The function raised it, or the subprocess crashed or reached a limit.
     OSError
-        What the function writes cannot be written.
+        An output of the function cannot be written.
     """
     size = Path(path).stat().st_size if Path(path).is_file() else 0
     given = json.dumps({"path": path, **arguments})
     most = str(BYTES + BYTES_A_BYTE * size)
-    command = [sys.executable, "-m", "warpgrains.cli.apart", function, most, given]
+    command = [sys.executable, "-m", "warpgrains.cli.sandboxed", function, most, given]
     seconds = SECONDS + SECONDS_A_BYTE * size
     with TemporaryFile() as remarks:
         try:
@@ -50,20 +50,20 @@ def done_apart(function: str, path: str, **arguments: Any) -> Any:
                 command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=remarks, timeout=seconds
             )
         except subprocess.TimeoutExpired:
-            raise SceneError(f"recording '{path}' is not read within {seconds:.0f} s") from None
+            raise InputError(f"recording '{path}' could not be read within {seconds:.0f} s") from None
         if done.returncode == _BAD_INPUT:
-            raise SceneError(json.loads(done.stdout))
+            raise InputError(json.loads(done.stdout))
         if done.returncode == _NOT_WRITTEN:
             raise OSError(json.loads(done.stdout))
         if done.returncode != 0:
-            raise SceneError(f"recording '{path}' cannot be read: its reader {_end(done.returncode)}")
+            raise InputError(f"recording '{path}' cannot be read: its reader {_end(done.returncode)}")
         remarks.seek(0)
         sys.stderr.write(remarks.read(_REMARKS).decode(errors="replace"))
     return json.loads(done.stdout)
 
 
 def film(path: str, output: str) -> list[int]:
-    """Make a film of a recording, and return which frames it has."""
+    """Make a film of a recording, and return the numbers of its frames."""
     from warpgrains.pictures.film import draw_film
     from warpgrains.usd.reader import RecordingReader
 
@@ -86,7 +86,7 @@ def _limit_memory(most: int) -> None:
 
 
 def _main(function: str, most: str, arguments: str) -> int:
-    """Do it, and print what it returns, or why not, as JSON."""
+    """Call the function, and print its result or its error as JSON."""
     result = os.dup(1)
     os.dup2(2, 1)
     _limit_memory(int(most))
@@ -94,11 +94,11 @@ def _main(function: str, most: str, arguments: str) -> int:
     given, code = json.loads(arguments), 0
     path = given.pop("path")
     try:
-        from warpgrains.usd.reader import refusing_foreign_content
+        from warpgrains.usd.reader import refusing_untrusted_content
 
-        with refusing_foreign_content(path):
+        with refusing_untrusted_content(path):
             answer = getattr(import_module(f"warpgrains.{module}"), name)(path, **given)
-    except SceneError as error:
+    except InputError as error:
         answer, code = str(error), _BAD_INPUT
     except (MemoryError, OSError) as error:
         answer, code = str(error), _NOT_WRITTEN
