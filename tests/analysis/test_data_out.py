@@ -137,11 +137,12 @@ def test_contacts_and_reports_as_frames():
     simulation = Simulation(Scene.load("annulus"))
     simulation.run(steps=100)
     contacts, frame = simulation.contacts(), simulation.contacts().to_pandas()
-    assert list(frame) == ["i", "j", "normal_x", "normal_y", "gap", "correction", "force"]
+    carried = ["normal_x", "normal_y", "gap", "correction", "force", "tangential_force", "slides"]
+    assert list(frame) == ["i", "j", *carried]
     assert np.array_equal(frame[["i", "j"]].to_numpy(), contacts.pair)
     assert np.array_equal(frame.force, contacts.force)
     walls, frame = simulation.wall_contacts(), simulation.wall_contacts().to_pandas()
-    assert list(frame) == ["grain", "wall", "normal_x", "normal_y", "gap", "correction", "force"]
+    assert list(frame) == ["grain", "wall", *carried]
     assert np.array_equal(frame[["grain", "wall"]].to_numpy(), walls.wall)
     start = simulation.last_start().position[frame.grain]
     sign = np.where(frame.wall == 1, -1.0, 1.0) / np.hypot(*start.T)

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from pages import blocks
-from recordings import make_scene, record
+from recordings import RADIUS, make_scene, record
 
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colors import Frame, GrainColors, speed_scale
+from warpgrains.drawing.colors import Frame, GrainColors, mark_color, speed_scale
+from warpgrains.usd.recorder import Recorder
 
 pytestmark = pytest.mark.blender
 
@@ -121,6 +122,21 @@ class TestAsOpened:
         for picture, frame in zip(pictures, frames, strict=True):
             shown = self.pixels_at(scene.position, picture)
             assert np.allclose(shown, meant(colors, Frame(*frame), draw_as), atol=0.01)
+
+    @pytest.mark.parametrize("draw_as", ["discs", "spheres"])
+    def test_marks_show_how_far_grains_have_turned(self, tmp_path, draw_as):
+        scene, path = make_scene(friction=0.3), tmp_path / "run.usdc"
+        angles = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [1.5, -1.0, 7.0, 0.3, -2.0]])
+        with Recorder(path, scene, 50, draw_as=draw_as, color_by="palette") as recorder:
+            for angle in angles:
+                recorder.record(scene.position, scene.velocity, spin=angle, angle=angle)
+        pictures, _ = rendered(path, [0, 1], "Standard")
+        colors = GrainColors(scene, "palette").colors[:5]
+        for picture, angle in zip(pictures, angles, strict=True):
+            ahead = 0.5 * RADIUS[:, np.newaxis] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
+                shown = self.pixels_at(scene.position + shift, picture)
+                assert np.allclose(shown, expected, atol=0.02 if draw_as == "discs" else 0.08)  # shaded
 
     def test_plays_in_real_time(self, tmp_path):
         Simulation(Scene.load("annulus")).run(duration=2.0, record=tmp_path / "run.usdc")

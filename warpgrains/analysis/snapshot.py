@@ -64,6 +64,10 @@ class Snapshot:
         Grain and wall of each contact with a wall, shape (k, 2), see `WallContacts`.
     wall_force : ndarray
         Force of each of these contacts [N], shape (k,), > 0.
+    tangential_force, wall_tangential_force : ndarray
+        Tangential force of these contacts [N], shapes (m,) and (k,), see `PairContacts` and `WallContacts`.
+    spin, angle : ndarray
+        Angular velocities [rad/s], and angles since the start [rad], shape (n,); 0 without friction.
 
     Examples
     --------
@@ -81,6 +85,10 @@ class Snapshot:
     force: FloatArray
     wall: IntArray
     wall_force: FloatArray
+    tangential_force: FloatArray
+    wall_tangential_force: FloatArray
+    spin: FloatArray
+    angle: FloatArray
 
     @property
     def n(self) -> int:
@@ -118,7 +126,7 @@ class Snapshot:
     def loads(self) -> Loads:
         """All contacts as forces on single grains."""
         m = len(self.pair)
-        pair, force = with_walls(self.pair, self.force, self.wall, self.wall_force)
+        pair, force = with_walls(self.pair, self.wall), np.concatenate([self.force, self.wall_force])
         (i, j), normal = pair.astype(np.int64).T, contact_normals(self.scene, self.start, pair)
         return Loads(
             np.concatenate([i[:m], j[:m], i[m:]]),
@@ -163,4 +171,8 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         force=contacts.force,
         wall=walls.wall,
         wall_force=walls.force,
+        tangential_force=contacts.tangential_force,
+        wall_tangential_force=walls.tangential_force,
+        spin=np.zeros(scene.n) if state.spin is None else state.spin,
+        angle=np.zeros(scene.n) if state.angle is None else state.angle,
     )

@@ -5,13 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from warpgrains.arrays import FloatArray, IntArray
+import numpy as np
+
+from warpgrains.arrays import BoolArray, FloatArray, IntArray
 from warpgrains.scene.geometry import pair_gaps, pair_normals
 from warpgrains.tables import Tabular
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import Corrections
+
+_ROUNDING = 4.0 * np.finfo(np.float64).eps
+"""Relative error of the dv_t of a contact that slides.
+
+A visit adds b to dv_t, so that the sum is mu dv (eq. 23). Difference and sum are rounded by eps / 2 each: the
+error is at most eps / 2 (|b| + mu dv), and within this bound while |b| <= 7 mu dv."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +45,12 @@ class PairContacts(Tabular):
     """M_i M_j / (M_i + M_j) dv_c / dt, along the normal on j and against it on i [N], shape (m,).
 
     M are the contact masses of the scene."""
+    tangential_force: FloatArray
+    """M_i M_j / (M_i + M_j) dv_t / dt, along the tangent on j and against it on i [N], shape (m,).
+
+    The tangent is the normal turned by a quarter to the left, (-n_y, n_x). 0 without friction."""
+    slides: BoolArray
+    """Whether the tangential force is as large as friction allows, shape (m,): True without friction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +75,10 @@ class WallContacts(Tabular):
     """Accumulated corrections [m/s], shape (m,), > 0."""
     force: FloatArray
     """M_i dv / dt, against the normal [N], shape (m,). M are the contact masses of the scene."""
+    tangential_force: FloatArray
+    """M_i dv_t / dt, against the tangent (-n_y, n_x) on the grain [N], shape (m,); 0 without friction."""
+    slides: BoolArray
+    """Whether the tangential force is as large as friction allows, shape (m,): True without friction."""
 
 
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
@@ -68,22 +86,41 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
     i, j = corrections.pair.T
     mass = scene.contact_mass
     mass_i, mass_j = mass[i], mass[j]
+    mass_c = mass_i * mass_j / (mass_i + mass_j)
+    dv, dvt = corrections.pair_correction, _tangential(corrections.pair_friction, corrections.pair_correction)
     return PairContacts(
         pair=corrections.pair,
         normal=pair_normals(position, i, j),
         gap=pair_gaps(position, scene.radius, i, j),
-        correction=corrections.pair_correction,
-        force=mass_i * mass_j / (mass_i + mass_j) * corrections.pair_correction / scene.dt,
+        correction=dv,
+        force=mass_c * dv / scene.dt,
+        tangential_force=mass_c * dvt / scene.dt,
+        slides=_slides(scene.friction, dv, dvt),
     )
 
 
 def wall_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> WallContacts:
     """Return the contacts with the walls, of grains whose centers were at `position` [m], shape (n, 2)."""
     normal, gap = scene.wall_frames(position, corrections.wall)
+    mass = scene.contact_mass[corrections.wall[:, 0]]
+    dv, dvt = corrections.wall_correction, _tangential(corrections.wall_friction, corrections.wall_correction)
     return WallContacts(
         wall=corrections.wall,
         normal=normal,
         gap=gap,
-        correction=corrections.wall_correction,
-        force=scene.contact_mass[corrections.wall[:, 0]] * corrections.wall_correction / scene.dt,
+        correction=dv,
+        force=mass * dv / scene.dt,
+        tangential_force=mass * dvt / scene.dt,
+        slides=_slides(scene.friction_at_walls, dv, dvt),
     )
+
+
+def _tangential(dvt: FloatArray | None, dv: FloatArray) -> FloatArray:
+    """Return dv_t of contacts [m/s], shape (m,): 0 where there is no friction."""
+    return np.zeros_like(dv) if dvt is None else dvt
+
+
+def _slides(friction: float, dv: FloatArray, dvt: FloatArray) -> BoolArray:
+    """Return which contacts have reached Coulomb's bound, to rounding, shape (m,)."""
+    slides: BoolArray = np.abs(dvt) >= (1.0 - _ROUNDING) * (friction * dv)
+    return slides
