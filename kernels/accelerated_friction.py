@@ -88,9 +88,14 @@ def sweeping(at_wall: bool) -> wp.Function:
 
     @wp.func
     def sweep(s: Scene, begin: int, end: int) -> wp.vec3d:
-        velocity, rim = s.grains.next_velocity, s.grains.next_rim
-        working, first_wall = s.working, pair_count(s)
-        beta, n = s.momentum.state.beta, grain_count(s)
+        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
+        rim = s.grains.next_rim
+        working = s.working
+        grains = s.grains
+        contacts = s.contacts
+        surfaces = s.walls.surface
+        between = f64(s.friction)
+        beta, n, first_wall = f64(s.momentum.state.beta), grain_count(s), pair_count(s)
         zeta, slope, size = f64(0.0), f64(0.0), f64(0.0)
         c = int(begin)
         while c < end:
@@ -102,10 +107,10 @@ def sweeping(at_wall: bool) -> wp.Function:
             yt = xt + beta * (xt - at(working.last_dvt, c))
             vi, ui, gap = at(velocity, i), at(rim, i), at(working.gap_rate, c)
             part = rim_weights(s, at(working.index, c), wp.static(at_wall))
-            weight, friction = wp.vec2d(f64(1.0), f64(0.0)), f64(s.friction)
-            mu, approach, slip = mass_in_phi(s.grains, s.contacts, i), vi, ui
+            weight, friction = wp.vec2d(f64(1.0), f64(0.0)), between
+            mu, approach, slip = mass_in_phi(grains, contacts, i), vi, ui
             if wp.static(at_wall):
-                surface = at(s.walls.surface, j - n)
+                surface = at(surfaces, j - n)
                 gap = law.round_gap_rate(
                     gap, law.speed_along(vi, normal), at(working.limits, c - first_wall)[1]
                 )
@@ -131,8 +136,9 @@ def sweeping(at_wall: bool) -> wp.Function:
             put(working.dv, c, y + dv)
             put(working.dvt, c, yt + dvt)
             zeta = larger(zeta, larger(wp.abs(dv), wp.abs(dvt)))
-            slope = slope + mu * (dv * (y + dv - x) + dvt * (yt + dvt - xt) / part[0])
-            size = size + mu * (dv * dv + dvt * dvt / part[0])
+            wide = f64(1.0) / part[0]
+            slope = slope + mu * (dv * (y + dv - x) + wide * dvt * (yt + dvt - xt))
+            size = size + mu * (dv * dv + wide * dvt * dvt)
             c += 1
         return wp.vec3d(zeta, size, slope)
 

@@ -3,6 +3,7 @@
 import itertools
 import sys
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -269,3 +270,34 @@ def test_pairs_within_reach_are_those_of_all_pairs(seed: int) -> None:
     near = gap <= reach[i] + reach[j]
     assert 0 < near.sum() < len(i)
     assert np.array_equal(pairs_within(position, radius, reach), np.stack([i[near], j[near]], axis=1))
+
+
+WITH_FRICTION = {
+    "friction": 0.4,
+    "wall_friction": 0.2,
+    "angular_velocity_out": 2.0,
+    "angular_velocity_in": -5.0,
+}
+ROUND: dict[str, Any] = {"scheme": "leapfrog", "wall": "round", "drag": 0.3, "spin_drag": 1e-3}
+
+
+@pytest.mark.parametrize("changes", [{}, ROUND], ids=["text", "leapfrog, round"])
+def test_a_solved_step_with_friction_is_the_minimizer(changes: dict[str, Any]) -> None:
+    """The convex problem whose slip is frozen at the velocities has these as its solution."""
+    scene = crowd(np.random.default_rng(2)).replace(**WITH_FRICTION, **changes, tolerance=1e-13)
+    simulation = Simulation(scene.replace(max_iterations=100_000))
+    for _ in range(4):
+        assert simulation.step().converged
+    bound = certify(simulation)
+    # the solver stops at changes of 1e-13 m/s, and velocities of 30 m/s are rounded in every correction
+    assert bound.at_most <= bound.solver_error + 1e-9
+    assert bound.solver_error <= 1e-5  # the root of a duality gap of 1e-14, times speeds of up to 100 m/s
+
+
+def test_an_unsolved_step_with_friction_is_not() -> None:
+    scene = crowd(np.random.default_rng(2)).replace(**WITH_FRICTION, tolerance=0.0, max_iterations=2)
+    simulation = Simulation(scene)
+    simulation.advance(4)
+    bound = certify(simulation)
+    assert bound.error is not None
+    assert bound.error > 1e-3

@@ -160,6 +160,12 @@ def test_disc_on_a_slope_rolls_or_slides(tangent_of_slope: float) -> None:
     assert carried.tangential_force == pytest.approx(
         [9.81 * np.sin(slope) / 3.0 if rolls else friction * weight], rel=1e-5
     )
+    carried, weight = simulation.wall_contacts(), 9.81 * np.cos(slope)
+    assert carried.force == pytest.approx([weight], rel=1e-5)  # and v^2 / radius of the bowl
+    assert carried.slides.tolist() == [not rolls]
+    assert carried.tangential_force == pytest.approx(
+        [9.81 * np.sin(slope) / 3.0 if rolls else friction * weight], rel=1e-5
+    )
 
 
 @pytest.mark.parametrize(("friction", "stands"), [(0.27, True), (0.265, False)])

@@ -13,7 +13,7 @@ from walls_seen import View
 
 from warpgrains import InputError, Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colors import Frame, GrainColors
+from warpgrains.drawing.colors import Frame, GrainColors, mark_color
 from warpgrains.pictures.film import Film
 from warpgrains.pictures.shots import Painter
 
@@ -68,6 +68,28 @@ def test_frames_show_the_states(tmp_path, states, suffix):
     for pixels, (position, velocity) in zip(frames, states, strict=True):
         assert np.allclose(view.at(pixels, position), colors.of(Frame(position, velocity)), atol=LOSS)
         assert np.allclose(view.at(pixels, -position), 1.0, atol=0.05)
+
+
+@pytest.mark.parametrize("suffix", [*FILMS, ".png"])
+def test_marks_show_how_far_grains_have_turned(tmp_path, suffix):
+    path = tmp_path / f"run{suffix}"
+    simulation = Simulation(make_scene(np.full(5, 0.25), friction=0.3, spin=[-6.0, -1.0, 0.0, 2.0, 7.0]))
+    if suffix == ".png":
+        simulation.run(steps=STEPS, record=path)
+        pixels = imread(path)[:, :, :3]
+    else:
+        simulation.run(steps=STEPS, record=path, fps=25)
+        pixels = film_frames(path)[0][-1]
+    require_marks(View(pixels, 0.08), pixels, simulation)
+
+
+def require_marks(view, pixels, simulation):
+    """Check that the sectors of grains into which they have turned differ from the color of the grains."""
+    angle, radius = simulation.angle, simulation.scene.radius
+    colors = GrainColors(simulation.scene, "speed").of(Frame(simulation.position, simulation.velocity))
+    ahead = 0.6 * radius[:, np.newaxis] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
+        assert np.allclose(view.at(pixels, simulation.position + shift), expected, atol=LOSS)
 
 
 def test_film_of_a_recording(tmp_path, states, capsys):

@@ -7,7 +7,7 @@ from recordings import GRAINS
 from same_bits import at_annulus, contents
 from sweeps import SMALL, batch, results, table, write
 
-from warpgrains import Scene, Simulation, SimulationError
+from warpgrains import Recording, Scene, Simulation, SimulationError
 from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.usd.check import inspect_recording
@@ -146,3 +146,17 @@ class TestResults:
         simulation = Simulation(Scene.load(recording.with_name("scene.toml")))
         simulation.run(steps=40)
         assert np.array_equal(np.asarray(points.get(20))[:, :2], simulation.position.astype(np.float32))
+
+    def test_recordings_of_friction_have_the_rotation(self, tmp_path):
+        sweep = write(
+            tmp_path, 'scene = "annulus"\n[set]\ntime.duration = 0.8\n[axes]\ncontact.friction = [0.0, 0.5]\n'
+        )
+        assert batch(sweep, "-o", tmp_path / "out", "--usd", "--fps", "50") == 0
+        rolling = Simulation(Scene.load("annulus", ["contact.friction=0.5"]))
+        rolling.run(duration=0.8)
+        expected = np.zeros(15), rolling.angle
+        for run, angle in enumerate(expected):
+            recording = tmp_path / "out" / "runs" / f"{run:05}" / "recording.usdc"
+            assert inspect_recording(recording) == []
+            assert np.array_equal(Recording(recording).angle[-1], angle.astype(np.float32))
+        assert rolling.angle.any()

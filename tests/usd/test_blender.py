@@ -13,16 +13,18 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from pages import blocks
-from recordings import make_scene, record
+from recordings import RADIUS, make_scene, record
 
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colors import Frame, GrainColors, speed_scale
+from warpgrains.drawing.colors import Frame, GrainColors, mark_color, speed_scale
+from warpgrains.usd.recorder import Recorder
 
 pytestmark = pytest.mark.blender
 
 HALF_WIDTH = 2.2
 PIXELS = 800
+SMALL = (400, 400)  # enough for the color of a grain
 SCRIPT = Path(__file__).with_name("blender_render.py")
 
 
@@ -100,7 +102,7 @@ class TestAsOpened:
     def pixels_at(self, places, picture):
         """Return the colors at places [m]; a square picture shows 5 % more than the walls."""
         reach = 1.05 * 1.02 * 2.0
-        steps = reach * ((np.arange(PIXELS) + 0.5) / PIXELS * 2 - 1)
+        steps = reach * ((np.arange(len(picture)) + 0.5) / len(picture) * 2 - 1)
         column = np.abs(steps - places[:, :1]).argmin(axis=1)
         row = np.abs(-steps - places[:, 1:]).argmin(axis=1)
         return picture[row, column, :3]
@@ -121,9 +123,24 @@ class TestAsOpened:
             shown = self.pixels_at(scene.position, picture)
             assert np.allclose(shown, meant(colors, Frame(*frame), draw_as), atol=0.01)
 
+    @pytest.mark.parametrize("draw_as", ["discs", "spheres"])
+    def test_marks_show_how_far_grains_have_turned(self, tmp_path, draw_as):
+        scene, path = make_scene(friction=0.3), tmp_path / "run.usdc"
+        angles = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [1.5, -1.0, 7.0, 0.3, -2.0]])
+        with Recorder(path, scene, 50, draw_as=draw_as, color_by="palette") as recorder:
+            for angle in angles:
+                recorder.record(scene.position, scene.velocity, spin=angle, angle=angle)
+        pictures, _ = rendered(path, [0, 1], "Standard")
+        colors = GrainColors(scene, "palette").colors[:5]
+        for picture, angle in zip(pictures, angles, strict=True):
+            ahead = 0.5 * RADIUS[:, np.newaxis] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            for shift, expected in ((-ahead, colors), (ahead, mark_color(colors))):
+                shown = self.pixels_at(scene.position + shift, picture)
+                assert np.allclose(shown, expected, atol=0.02 if draw_as == "discs" else 0.08)  # shaded
+
     def test_plays_in_real_time(self, tmp_path):
         Simulation(Scene.load("annulus")).run(duration=2.0, record=tmp_path / "run.usdc")
-        _, imported = rendered(tmp_path / "run.usdc", [], "Standard")
+        _, imported = rendered(tmp_path / "run.usdc", [], "Standard", SMALL)
         first, last = imported["frames"]
         assert (last - first) / imported["rate"] == 2.0
 
@@ -132,7 +149,7 @@ class TestAsOpened:
         path = record(
             tmp_path / "run.usdc", [(scene.position, scene.velocity)], color_by="palette", draw_as="discs"
         )
-        (picture,), _ = rendered(path, [0], "AgX")
+        (picture,), _ = rendered(path, [0], "AgX", SMALL)
         hue = [color - color.mean() for color in self.pixels_at(scene.position, picture)]
         meant = [color - color.mean() for color in GrainColors(scene, "palette").colors]
         likeness = [[a @ b / np.linalg.norm(a) / np.linalg.norm(b) for b in meant] for a in hue]

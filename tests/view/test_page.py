@@ -12,7 +12,7 @@ from same_bits import contents
 from walls_seen import View
 
 from warpgrains import Scene, Simulation
-from warpgrains.drawing.colors import Frame, GrainColors
+from warpgrains.drawing.colors import Frame, GrainColors, mark_color
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.view.page import Page
 from warpgrains.view.players import Recorded
@@ -53,6 +53,50 @@ def test_keys_and_sliders_of_a_simulation(tmp_path):
     page.close()
 
 
+def test_marks_show_how_far_grains_have_turned(tmp_path):
+    simulation = Simulation(make_scene(np.full(5, 0.25), friction=0.3, spin=[-6.0, -1.0, 0.0, 2.0, 7.0]))
+    simulation.run(steps=39)
+    page = simulation.view(port=8330)
+    with opened(page.url) as tab:
+        tab.press("n")
+        tab.wait_for(lambda: tab.told()["steps"] == "40")
+        for ahead, color_of in ((-0.6, lambda colors: colors), (0.6, mark_color)):
+            require_colors(tab, tmp_path, simulation, ahead, color_of)
+    page.close()
+
+
+def test_friction_is_switched_on_and_off():
+    simulation = Simulation(Scene.load("annulus"))
+    page = simulation.view(port=8340)
+    with opened(page.url) as tab:
+        for label, value, row, shown in (
+            ("friction", "0.5", "friction", "0.5"),
+            ("outer wall [rad/s]", "2", "rotation of the walls", "2, 0 rad/s"),
+            ("inner wall [rad/s]", "-1", "rotation of the walls", "2, -1 rad/s"),
+            ("friction", "0", "rotation of the walls", "0, 0 rad/s"),
+            ("friction", "0.25", "rotation of the walls", "2, -1 rad/s"),
+        ):
+            field = tab.slider(label)
+            field.click()
+            field.send_keys("\ue009a\ue000" + f"{value}\n")
+            tab.wait_for(lambda row=row, shown=shown: tab.told()[row] == shown)
+        assert simulation.scene.friction == 0.25
+        tab.click("one step")
+        tab.wait_for(lambda: tab.told()["steps"] == "1")
+    page.close()
+
+
+def test_a_change_that_is_refused_says_why():
+    page = Simulation(Scene.load("annulus"), method="exact").view(port=8350)
+    with opened(page.url) as tab:
+        field = tab.slider("friction")
+        field.click()
+        field.send_keys("\ue009a\ue000" + "0.5\n")
+        tab.wait_for(lambda: "without friction only" in tab.text())
+        assert tab.told()["friction"] == "0"
+    page.close()
+
+
 def test_labels_and_charts_appear_when_there_is_something(tmp_path):
     """And nothing that appears moves the sliders."""
     scene = Scene.load("annulus").replace(max_iterations=5, on_unconverged="raise")  # fails at step 20
@@ -79,13 +123,18 @@ def test_labels_and_charts_appear_when_there_is_something(tmp_path):
     page.close()
 
 
-def require_colors(tab, folder, simulation):
-    """Check in a picture of the page that grains are where they are, in their colors."""
+def require_colors(tab, folder, simulation, ahead=0.0, color_of=lambda colors: colors):
+    """Check in a picture of the page that grains are where they are, in their colors.
+
+    Look `ahead` of their centers, in radii, in the direction into which they have turned.
+    """
     tab.driver.save_screenshot(str(folder / "page.png"))
     pixels = imread(folder / "page.png")[:, :, :3]
     frame = Frame(simulation.position, simulation.velocity)
-    expected = GrainColors(simulation.scene, "speed").of(frame)
-    shown = View(pixels, 0.04).at(pixels, simulation.position)
+    expected = color_of(GrainColors(simulation.scene, "speed").of(frame))
+    turned = np.stack([np.cos(simulation.angle), np.sin(simulation.angle)], axis=1)
+    places = simulation.position + ahead * simulation.scene.radius[:, np.newaxis] * turned
+    shown = View(pixels, 0.04).at(pixels, places)
     hues = [color - color.mean(axis=1, keepdims=True) for color in (shown, expected)]
     sizes = [np.linalg.norm(hue, axis=1) for hue in hues]
     likeness = (hues[0] * hues[1]).sum(axis=1) / np.prod(sizes, axis=0)

@@ -170,8 +170,50 @@ def test_recording_ends_with_its_last_frame(tmp_path):
     assert (played.steps, played.has_ended) == (3, True)
     played.set_style("speed", forces=False)
     assert played.shot().chains is None
+    assert played.shot().angle is None
     played.restart()
     assert played.readout() == {"time": "0 s", "frame": "0 of 3", "contacts": "5"}
+
+
+class TestFriction:
+    def test_is_switched_on_and_off(self, simulation):
+        live, plain = Live(simulation), Simulation(Scene.load("annulus"))
+        live.advance(50)
+        live.set_friction(0.5, 2.0, -1.0)
+        scene = simulation.scene
+        assert (scene.friction, scene.angular_velocity_out, scene.angular_velocity_in) == (0.5, 2.0, -1.0)
+        live.set_style("mobilized", forces=True)
+        live.advance(50)
+        plain.advance(50)
+        plain.change(friction=0.5, angular_velocity_out=2.0, angular_velocity_in=-1.0)
+        plain.advance(50)
+        assert contents(simulation.state()) == contents(plain.state())
+        assert np.array_equal(live.shot().angle, plain.angle)
+        energy = 0.5 * plain.scene.mass * ((plain.velocity**2).sum(axis=1) + (0.1 * plain.spin) ** 2 / 2.0)
+        assert live.readout()["kinetic energy"] == f"{energy.sum():.4g} J"
+        assert live.readout()["rotation of the walls"] == "2, -1 rad/s"
+        live.set_friction(0.0, 2.0, -1.0)
+        assert simulation.scene.angular_velocity_out == 0.0
+        assert live.colorings == ("palette", "radius", "speed", "pressure")
+        live.set_style("speed", forces=False)
+        assert live.shot().angle is None
+
+    def test_keeps_what_the_scene_has_of_it(self):
+        scene = Scene.load("annulus").replace(friction=0.3, wall_friction=0.2, spin=4.0, spin_drag=1e-4)
+        live = Live(Simulation(scene))
+        live.set_friction(0.0, 1.0, 0.0)  # walls have their own
+        assert (live.scene.friction_at_walls, live.scene.angular_velocity_out) == (0.2, 1.0)
+        assert (live.scene.spin == 4.0).all()
+        scene = scene.replace(wall_friction=None)
+        live = Live(Simulation(scene))
+        live.set_friction(0.0, 1.0, 0.0)
+        assert not live.scene.has_friction
+        live.set_friction(0.4, 1.0, 0.0)
+        live.restart()
+        assert (live.scene.spin_drag, live.scene.angular_velocity_out) == (1e-4, 1.0)
+        assert (live.shot().angle == 0.0).all()
+        live.advance(1)
+        assert live.shot().angle == pytest.approx(0.01 * 4.0, rel=0.1)
 
 
 class TestChange:

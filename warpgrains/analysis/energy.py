@@ -157,7 +157,8 @@ def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> E
     spin = 0.5 * (kick.before + now.spin)
     surface = (mean[grain] * left_of(normal)).sum(axis=1) + (scene.radius * spin)[grain]
     work = -scene.dt * tangential * surface  # on the grains
-    wall_work = float(-scene.dt * (now.wall_tangential_force * scene.wall_speeds[now.wall[:, 1]]).sum())
+    speed = np.array([scene.surface_speed(wall) for wall in now.wall[:, 1].tolist()])
+    wall_work = float(-scene.dt * (now.wall_tangential_force * speed).sum())
     friction_loss = wall_work - float(work.sum())
     return balance._replace(
         drag_loss=balance.drag_loss + float((scene.spin_drag * kick.path * spin).sum()),

@@ -31,7 +31,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.scene.geometry import pair_gaps
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.scheme import free_velocity
+from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.solver import interior_point
 from warpgrains.solver.constraints import StepConstraints, every_wall
 from warpgrains.solver.projection import NormalMatrix, Projection, projection_of
@@ -51,14 +51,22 @@ class StepProblem:
     velocity: FloatArray
     staggered: bool = False
     """As in `State`."""
+    spin: FloatArray | None = None
+    """Angular velocities [rad/s], shape (n,); only with friction."""
 
     @property
     def free_velocity(self) -> FloatArray:
         """v* (eq. 2, or 16 and 17) [m/s], shape (n, 2)."""
         return free_velocity(self.scene, self.velocity, self.staggered)
 
-    def projection(self, speed: FloatArray, sliding: FloatArray) -> Projection:
-        """Return the problem with all constraints that grains up to their `speed` [m/s] can violate.
+    @property
+    def free_rim(self) -> FloatArray:
+        """u* (eq. 21) [m/s], shape (n,)."""
+        spin = self.scene.spin_at_start if self.spin is None else self.spin
+        return self.scene.radius * free_spin(self.scene, spin, self.staggered)
+
+    def constraints(self, speed: FloatArray, sliding: FloatArray) -> StepConstraints:
+        """Return all constraints that grains up to their `speed` [m/s] can violate.
 
         Gaps at a round outer wall are those of grains with the velocities `sliding` [m/s], shape (n, 2)
         (eq. 18).
@@ -67,8 +75,7 @@ class StepProblem:
         pair = pairs_within(position, scene.radius, scene.dt * speed)
         wall = every_wall(scene, np.arange(scene.n))
         every = StepConstraints.at(scene, position, pair, wall).sliding(scene.dt * sliding)
-        near = every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
-        return projection_of(near, self.free_velocity)
+        return every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
 
 
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:
@@ -98,7 +105,26 @@ Witness = Callable[[Projection], tuple[FloatArray, FloatArray]]
 """A solver that returns a point y near 0 that satisfies all constraints, and multipliers z >= 0."""
 
 
-def solve_exactly(problem: StepProblem, velocity: FloatArray, witness: Witness | None = None) -> ExactStep:
+def solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]:
+    """Return the library's y, and its z with negative entries set to 0."""
+    unknowns, rows = len(projection.free), sparse.csc_array(projection.rows)
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
+    settings.equilibrate_enable = False  # every row has length 1
+    settings.static_regularization_constant = REGULARIZATION
+    square = sparse.csc_array(sparse.eye_array(unknowns))
+    cone = [clarabel.NonnegativeConeT(len(projection.bound))]
+    answer = clarabel.DefaultSolver(square, projection.free, rows, projection.bound, cone, settings).solve()
+    if "Infeasible" in str(answer.status):
+        raise SimulationError("no velocities satisfy every gap of the step: the grains do not fit")
+    return np.array(answer.x), np.maximum(answer.z, 0.0)
+
+
+def solve_exactly(
+    problem: StepProblem, velocity: FloatArray, witness: Witness = solve_with_clarabel
+) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
     `velocity` is an estimate of the result [m/s], shape (n, 2), which limits the search for pairs. It also
@@ -112,21 +138,22 @@ def solve_exactly(problem: StepProblem, velocity: FloatArray, witness: Witness |
     """
     speed = REACH * np.maximum(np.hypot(*problem.free_velocity.T), np.hypot(*velocity.T))
     while True:
-        exact = _solve(problem, problem.projection(speed, velocity), witness or _solve_with_clarabel)
+        step = projection_of(problem.constraints(speed, velocity), problem.free_velocity)
+        root = np.sqrt(problem.scene.contact_mass)[:, np.newaxis]
+        exact = solve_projection(step, root, problem.free_velocity, witness)
         found = np.hypot(*exact.velocity.T)
         if (found <= speed).all():  # grains without a constraint cannot reach one
             return exact
         speed = np.maximum(speed, REACH * found)
 
 
-def _solve(problem: StepProblem, step: Projection, witness: Witness) -> ExactStep:
-    root = np.sqrt(np.repeat(problem.scene.contact_mass, 2))
+def solve_projection(step: Projection, root: FloatArray, free: FloatArray, witness: Witness) -> ExactStep:
+    """Solve a step's problem in y = root v, from its free velocities [m/s], shape (n, k)."""
     scale = float(np.abs(step.free).max()) or float(root.max())
     bound = (step.bound - step.rows @ step.free) / scale
     y, error = _project(Projection(step.rows, bound, np.zeros_like(step.free), np.ones_like(bound)), witness)
     unit = scale / root
-    velocity = problem.free_velocity + (unit * y).reshape(-1, 2)
-    return ExactStep(velocity, error * float(unit.max()))
+    return ExactStep(free + unit * y.reshape(free.shape), error * float(unit.max()))
 
 
 def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, float]:
@@ -146,23 +173,6 @@ def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, floa
             return y, float(np.sqrt(gap))
         tightening += 2.0 * short
     raise SimulationError("the exact velocities were not found: no solution satisfies every gap")
-
-
-def _solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]:
-    """Return the library's y, and its z with negative entries set to 0."""
-    unknowns, rows = len(projection.free), sparse.csc_array(projection.rows)
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
-    settings.equilibrate_enable = False  # every row has length 1
-    settings.static_regularization_constant = REGULARIZATION
-    square = sparse.csc_array(sparse.eye_array(unknowns))
-    cone = [clarabel.NonnegativeConeT(len(projection.bound))]
-    answer = clarabel.DefaultSolver(square, projection.free, rows, projection.bound, cone, settings).solve()
-    if "Infeasible" in str(answer.status):
-        raise SimulationError("no velocities satisfy every gap of the step: the grains do not fit")
-    return np.array(answer.x), np.maximum(answer.z, 0.0)
 
 
 def package_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:

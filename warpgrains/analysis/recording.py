@@ -87,6 +87,16 @@ class Recording(Shown):
         return np.array([self._reader.velocity(k) for k in range(len(self))])
 
     @cached_property
+    def spin(self) -> FloatArray:
+        """Angular velocities of the grains [rad/s], shape (f, n); 0 without friction."""
+        return np.array([self._reader.rotation(k)[0] for k in range(len(self))])
+
+    @cached_property
+    def angle(self) -> FloatArray:
+        """Angles by which grains have turned since the start [rad], shape (f, n); 0 without friction."""
+        return np.array([self._reader.rotation(k)[1] for k in range(len(self))])
+
+    @cached_property
     def scene(self) -> Scene:
         """Scene of the run, with the grains at their positions in the first frame.
 
@@ -97,6 +107,8 @@ class Recording(Shown):
         """
         fields = self._reader.scene_fields()
         position, velocity = self._reader.position(0), self._reader.velocity(0)
+        if self._reader.has_rotation:
+            fields["spin"] = self._reader.rotation(0)[0]
         return Scene(position=position, velocity=velocity, radius=self.radius, **fields)
 
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
@@ -122,12 +134,16 @@ class Recording(Shown):
         position = self._reader.position(k)
         pair, force = np.zeros((0, 2), np.int32), np.zeros(0)
         wall, wall_force = pair, force
+        tangential_force = wall_tangential_force = force
         if contacts:
             chains = self._reader.chains(k)
             between = chains.pair[:, 1] >= 0
             pair, force = chains.pair[between], chains.force[between]
             grain, code = chains.pair[~between].T
             wall, wall_force = np.stack([grain, -1 - code], axis=1), chains.force[~between]
+            tangential_force = chains.tangential_force[between]
+            wall_tangential_force = chains.tangential_force[~between]
+        spin, angle = self._reader.rotation(k)
         return Snapshot(
             scene=self.scene,
             steps=FrameTimes(self.scene.dt, self._reader.rate).step(k),
@@ -138,10 +154,10 @@ class Recording(Shown):
             force=force,
             wall=wall,
             wall_force=wall_force,
-            tangential_force=np.zeros_like(force),
-            wall_tangential_force=np.zeros_like(wall_force),
-            spin=np.zeros(len(position)),
-            angle=np.zeros(len(position)),
+            tangential_force=tangential_force,
+            wall_tangential_force=wall_tangential_force,
+            spin=spin,
+            angle=angle,
         )
 
     def to_xarray(self) -> xarray.Dataset:
@@ -151,7 +167,8 @@ class Recording(Shown):
         list along the dimension `contact`: `contact_frame` is the number of the frame, `contact_grain` the
         grain, `contact_other` the other grain (or -1 for the outer wall, -2 for the inner one, and -3, -4,
         ... for those of `Scene.walls`), `contact_normal` the unit vector from the grain to the other one or
-        into the wall, and `contact_force` the force.
+        into the wall, and `contact_force` the normal force. With friction, `spin` and `angle` have the
+        dimensions time and grain, and `contact_tangential_force` is next to `contact_force`.
 
         Raises
         ------
@@ -160,11 +177,18 @@ class Recording(Shown):
         """
         dims = ("time", "grain", "component")
         contacts = self._contacts() if self.has_forces else {}
+        rotation = {}
+        if self._reader.has_rotation:
+            rotation = {
+                "spin": (dims[:2], self.spin, {"units": "rad/s"}),
+                "angle": (dims[:2], self.angle, {"units": "rad"}),
+            }
         return library("xarray", "to_xarray").Dataset(
             {
                 "position": (dims, self.position, {"units": "m"}),
                 "velocity": (dims, self.velocity, {"units": "m/s"}),
                 "radius": ("grain", self.radius, {"units": "m"}),
+                **rotation,
                 **contacts,
             },
             coords={"time": ("time", self.time, {"units": "s"}), "component": ["x", "y"]},
@@ -178,10 +202,15 @@ class Recording(Shown):
         frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])
         pair = np.concatenate([of.pair for of in chains])
         force = np.concatenate([of.force for of in chains])
+        tangential = {}
+        if self._reader.has_rotation:
+            values = np.concatenate([of.tangential_force for of in chains])
+            tangential = {"contact_tangential_force": ("contact", values, {"units": "N"})}
         return {
             "contact_frame": ("contact", frame),
             "contact_grain": ("contact", pair[:, 0]),
             "contact_other": ("contact", pair[:, 1]),
             "contact_normal": (("contact", "component"), np.concatenate(normal)),
             "contact_force": ("contact", force, {"units": "N"}),
+            **tangential,
         }

@@ -129,7 +129,7 @@ class Snapshot:
     def loads(self) -> Loads:
         """All contacts as forces on single grains."""
         m = len(self.pair)
-        pair, force = with_walls(self.pair, self.force, self.wall, self.wall_force)
+        pair, force = with_walls(self.pair, self.wall), np.concatenate([self.force, self.wall_force])
         (i, j), normal = pair.astype(np.int64).T, contact_normals(self.scene, self.start, pair)
         return Loads(
             np.concatenate([i[:m], j[:m], i[m:]]),

@@ -21,7 +21,8 @@ def export(recording: str | Path, output: str | Path) -> int:
 
     Each frame is one polydata. Its first points are the grains, each with a vertex cell, with radius [m] and
     velocity [m/s]. Contacts, if recorded, are lines between grains, or from a grain to its contact point on
-    a wall, a point of radius 0. The force [N] is cell data, 0 on vertices.
+    a wall, a point of radius 0. The force [N] is cell data, 0 on vertices. With friction, grains
+    also have spin [rad/s] and angle [rad], and contacts the tangential force [N].
 
     Raises
     ------
@@ -77,7 +78,7 @@ def _polydata(source: Recording, k: int) -> Any:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
     frame = source.frame(k, contacts=source.has_forces)
-    pair, pushes = with_walls(frame.pair, frame.force, frame.wall, frame.wall_force)
+    pair = with_walls(frame.pair, frame.wall)
     n, between = frame.n, pair[:, 1] >= 0
     wall = pair[~between, 0]
     touched = contact_ends(frame.scene, frame.position, pair[~between])[:, 1]
@@ -87,16 +88,21 @@ def _polydata(source: Recording, k: int) -> Any:
     data.SetPoints(points)
     data.SetVerts(_cells(np.arange(n)[:, np.newaxis]))
     data.SetLines(_cells(pair))
-    force = np.concatenate([np.zeros(n), pushes])
-    still = np.zeros((len(wall), 2))
+    none, still = np.zeros(n), np.zeros((len(wall), 2))
+    forces = {"force": np.concatenate([none, frame.force, frame.wall_force])}
     arrays = {
         "radius": np.append(source.radius, np.zeros(len(wall))),
         "velocity": _in_space(np.concatenate([frame.velocity, still])),
         "grain": np.append(np.arange(n), wall),
     }
+    if frame.scene.has_friction:
+        arrays |= {name: np.append(getattr(frame, name), still[:, 0]) for name in ("spin", "angle")}
+        tangential = frame.tangential_force, frame.wall_tangential_force
+        forces["tangential_force"] = np.concatenate([none, *tangential])
     for name, values in arrays.items():
         _add(data.GetPointData(), name, values)
-    _add(data.GetCellData(), "force", force)
+    for name, values in forces.items():
+        _add(data.GetCellData(), name, values)
     return data
 
 

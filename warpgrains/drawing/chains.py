@@ -28,7 +28,9 @@ class Chains:
     width: FloatArray
     """Width of each segment [m], shape (m,): proportional to the force, at most half the smallest radius."""
     force: FloatArray
-    """Force of each contact [N], shape (m,)."""
+    """Normal force of each contact [N], shape (m,)."""
+    tangential_force: FloatArray
+    """Tangential force of each contact [N], shape (m,), see `PairContacts`; 0 without friction."""
     pair: IntArray
     """Grains i < j of each segment, shape (m, 2); j is -1 for the outer wall, -2 for the inner one, and -3,
     -4, ... for those of `Scene.walls`."""
@@ -68,22 +70,42 @@ class ChainScale:
 
 
 def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
-    """Return a band from center to center, or from center to wall, for each contact with a force."""
+    """Return a band from center to center, or from center to wall, for each contact with a force.
+
+    With friction, a band has the size and direction of the total force: it is turned about the contact point.
+    """
     contacts, wall_contacts = frame.forces()
     pushes = contacts.force > 0.0
-    pair, force = with_walls(
-        contacts.pair[pushes], contacts.force[pushes], wall_contacts.wall, wall_contacts.force
-    )
-    ends = contact_ends(scene, frame.position, pair)
-    return Chains(ends, np.minimum(force / scale.force, 1.0) * scale.width, force, pair)
+    pair = with_walls(contacts.pair[pushes], wall_contacts.wall)
+    force = np.concatenate([contacts.force[pushes], wall_contacts.force])
+    ends, total, tangential = contact_ends(scene, frame.position, pair), force, np.zeros_like(force)
+    if scene.has_friction:
+        tangential = np.concatenate([contacts.tangential_force[pushes], wall_contacts.tangential_force])
+        total = np.hypot(force, tangential)
+        ends = _turned(scene, frame.position, pair, ends, np.stack([force, tangential], axis=1))
+    return Chains(ends, np.minimum(total / scale.force, 1.0) * scale.width, force, tangential, pair)
 
 
-def with_walls(
-    pair: IntArray, force: FloatArray, wall: IntArray, wall_force: FloatArray
-) -> tuple[IntArray, FloatArray]:
-    """Return contacts in the form of `Chains.pair`, and their forces: pairs first, then walls."""
+def _turned(
+    scene: Scene, position: FloatArray, pair: IntArray, ends: FloatArray, force: FloatArray
+) -> FloatArray:
+    """Return segments turned about the contact points into the direction of the forces, (m, 2, 2).
+
+    The forces have a normal and a tangential component [N], shape (m, 2), the first one > 0.
+    """
+    normal, radius = contact_normals(scene, position, pair), scene.radius[pair[:, 0], np.newaxis]
+    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    along, across = (force / np.hypot(*force.T)[:, np.newaxis]).T[:, :, np.newaxis]
+    direction = along * normal + across * tangent
+    contact = ends[:, 0] + radius * normal
+    beyond = ((ends[:, 1] - contact) * normal).sum(axis=1, keepdims=True)
+    return np.stack([contact - radius * direction, contact + beyond * direction], axis=1)
+
+
+def with_walls(pair: IntArray, wall: IntArray) -> IntArray:
+    """Return contacts in the form of `Chains.pair`: pairs first, then walls."""
     at_wall = np.stack([wall[:, 0], -1 - wall[:, 1]], axis=1)
-    return np.concatenate([pair, at_wall]).astype(np.int32), np.concatenate([force, wall_force])
+    return np.concatenate([pair, at_wall]).astype(np.int32)
 
 
 def contact_normals(scene: Scene, position: FloatArray, pair: IntArray) -> FloatArray:

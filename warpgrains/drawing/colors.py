@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
@@ -10,39 +10,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.drawing.colormaps import COLORS
+from warpgrains.drawing.mobilized import mobilized
+from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
 
-UNITS = {"radius": "m", "speed": "m/s", "pressure": "N/m"}
+UNITS = {"radius": "m", "speed": "m/s", "pressure": "N/m", "spin": "rad/s", "mobilized": ""}
 """Quantities by which grains are colored, and their units."""
-COLORMAPS = {"radius": "plasma", "speed": "viridis", "pressure": "cividis"}
+COLORMAPS = {
+    "radius": "plasma",
+    "speed": "viridis",
+    "pressure": "cividis",
+    "spin": "managua",
+    "mobilized": "magma",
+}
 COLORINGS = ("palette", *UNITS)
+OF_FRICTION = ("spin", "mobilized")
+"""Colorings of scenes with friction only."""
+OF_CONTACTS = ("pressure", "mobilized")
+"""Colorings that need the contacts of a frame."""
 LEVELS = 64
 """Number of colors of a scale."""
 
-# Matplotlib's perceptually uniform colormaps, safe for color-blind readers, at 32 points of the range, for
-# use without Matplotlib. Colors between are interpolated in sRGB; tests/usd/test_appearance.py bounds
-# the error.
-_COLORS = {
-    "viridis": """
-        440154 470d60 48186a 482374 472e7c 453882 424186 3e4a89 3a548c 365d8d 32658e 2e6d8e 2b758e 287d8e
-        25848e 228c8d 1f948c 1e9c89 20a386 25ab82 2eb37c 3aba76 48c16e 58c765 6ccd5a 7fd34e 93d741 a8db34
-        c0df25 d5e21a eae51a fde725
-    """,
-    "cividis": """
-        00224e 00285b 002e6a 053371 1c396f 293f6e 33446d 3c4a6c 45506c 4d556c 555b6d 5c616e 646770 6b6d72
-        727274 787877 807f78 888578 908b78 979177 a09875 a89e73 b0a571 b9ab6d c2b369 cbb965 d3c05f dcc859
-        e6d051 efd748 f8df3c fee838
-    """,
-    "plasma": """
-        0d0887 220690 310597 3f049c 4e02a2 5b01a5 6700a8 7401a8 8104a7 8d0ba5 9814a0 a21d9a ad2793 b6308b
-        bf3984 c7427c cf4c74 d6556d dd5e66 e3685f e97257 ef7c51 f3874a f79143 fa9e3b fca934 fdb52e fdc229
-        fcd025 f9dd25 f5eb27 f0f921
-    """,
-}
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear red, green and blue (ITU-R BT.709)
+_DARK = 0.18  # luminance of what looks half as bright as white
+_CONTRAST = 0.4  # of a mark, in the color or its complement
 
 # Okabe and Ito's colors, which color-blind readers tell apart too.
 PALETTE: FloatArray = np.array(
@@ -69,6 +65,16 @@ class Frame:
     contacts: PairContacts | None = None
     """Contacts between grains; None, like those with walls, if nothing that is drawn needs forces."""
     wall_contacts: WallContacts | None = None
+    spin: FloatArray | None = None
+    """Angular velocities [rad/s], shape (n,); None, as the angles, where grains do not rotate."""
+    angle: FloatArray | None = None
+    """Angles by which grains have turned [rad], shape (n,)."""
+
+    def rotation(self) -> tuple[FloatArray, FloatArray]:
+        """Return spin and angle of the grains; ValueError where they are missing."""
+        if self.spin is None or self.angle is None:
+            raise ValueError("a frame of a scene with friction needs spin and angle")
+        return self.spin, self.angle
 
     def forces(self) -> tuple[PairContacts, WallContacts]:
         """Return the contacts between grains and with walls. Raises ValueError if they are missing."""
@@ -90,8 +96,14 @@ class ColorScale:
 
     @property
     def label(self) -> str:
-        """Name and unit of the quantity."""
-        return f"{self.quantity} [{UNITS[self.quantity]}]"
+        """Name and unit of the quantity; a pure number has none."""
+        unit = UNITS[self.quantity]
+        return f"{self.quantity} [{unit}]" if unit else self.quantity
+
+    @property
+    def extends(self) -> str:
+        """Which ends of the scale have values beyond them, as Matplotlib names it."""
+        return {"radius": "neither", "mobilized": "neither", "spin": "both"}.get(self.quantity, "max")
 
     @property
     def colormap(self) -> str:
@@ -119,18 +131,25 @@ class ColorScale:
         return colormap(self.colormap, np.linspace(0.0, 1.0, LEVELS))
 
 
+def colorings(scene: Scene) -> tuple[str, ...]:
+    """Return the colorings that a scene has."""
+    return tuple(name for name in COLORINGS if scene.has_friction or name not in OF_FRICTION)
+
+
 class GrainColors:
     """Colors of the grains of a scene by a quantity.
 
     Scales depend only on the scene, so that a color means the same in every frame and after a restart. The
-    largest value is `speed_scale` or `pressure_scale`; radii range from the smallest to the largest.
+    largest value is `speed_scale` or `pressure_scale`; radii range from the smallest to the largest, spins
+    from minus to plus `spin_scale`, and mobilized friction (see `mobilized`) from 0 to 1.
 
     Parameters
     ----------
     scene : Scene
         The scene that is drawn.
     color_by : str
-        "speed", "pressure", "radius", or "palette": arbitrary colors that distinguish neighbors.
+        "speed", "pressure", "radius"; with friction "spin", "mobilized"; or "palette": arbitrary colors that
+        distinguish neighbors.
 
     Attributes
     ----------
@@ -144,12 +163,14 @@ class GrainColors:
     Raises
     ------
     InputError
-        `color_by` is unknown.
+        `color_by` is unknown, or needs friction that the scene does not have.
     """
 
     def __init__(self, scene: Scene, color_by: str) -> None:
-        checks.one_of("color_by", color_by, COLORINGS)
-        self._radius = radius = scene.radius
+        if isinstance(color_by, str) and color_by in OF_FRICTION and not scene.has_friction:
+            raise InputError(f"color_by is {color_by!r}: it needs a scene with friction")
+        checks.one_of("color_by", color_by, colorings(scene))
+        self._scene, radius = scene, scene.radius
         self.scale: ColorScale | None = None
         self.still: IndexArray | None = None
         if color_by == "palette":
@@ -159,8 +180,8 @@ class GrainColors:
             self.scale = ColorScale(color_by, float(radius.min()), float(radius.max()))
             self.still = self.scale.levels(radius)
         else:
-            largest = speed_scale(scene) if color_by == "speed" else pressure_scale(scene)
-            self.scale = ColorScale(color_by, 0.0, largest)
+            largest = _LARGEST[color_by](scene)
+            self.scale = ColorScale(color_by, -largest if color_by == "spin" else 0.0, largest)
         self.colors = self.scale.colors()
 
     def levels(self, frame: Frame) -> IndexArray:
@@ -168,8 +189,19 @@ class GrainColors:
         if self.scale is None or self.still is not None:
             assert self.still is not None
             return self.still
-        is_speed = self.scale.quantity == "speed"
-        return self.scale.levels(np.hypot(*frame.velocity.T) if is_speed else pressure(frame, self._radius))
+        return self.scale.levels(self._values(frame))
+
+    def _values(self, frame: Frame) -> FloatArray:
+        """Return the quantity of the scale of each grain, shape (n,)."""
+        assert self.scale is not None
+        match self.scale.quantity:
+            case "speed":
+                return np.hypot(*frame.velocity.T)
+            case "spin":
+                return frame.rotation()[0]
+            case "mobilized":
+                return mobilized(self._scene, *frame.forces())
+        return pressure(frame, self._scene.radius)
 
     def of(self, frame: Frame) -> FloatArray:
         """Return the colors of the grains in a frame (sRGB), shape (n, 3)."""
@@ -189,13 +221,19 @@ def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return a speed [m/s] that grains may reach: by falling across the domain, or at the start."""
+    """Return a speed [m/s] that grains may reach: by a fall across the domain, at the start, or at a wall."""
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
     falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
-    return max(thrown, float(falling))
+    out, inside = scene.radius_out * scene.angular_velocity_out, scene.radius_in * scene.angular_velocity_in
+    return max(thrown, float(falling), abs(out), abs(inside))
+
+
+def spin_scale(scene: Scene) -> float:
+    """Return the spin [rad/s] that many grains reach: rolling at half of `speed_scale`, or at the start."""
+    return max(float(np.abs(scene.spin_at_start).max()), 0.5 * speed_scale(scene) / scene.typical_radius)
 
 
 def pressure_scale(scene: Scene) -> float:
@@ -212,11 +250,25 @@ def pressure_scale(scene: Scene) -> float:
     return stopping / (2.0 * np.pi * radius)
 
 
+_LARGEST: dict[str, Callable[[Scene], float]] = {
+    "speed": speed_scale,
+    "pressure": pressure_scale,
+    "spin": spin_scale,
+    "mobilized": lambda scene: 1.0,
+}
+
+
 def colormap(name: str, share: FloatArray) -> FloatArray:
     """Return the sRGB colors at shares of the range, shape (n,), as an array of shape (n, 3), in [0, 1]."""
-    known = np.array([[channel / 255.0 for channel in bytes.fromhex(word)] for word in _COLORS[name].split()])
+    known = np.array([[channel / 255.0 for channel in bytes.fromhex(word)] for word in COLORS[name].split()])
     place = np.clip(share, 0.0, 1.0) * (len(known) - 1.0)
     return np.stack([np.interp(place, np.arange(len(known)), channel) for channel in known.T], axis=1)
+
+
+def mark_color(color: FloatArray) -> FloatArray:
+    """Return the colors (sRGB) of marks on grains of some colors (sRGB), shape (n, 3): darker, or lighter."""
+    is_bright = linear(color) @ _LUMINANCE > _DARK
+    return np.where(is_bright[..., np.newaxis], _CONTRAST * color, 1.0 - _CONTRAST * (1.0 - color))
 
 
 def linear(encoded: FloatArray) -> NDArray[np.float32]:

@@ -55,16 +55,20 @@ class FrameTimes:
         velocity: FloatArray,
         contacts: PairContacts | None = None,
         wall_contacts: WallContacts | None = None,
+        spin: FloatArray | None = None,
+        angle: FloatArray | None = None,
     ) -> Frame:
         """Return frame k from the state after `step(k)`.
 
-        Within a step, grains move in a straight line with the velocities at its end (eq. 3). The positions
-        are those at the time of the frame.
+        Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
+        The positions and angles are those at the time of the frame.
         """
         before = self.step(k) - k * self._steps_a_frame
         if before > _TOLERANCE:
             position = position - float(before) * self.dt * velocity
-        return Frame(position, velocity, contacts, wall_contacts)
+            if spin is not None and angle is not None:
+                angle = angle - float(before) * self.dt * spin
+        return Frame(position, velocity, contacts, wall_contacts, spin, angle)
 
     @cached_property
     def _steps_a_frame(self) -> Fraction:

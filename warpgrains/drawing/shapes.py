@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -22,6 +22,7 @@ _THICKNESS = 0.02  # thickness of a wall, in radius_out
 _RINGS = 16  # of a sphere, from pole to pole
 _RIM = 0.88  # inner radius of the rim of a disc, in radii
 _SLOPE = 2.0  # slope of the rim; its shading separates grains that touch
+_MARKED = 8  # segments of a circle in the mark that shows the angle of a grain
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,8 @@ class Shape:
     """Indices of the points at the corners of all polygons, counter-clockwise from outside, shape (c,)."""
     normals: FloatArray
     """Normals of the points, shape (v, 3), or of the corners, shape (c, 3)."""
+    marked: BoolArray | None = None
+    """Polygons that form the mark, shape (p,)."""
 
     @property
     def height(self) -> float:
@@ -43,23 +46,30 @@ class Shape:
         return float(self.points[:, 2].max())
 
 
-def disc() -> Shape:
-    """Return the mesh of a disc that faces +z, with a sloping rim."""
+def disc(is_marked: bool = False) -> Shape:
+    """Return the mesh of a disc that faces +z, with a sloping rim; with a mark, its top is three sectors."""
     height = _SLOPE * (1.0 - _RIM)
     points = np.concatenate([_circle(_SEGMENTS, _RIM, height), _circle(_SEGMENTS, 1.0, 0.0)])
     top = np.arange(_SEGMENTS)
     rim = _bands(top[np.newaxis] + np.array([[0], [_SEGMENTS]]))
-    counts = np.concatenate([[_SEGMENTS], np.full(len(rim), 4)])
-    corners = np.concatenate([top, rim.ravel()])
+    sectors, marked = [top], None
+    if is_marked:
+        ends = np.array([-_MARKED // 2, _MARKED // 2, _SEGMENTS // 2, _SEGMENTS - _MARKED // 2])
+        arcs = [np.arange(*arc) % _SEGMENTS for arc in zip(ends, ends[1:] + 1, strict=False)]
+        sectors = [np.insert(arc, 0, len(points)) for arc in arcs]
+        points = np.append(points, [(0.0, 0.0, height)], axis=0)
+        marked = np.concatenate([[True, False, False], _in_mark()])
+    counts = np.concatenate([[len(sector) for sector in sectors], np.full(len(rim), 4)])
+    corners = np.concatenate([*sectors, rim.ravel()])
     first = np.cumsum(counts) - counts
     a, b, c = (points[corners[first + corner]] for corner in range(3))
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1)[:, np.newaxis]
-    return Shape(points, counts, corners, np.repeat(normal, counts, axis=0))
+    return Shape(points, counts, corners, np.repeat(normal, counts, axis=0), marked)
 
 
-def sphere() -> Shape:
-    """Return the mesh of a sphere with poles on the z axis."""
+def sphere(is_marked: bool = False) -> Shape:
+    """Return the mesh of a sphere with poles on the z axis; its mark is a lune from pole to pole."""
     polar = np.linspace(0.0, np.pi, _RINGS + 1)[1:-1]
     rings = [_circle(_SEGMENTS, np.sin(angle), np.cos(angle)) for angle in polar]
     points = np.concatenate([*rings, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]])
@@ -70,7 +80,22 @@ def sphere() -> Shape:
     triangles = np.concatenate([np.stack(cap, axis=1) for cap in caps])
     sides = _bands(number)
     counts = np.repeat([3, 4], [len(triangles), len(sides)])
-    return Shape(points, counts, np.concatenate([triangles.ravel(), sides.ravel()]), points)
+    marked = np.tile(_in_mark(), len(counts) // _SEGMENTS) if is_marked else None
+    return Shape(points, counts, np.concatenate([triangles.ravel(), sides.ravel()]), points, marked)
+
+
+def mark() -> FloatArray:
+    """Return the corners of the mark of a disc of radius 1 that has not turned: a sector, shape (k, 2)."""
+    angle = (np.arange(_MARKED + 1) - _MARKED / 2) * 2.0 * np.pi / _SEGMENTS
+    return np.concatenate([[(0.0, 0.0)], np.stack([np.cos(angle), np.sin(angle)], axis=1)])
+
+
+def marks(position: FloatArray, radius: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return the corners of the marks of discs that have turned by angles [rad] [m], shape (n, k, 2)."""
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)[:, np.newaxis]
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    x, y = mark().T[:, :, np.newaxis]
+    return position[:, np.newaxis] + radius[:, np.newaxis, np.newaxis] * (x * along + y * across)
 
 
 class Ring(NamedTuple):
@@ -102,6 +127,12 @@ def rings(scene: Scene) -> dict[str, Ring]:
     for k, wall in enumerate(scene.walls):
         drawn[f"{wall.kind.title()}{k}"] = Ring(*wall.ring(thickness))
     return drawn
+
+
+def _in_mark() -> BoolArray:
+    """Return which segments of a circle are in the mark, shape (64,)."""
+    inside: BoolArray = (np.arange(_SEGMENTS) + _MARKED // 2) % _SEGMENTS < _MARKED
+    return inside
 
 
 def _circle(segments: int, radius: float, height: float) -> FloatArray:

@@ -222,10 +222,13 @@ class Film:
         velocity: FloatArray,
         contacts: PairContacts | None = None,
         wall_contacts: WallContacts | None = None,
+        *,
+        spin: FloatArray | None = None,
+        angle: FloatArray | None = None,
     ) -> None:
         """Append one frame, see `Recorder.record`."""
         k = self._writer.frames
-        frame = self.times.frame(k, position, velocity, contacts, wall_contacts)
+        frame = self.times.frame(k, position, velocity, contacts, wall_contacts, spin, angle)
         self._writer.add(self._painter.shot(k / self.times.rate, frame))
 
     def flush(self) -> None:

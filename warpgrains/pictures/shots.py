@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
-from warpgrains.drawing.colors import ColorScale, Frame, GrainColors
+from warpgrains.drawing.colors import OF_CONTACTS, ColorScale, Frame, GrainColors
 from warpgrains.drawing.shapes import Ring, rings
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ class Setting:
     """Walls as drawn."""
     scale: ColorScale | None
     chain_scale: ChainScale | None
+    rotates: bool = False
+    """Whether grains rotate, and have marks."""
 
     @property
     def reach(self) -> float:
@@ -44,6 +46,8 @@ class Shot:
     color: FloatArray
     """Colors of the grains (sRGB), shape (n, 3)."""
     chains: Chains | None
+    angle: FloatArray | None = None
+    """By which grains have turned [rad], shape (n,); None where they do not rotate."""
 
 
 class Painter:
@@ -69,33 +73,39 @@ class Painter:
     def __init__(self, scene: Scene, color_by: str, forces: bool, largest: float | None = None) -> None:
         self._scene = scene
         self._colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or color_by == "pressure"
+        self.needs_contacts = forces or color_by in OF_CONTACTS
         chain_scale = ChainScale.of(scene) if forces else None
         if largest is not None:
             chain_scale = chain_scale and replace(chain_scale, force=largest)
             if color_by == "pressure":
                 self._colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
         walls = list(rings(scene).values())
-        self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale)
+        self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale, scene.has_friction)
 
     def shot(self, time: float, frame: Frame) -> Shot:
         """Return a shot of a frame at a time [s]."""
         scale = self.setting.chain_scale
         chains = None if scale is None else chains_of(self._scene, scale, frame)
-        return Shot(time, frame.position, self._colors.of(frame), chains)
+        angle = frame.rotation()[1] if self.setting.rotates else None
+        return Shot(time, frame.position, self._colors.of(frame), chains, angle)
 
     def shot_of(self, simulation: Simulation) -> Shot:
         """Return a shot of the present state of a simulation of the scene."""
-        contacts = (simulation.contacts(), simulation.wall_contacts()) if self.needs_contacts else ()
-        return self.shot(simulation.time, Frame(simulation.position, simulation.velocity, *contacts))
+        contacts, wall_contacts = None, None
+        if self.needs_contacts:
+            contacts, wall_contacts = simulation.contacts(), simulation.wall_contacts()
+        moving = simulation.position, simulation.velocity
+        frame = Frame(*moving, contacts, wall_contacts, simulation.spin, simulation.angle)
+        return self.shot(simulation.time, frame)
 
 
 def setting_of(reader: RecordingReader) -> Setting:
     """Return the setting of a recording."""
-    return Setting(reader.radius, reader.walls, reader.scale, reader.chain_scale)
+    return Setting(reader.radius, reader.walls, reader.scale, reader.chain_scale, reader.has_rotation)
 
 
 def shot_of(reader: RecordingReader, frame: int) -> Shot:
     """Return a shot of a frame of a recording."""
     chains = None if reader.chain_scale is None else reader.chains(frame)
-    return Shot(float(reader.time[frame]), reader.position(frame), reader.color(frame), chains)
+    angle = reader.rotation(frame)[1] if reader.has_rotation else None
+    return Shot(float(reader.time[frame]), reader.position(frame), reader.color(frame), chains, angle)

@@ -17,8 +17,8 @@ from matplotlib.patches import Annulus, Rectangle
 from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
-from warpgrains.drawing.colors import ColorScale
-from warpgrains.drawing.shapes import WALL_COLOR
+from warpgrains.drawing.colors import ColorScale, mark_color
+from warpgrains.drawing.shapes import WALL_COLOR, marks
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import Painter, Setting, Shot
@@ -56,10 +56,12 @@ class FrameArtists:
             edgecolors="black",
             linewidths=np.minimum(_OUTLINE, 3.0 * diameter / reach),
         )
+        self._radius = setting.radius
+        self._marks = PolyCollection([], linewidths=0.0) if setting.rotates else None
         self._chains = PolyCollection([], facecolors=[CHAIN_COLOR], edgecolors="white")
         self._points = 72.0 * axes.get_window_extent().height / axes.figure.dpi / (2.0 * reach)
         self._time = axes.text(0.0, 1.0, "", transform=axes.transAxes, va="top", fontsize="small")
-        for collection in (self._grains, self._chains):
+        for collection in self.changing[:-1]:
             axes.add_collection(collection, autolim=False)
         if setting.chain_scale is not None:
             _add_chain_legend(axes, setting.chain_scale, reach)
@@ -67,11 +69,15 @@ class FrameArtists:
     @property
     def changing(self) -> tuple[Any, ...]:
         """Artists that `show` changes, from back to front."""
-        return self._grains, self._chains, self._time
+        marks = () if self._marks is None else (self._marks,)
+        return self._grains, *marks, self._chains, self._time
 
     def show(self, shot: Shot) -> None:
         """Draw a shot, replacing the last one."""
         self._grains.set(offsets=shot.position, facecolor=shot.color)
+        if self._marks is not None and shot.angle is not None:
+            turned = marks(shot.position, self._radius, shot.angle)
+            self._marks.set(verts=turned, facecolor=mark_color(shot.color))
         if shot.chains is not None:
             casing = _CASING * self._points * shot.chains.width
             self._chains.set(verts=shot.chains.corners(), linewidth=casing)  # one array is set fastest
@@ -81,7 +87,7 @@ class FrameArtists:
 def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> None:
     """Draw the colors of a scale next to axes, with its unit and range."""
     mapped = ScalarMappable(Normalize(scale.low, scale.high), ListedColormap(scale.colors()))
-    bar = figure.colorbar(mapped, ax=axes, extend="max" if scale.quantity != "radius" else "neither", **_BAR)
+    bar = figure.colorbar(mapped, ax=axes, extend=scale.extends, **_BAR)
     bar.set_label(scale.label)
     bar.outline.set_linewidth(0.5)
 

@@ -15,7 +15,7 @@ from warpgrains.scene.disc import Disc
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State
-from warpgrains.scene.walls import INNER, body_of
+from warpgrains.scene.walls import INNER, OUTER, body_of
 
 SOURCE = Path(__file__).parent / "grains.c"
 FAST = ("-O3", "-march=native")
@@ -91,9 +91,9 @@ class Reference:
         self._arrays["dvDiscs"] = np.zeros(n * len(discs))
         self._grains.friction, self._grains.wallFriction = scene.friction, scene.friction_at_walls
         self._grains.spinDrag = scene.spin_drag
-        self._grains.speedOut = scene.radius_out * scene.angular_velocity_out
+        self._grains.speedOut = scene.surface_speed(OUTER)
         self._arrays["speedDiscs"] = np.zeros(len(discs))
-        self._arrays["speedDiscs"][: len(circles)] = -scene.radius_in * scene.angular_velocity_in
+        self._arrays["speedDiscs"][: len(circles)] = scene.surface_speed(INNER)
         rotating = (
             scene.spin_at_start.copy(),
             *np.zeros((2, n)),

@@ -181,6 +181,14 @@ class Scene(SceneFields, Shown):
         """Coefficient of friction between grains and walls."""
         return self.friction if self.wall_friction is None else self.wall_friction
 
+    def surface_speed(self, wall: int) -> float:
+        """Return the speed of a wall's surface along the tangent of its contacts [m/s] (MODEL.md, eq. 23)."""
+        speeds = {
+            OUTER: self.radius_out * self.angular_velocity_out,
+            INNER: -self.radius_in * self.angular_velocity_in,
+        }
+        return speeds.get(wall, 0.0)
+
     @property
     def spin_at_start(self) -> FloatArray:
         """Angular velocities at the start [rad/s], shape (n,): `spin`, or 0."""
@@ -235,12 +243,6 @@ class Scene(SceneFields, Shown):
     def area(self) -> float:
         """Area between the walls [m2]."""
         return self.annulus.area - sum(disc.area for disc in self.walls)
-
-    @property
-    def wall_speeds(self) -> FloatArray:
-        """Speed of the surface of every wall along its tangent [m/s], by its number (MODEL.md, eq. 23)."""
-        outer, inner = self.radius_out * self.angular_velocity_out, -self.radius_in * self.angular_velocity_in
-        return np.array([outer, inner] + [0.0] * len(self.walls))
 
     @property
     def wall_numbers(self) -> list[int]:

@@ -72,7 +72,8 @@ class RunOptions:
         needs="record",
     )
     color_by: str = _option(
-        "Color of the grains: speed, pressure, radius, or palette (a different color for neighbors).",
+        "Color of the grains: speed, pressure, radius, with friction spin or mobilized, or palette (a"
+        " different color for neighbors).",
         checks.text,
         "WHAT",
         default="speed",

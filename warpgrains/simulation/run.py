@@ -184,7 +184,8 @@ def _write_outputs(
         observer.observe(simulation)
     if recorder is not None and statistics.steps == recorder.times.step(statistics.frames):
         contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
-        recorder.record(simulation.position, simulation.velocity, *contacts)
+        spin, angle = simulation.spin, simulation.angle
+        recorder.record(simulation.position, simulation.velocity, *contacts, spin=spin, angle=angle)
         statistics.frames += 1
     checkpoint = options.checkpoint_after(statistics.steps)
     if checkpoint is not None:

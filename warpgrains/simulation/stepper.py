@@ -40,6 +40,8 @@ class StepStart(NamedTuple):
     """[m/s], shape (n, 2); read-only."""
     staggered: bool
     """True if the velocities are those of the middle of the previous step, see `State`."""
+    spin: FloatArray | None = None
+    """[rad/s], shape (n,); None without friction."""
 
 
 class Stepper(Shown):
@@ -202,7 +204,7 @@ class Stepper(Shown):
         return checks.frozen(self._engine.grains(0, name))
 
     def last_start(self) -> StepStart:
-        """Return positions and velocities at the start of the last step.
+        """Return positions, velocities and spins at the start of the last step.
 
         Raises
         ------
@@ -213,7 +215,8 @@ class Stepper(Shown):
             raise SimulationError("no step has been taken from this state: call step() first")
         names = ("last_position", "last_velocity")
         position, velocity = (checks.frozen(self._engine.grains(0, name)) for name in names)
-        return StepStart(position, velocity, self._engine.last_staggered(0))
+        spin = checks.frozen(self._engine.grains(0, "last_spin")) if self.scene.has_friction else None
+        return StepStart(position, velocity, self._engine.last_staggered(0), spin)
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""

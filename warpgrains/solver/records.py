@@ -17,7 +17,7 @@ from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.types import VerletNumbers
 from warpgrains.scene.disc import Disc
-from warpgrains.scene.walls import wall_of
+from warpgrains.scene.walls import INNER, OUTER, wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
@@ -140,8 +140,8 @@ class SceneRecords:
     @staticmethod
     def _write_surfaces(surface: FloatArray, scene: Scene) -> None:
         """Write the friction of the walls and the speed of each along its tangent (kernels/friction.py)."""
-        surface[:, 0] = scene.friction_at_walls
-        surface[:, 1] = scene.wall_speeds[scene.wall_numbers]
+        surface[:] = scene.friction_at_walls, 0.0
+        surface[:2, 1] = [scene.surface_speed(wall) for wall in (OUTER, INNER)][: len(surface)]
 
     def begin(self) -> bool:
         """Write all initial states at once; return False if the layouts of the scenes differ."""

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
-from warpgrains.usd.forces import FORCES
-from warpgrains.usd.grains import COLOR_INDICES, GRAINS
+from warpgrains.usd.forces import FORCES, TANGENTIAL
+from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, quaternions
 from warpgrains.usd.reader import Values, open_recording, refusing_untrusted_content, values_of
+
+_HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
 
 
 def inspect_recording(path: str | Path) -> list[str]:
@@ -115,7 +117,10 @@ class GrainsInspector:
             self._table_of[prim.GetAttribute("protoIndices")] = len(prototypes)
         primvars = UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues()
         values = [primvar.GetAttr() for primvar in primvars if primvar.GetAttr() != table]
-        self._values = [prim.GetAttribute("velocities"), *self._table_of, *values]
+        self._orientations = prim.GetAttribute(ORIENTATIONS)
+        self._angle = prim.GetAttribute("primvars:angle")
+        turned = [self._orientations] if self._orientations.HasAuthoredValue() else []
+        self._values = [prim.GetAttribute("velocities"), *self._table_of, *values, *turned]
         changing = [attribute for attribute in self._values if attribute.GetNumTimeSamples()]
         self.animated = [self._extent, *changing]
 
@@ -140,6 +145,7 @@ class GrainsInspector:
             yield from _finite_problems(attribute, code)
         yield from self._length_problems(len(position), code)
         yield from self._index_problems(code)
+        yield from self._orientation_problems(code)
         size = values_of(self._size, code)
         if size is not None and len(size) in (1, len(position)):
             half_width = size / 2.0 if self._are_points else size[:, 0]
@@ -158,26 +164,38 @@ class GrainsInspector:
             if indices is not None and not ((indices >= 0) & (indices < length)).all():
                 yield f"{attribute.GetName()} are not all below {length}"
 
+    def _orientation_problems(self, code: float) -> Iterator[str]:
+        if self._orientations not in self._values or not self._angle:
+            return
+        angle, turned = values_of(self._angle, code), values_of(self._orientations, code)
+        if angle is None or turned is None or turned.shape != (len(angle), 4):
+            return
+        if (np.abs(turned - quaternions(angle)) > _HALF).any():
+            yield "orientations are not those of the angles"
+
 
 class ForcesInspector:
     """Checks of the force chains, a mesh of bands whose `animated` attributes have the grains' time codes."""
 
     def __init__(self, prim: Usd.Prim) -> None:
         names = ("points", "faceVertexCounts", "faceVertexIndices", "primvars:force", "extent")
-        self.animated = [prim.GetAttribute(name) for name in names]
+        tangential = prim.GetAttribute(TANGENTIAL)
+        self._forces = [prim.GetAttribute("primvars:force"), *([tangential] if tangential else [])]
+        self.animated = [*(prim.GetAttribute(name) for name in names), *self._forces[1:]]
 
     def frame_problems(self, code: float) -> Iterator[str]:
         """Yield the problems of the frame at time code `code`."""
-        points, _, indices, force, extent = self.animated
-        corners, vertices, numbers, _, _ = (values_of(attribute, code) for attribute in self.animated)
+        points, _, indices, _, extent = self.animated[:5]
+        corners, vertices, numbers = (values_of(attribute, code) for attribute in self.animated[:3])
         if corners is None or vertices is None or numbers is None:
             yield "force chains lack points, faceVertexCounts or faceVertexIndices"
             return
         yield from _length_problem(points, int(vertices.sum()), f"{len(vertices)} bands", code)
         yield from _length_problem(indices, len(corners), f"{len(corners)} corners", code)
-        yield from _length_problem(force, len(vertices), f"{len(vertices)} bands", code)
-        yield from _finite_problems(points, code)
-        yield from _finite_problems(force, code)
+        for force in self._forces:
+            yield from _length_problem(force, len(vertices), f"{len(vertices)} bands", code)
+        for attribute in (points, *self._forces):
+            yield from _finite_problems(attribute, code)
         if len(corners):
             yield from _extent_problems(extent, corners, np.zeros(len(corners)), code)
 

@@ -19,6 +19,8 @@ FORCES = Sdf.Path("/World/Forces")
 
 GRAINS_OF = ("grain", "neighbour")
 """Primvars of a band: the grains of its contact, see `Chains.pair`."""
+TANGENTIAL = "primvars:tangential_force"
+"""The attribute of the tangential forces [N], in recordings with friction."""
 
 _GAP = 0.05  # distance to the grains behind, in their height
 
@@ -44,6 +46,10 @@ class ForceChains:
         bands.CreateDoubleSidedAttr(True)
         primvars = UsdGeom.PrimvarsAPI(bands)
         primvars.CreatePrimvar("force", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.uniform)
+        if self._scene.has_friction:
+            primvars.CreatePrimvar(
+                TANGENTIAL.removeprefix("primvars:"), Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.uniform
+            )
         for name in GRAINS_OF:
             primvars.CreatePrimvar(name, Sdf.ValueTypeNames.IntArray, UsdGeom.Tokens.uniform)
         bind_material(bands.GetPrim(), np.array(CHAIN_COLOR))
@@ -65,4 +71,6 @@ class ForceChains:
             if len(shown)
             else np.zeros((2, 3), np.float32),
         }
+        if self._scene.has_friction:
+            sampled[TANGENTIAL] = chains.tangential_force.astype(np.float32)
         return {f"{FORCES}.{name}": value for name, value in sampled.items()}

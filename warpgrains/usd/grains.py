@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from warpgrains.arrays import IndexArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colors import Frame, GrainColors, linear, pressure
+from warpgrains.drawing.mobilized import mobilized
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
 from warpgrains.usd.stage import PROTOTYPES, bind_material, covering_extent, define_mesh, set_kind, triples
@@ -18,6 +20,11 @@ if TYPE_CHECKING:
 
 GRAINS = Sdf.Path("/World/Grains")
 COLOR_INDICES = "primvars:displayColor:indices"
+ROTATION = ("spin", "angle")
+"""Primvars of grains that rotate: angular velocity [rad/s], and angle since the start [rad]."""
+
+ORIENTATIONS = "orientations"
+"""The attribute of instances that rotate: quaternions of half precision, the real part last in NumPy."""
 
 _MOST_PROTOTYPES = 16
 
@@ -27,7 +34,7 @@ class GrainPoints:
 
     Attributes are ids, velocities and colors (an indexed primvar: a table, and an index per grain). Further
     primvars hold mass [kg], speed [m/s], pressure [N/m] if frames have contacts, and the radius [m] if grains
-    are colored by it.
+    are colored by it; with friction also `ROTATION`, and mobilized friction if frames have contacts.
 
     Parameters
     ----------
@@ -43,10 +50,10 @@ class GrainPoints:
     _position = "points"
 
     def __init__(self, scene: Scene, colors: GrainColors, has_contacts: bool) -> None:
-        self._radius, self._mass = scene.radius, scene.mass
+        self._scene = scene
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
-        self._colors, self._has_contacts = colors, has_contacts
+        self._colors, self._has_contacts, self._rotates = colors, has_contacts, scene.has_friction
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim and all attributes that are the same in all frames."""
@@ -62,12 +69,13 @@ class GrainPoints:
         color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
         color.CreateIndicesAttr()
         mass = primvars.CreatePrimvar("mass", types.DoubleArray, vertex)
-        mass.Set(Vt.DoubleArray.FromNumpy(self._mass))
-        for name in ["speed"] + ["pressure"] * self._has_contacts:
+        mass.Set(Vt.DoubleArray.FromNumpy(self._scene.mass))
+        carried = ["pressure"] + ["mobilized"] * self._rotates if self._has_contacts else []
+        for name in ["speed", *carried, *(ROTATION if self._rotates else ())]:
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         if self._colors.scale is not None and self._colors.scale.quantity == "radius":
             radius = primvars.CreatePrimvar("radius", types.FloatArray, vertex)
-            radius.Set(self._radius.astype(np.float32))
+            radius.Set(self._scene.radius.astype(np.float32))
         if self._colors.still is not None:
             for name, value in self._color(self._colors.still).items():
                 prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(value))
@@ -82,7 +90,11 @@ class GrainPoints:
             "primvars:speed": np.hypot(*frame.velocity.T).astype(np.float32),
         }
         if self._has_contacts:
-            values["primvars:pressure"] = pressure(frame, self._radius).astype(np.float32)
+            values["primvars:pressure"] = pressure(frame, self._scene.radius).astype(np.float32)
+            if self._rotates:
+                values["primvars:mobilized"] = mobilized(self._scene, *frame.forces()).astype(np.float32)
+        if self._rotates:
+            values |= self._rotation(frame)
         if self._colors.still is None:
             values |= self._color(self._colors.levels(frame))
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
@@ -97,13 +109,18 @@ class GrainPoints:
         bind_material(grains.GetPrim())
         return grains.GetPrim()
 
+    def _rotation(self, frame: Frame) -> dict[str, NDArray[np.float32]]:
+        """Return the attributes that give the rotation."""
+        values = zip(ROTATION, frame.rotation(), strict=True)
+        return {f"primvars:{name}": value.astype(np.float32) for name, value in values}
+
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
         """Return the attributes that hold the colors, int32, shape (n,)."""
         return {COLOR_INDICES: levels.astype(np.int32)}
 
 
 class GrainInstances(GrainPoints):
-    """Grains as scaled instances of a shape of radius 1.
+    """Grains as scaled instances of a shape of radius 1, rotated if there is friction.
 
     Each grain uses one of 16 prototypes, whose colors are means over ranges of the color table, because
     Blender does not read primvars of an instancer.
@@ -129,7 +146,18 @@ class GrainInstances(GrainPoints):
         grains.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
         grains.CreateProtoIndicesAttr()
         grains.CreatePositionsAttr()
+        if self._rotates:
+            grains.CreateOrientationsAttr()
         return grains.GetPrim()
+
+    def _rotation(self, frame: Frame) -> dict[str, NDArray[np.float32]]:
+        return super()._rotation(frame) | {ORIENTATIONS: quaternions(frame.rotation()[1])}
 
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
         return super()._color(levels) | {"protoIndices": (levels // self._shared).astype(np.int32)}
+
+
+def quaternions(angle: FloatArray) -> NDArray[np.float32]:
+    """Return rotations by angles about z [rad], shape (n,), as x, y, z, w, shape (n, 4)."""
+    half, zero = 0.5 * angle, np.zeros_like(angle)
+    return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=1).astype(np.float32)

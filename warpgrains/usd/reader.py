@@ -14,8 +14,8 @@ from warpgrains.drawing.chains import Chains, ChainScale
 from warpgrains.drawing.colors import ColorScale, encoded
 from warpgrains.errors import InputError
 from warpgrains.scene.document import read_parameters
-from warpgrains.usd.forces import FORCES, GRAINS_OF
-from warpgrains.usd.grains import COLOR_INDICES, GRAINS
+from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
+from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ROTATION
 from warpgrains.usd.output import RECORDED_BY
 from warpgrains.usd.stage import read_walls
 
@@ -84,6 +84,18 @@ class RecordingReader:
         """Return the velocities of the grains [m/s], shape (n, 2)."""
         return _values(self._prim.GetAttribute("velocities"), self._codes[frame])[:, :2]
 
+    @property
+    def has_rotation(self) -> bool:
+        """Whether spin and angle of the grains were recorded: those of a scene with friction."""
+        return all(self._prim.HasAttribute(f"primvars:{name}") for name in ROTATION)
+
+    def rotation(self, frame: int) -> tuple[FloatArray, FloatArray]:
+        """Return spin [rad/s] and angle [rad] of the grains, shape (n,) each; 0 without friction."""
+        if not self.has_rotation:
+            return np.zeros(len(self.radius)), np.zeros(len(self.radius))
+        spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in ROTATION)
+        return _values(spin, self._codes[frame]), _values(angle, self._codes[frame])
+
     def color(self, frame: int) -> FloatArray:
         """Return the colors of the grains as screens need them (sRGB), shape (n, 3)."""
         table = encoded(_values(self._prim.GetAttribute("primvars:displayColor")))
@@ -109,7 +121,9 @@ class RecordingReader:
         force = _values(forces.GetAttribute("primvars:force"), code)
         grains = [forces.GetAttribute(f"primvars:{name}").Get(code) for name in GRAINS_OF]
         pair = np.full((len(force), 2), -1) if None in grains else np.stack(grains, axis=1)
-        return Chains(ends, width, force, pair.astype(np.int32))
+        tangential = forces.GetAttribute(TANGENTIAL)
+        tangential_force = _values(tangential, code) if tangential else np.zeros_like(force)
+        return Chains(ends, width, force, tangential_force, pair.astype(np.int32))
 
 
 def open_recording(path: Path) -> Usd.Stage:

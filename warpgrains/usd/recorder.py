@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import ChainScale
-from warpgrains.drawing.colors import GrainColors
+from warpgrains.drawing.colors import OF_CONTACTS, GrainColors
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import InputError
@@ -48,7 +48,8 @@ class Recorder:
     frames_per_second : float
         Requested frames per second of simulated time [1/s], see `FrameTimes`.
     color_by : str
-        Color of the grains: "speed", "pressure", "radius" or "palette", see `GrainColors`.
+        Color of the grains: "speed", "pressure", "radius", "palette" or, with friction, "spin" or
+        "mobilized", see `GrainColors`.
     forces : bool
         Whether to draw force chains, see `ForceChains`.
     draw_as : str
@@ -64,7 +65,7 @@ class Recorder:
     times : FrameTimes
         Times of the frames, and the steps that they belong to.
     needs_contacts : bool
-        Whether `record` requires contacts, for force chains and colors by pressure.
+        Whether `record` requires contacts, for force chains and colors by `OF_CONTACTS`.
 
     Raises
     ------
@@ -89,7 +90,7 @@ class Recorder:
         self.log = log_of(self.path)
         self.times = FrameTimes.of(scene.dt, frames_per_second)
         colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or color_by == "pressure"
+        self.needs_contacts = forces or color_by in OF_CONTACTS
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains]
@@ -139,6 +140,9 @@ class Recorder:
         velocity: FloatArray,
         contacts: PairContacts | None = None,
         wall_contacts: WallContacts | None = None,
+        *,
+        spin: FloatArray | None = None,
+        angle: FloatArray | None = None,
     ) -> None:
         """Append one frame.
 
@@ -148,18 +152,24 @@ class Recorder:
             Centers [m] and velocities [m/s], shape (n, 2), after step ``times.step(frames)``.
         contacts, wall_contacts
             Results of `Simulation.contacts` and `Simulation.wall_contacts`; used if `needs_contacts`.
+        spin, angle : ndarray, optional
+            Angular velocities [rad/s] and angles [rad], shape (n,); required with friction, unused without.
 
         Raises
         ------
         ValueError
-            A shape is not (n, 2) with the scene's number n of grains, or required contacts are missing.
+            A shape is not (n, 2) or (n,) with the scene's number n of grains, or required contacts, spins or
+            angles are missing.
         OSError
             The frame cannot be written. Earlier frames are in the log, and the call may be repeated.
         """
         if np.shape(position) != self._shape or np.shape(velocity) != self._shape:
             shapes = f"{np.shape(position)} and {np.shape(velocity)}"
             raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
-        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts)
+        for name, value in (("spin", spin), ("angle", angle)):
+            if value is not None and np.shape(value) != self._shape[:1]:
+                raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
+        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts, spin, angle)
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in self._drawings:
             arrays |= drawing.samples(frame)
@@ -211,7 +221,8 @@ def _grains(draw_as: str, scene: Scene, colors: GrainColors, has_contacts: bool)
     checks.one_of("draw_as", draw_as, DRAWN_AS)
     if draw_as == "points":
         return GrainPoints(scene, colors, has_contacts)
-    return GrainInstances(scene, colors, has_contacts, disc() if draw_as == "discs" else sphere())
+    shape = disc if draw_as == "discs" else sphere
+    return GrainInstances(scene, colors, has_contacts, shape(is_marked=scene.has_friction))
 
 
 def recover(log: str | Path) -> tuple[Path, int]:

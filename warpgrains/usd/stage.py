@@ -11,7 +11,7 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 
 import warpgrains
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.colors import Frame, linear
+from warpgrains.drawing.colors import Frame, linear, mark_color
 from warpgrains.drawing.shapes import WALL_COLOR, Ring, Shape, rings
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.document import parameters_text
@@ -112,7 +112,7 @@ def bind_material(prim: Usd.Prim, color: FloatArray | None = None) -> None:
 
 
 def define_mesh(stage: Usd.Stage, path: Sdf.Path, shape: Shape, color: FloatArray) -> None:
-    """Define a mesh of one color (sRGB), with the material."""
+    """Define a mesh of one color (sRGB), but for its mark, with the material."""
     mesh, tokens = UsdGeom.Mesh.Define(stage, path), UsdGeom.Tokens
     points = Vt.Vec3fArray.FromNumpy(shape.points.astype(np.float32))
     mesh.CreatePointsAttr(points)
@@ -125,6 +125,11 @@ def define_mesh(stage: Usd.Stage, path: Sdf.Path, shape: Shape, color: FloatArra
     mesh.CreateDoubleSidedAttr(True)
     mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
     bind_material(mesh.GetPrim(), color)
+    if shape.marked is not None:
+        primvar, both = mesh.GetDisplayColorPrimvar(), np.stack([color, mark_color(color)])
+        primvar.SetInterpolation(tokens.uniform)
+        primvar.Set(Vt.Vec3fArray.FromNumpy(linear(both)))
+        primvar.SetIndices(Vt.IntArray.FromNumpy(shape.marked.astype(np.int32)))
 
 
 def set_kind(prim: Usd.Prim, kind: str) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pxr import Sdf, Tf, UsdUtils, Work
 
 from warpgrains.errors import InputError
@@ -74,10 +75,16 @@ def reopen_log(recording: Path, log: Path) -> None:
         ]
         frames = FrameLog(draft, _without_frames(flat, animated))
         for code in flat.ListAllTimeSamples():
-            frames.append({str(path): np.array(flat.QueryTimeSample(path, code)) for path in animated})
+            frames.append({str(path): _sample(flat, path, code) for path in animated})
     frames.sync()
     frames.close()
     draft.rename(log)
+
+
+def _sample(flat: Sdf.Layer, path: Sdf.Path, code: float) -> NDArray[Any]:
+    """Return a value of a frame as a log has it: half precision, of orientations, as float32."""
+    value = np.array(flat.QueryTimeSample(path, code))
+    return value.astype(np.float32) if value.dtype == np.float16 else value
 
 
 def _without_frames(flat: Sdf.Layer, animated: list[Sdf.Path]) -> str:

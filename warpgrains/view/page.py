@@ -19,6 +19,7 @@ from warpgrains.errors import InputError
 from warpgrains.pictures.shots import Setting
 from warpgrains.view.players import AXES, Live, Player, Recorded
 from warpgrains.view.server import HOST, serve_page
+from warpgrains.view.sliders import add_friction, value_of
 from warpgrains.view.stage import Stage
 
 KEYS: dict[Literal["R", "S", "N", "0"], str] = {"R": "run", "S": "stop", "N": "one step", "0": "restart"}
@@ -45,6 +46,7 @@ class Page:
         self._player = player
         self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self.is_playing = False
+        self._refused: str | None = None
         self._speed, has_chains = 1.0, player.setting.chain_scale is not None
         self._style: dict[str, Any] = {"color_by": "speed", "forces": has_chains}
         self._server = serve_page(port, f"warpgrains: {player.name}")
@@ -120,11 +122,18 @@ class Page:
             self._player.set_style(**self._style)
         self._show(texts=True)
 
-    def _change(self, field: str, value: Any) -> None:
+    def _change(self, change: Callable[[], None]) -> None:
+        """Change the scene, or say why it cannot be, such as a drag that is too large for the time step."""
         assert isinstance(self._player, Live)
-        with suppress(InputError):  # for example, a drag that is too large for the time step
-            self._player.change(**{field: value})
-            self._set_style()
+        try:
+            change()
+        except InputError as error:
+            self._refused = str(error)
+        else:
+            self._refused = None
+        if self._colors.options != self._player.colorings:
+            self._colors.options = self._player.colorings  # a coloring that is gone becomes the first one
+        self._set_style()
 
     def _show(self, texts: bool) -> None:
         with self._server.atomic():
@@ -136,7 +145,7 @@ class Page:
         rows = self._player.readout()
         error = rows.pop("error", None)
         self._readout.content = _table({"state": state, **rows})
-        self._legend.content = _legend(self._player.setting, error)
+        self._legend.content = _legend(self._player.setting, error or self._refused)
         self._run.label = f"{'resume' if self._player.steps else KEYS['R']} (R)"
         for title, (places, values) in self._player.curves().items():
             self._curves[title].visible = len(places) > 1
@@ -160,10 +169,11 @@ class Page:
         self._run = buttons[0]
         self._readout = gui.add_html("")
         speed = gui.add_slider("playback speed", 0.1, _MOST_SPEED, 0.1, 1.0, hint="1 is real time")
-        speed.on_update(lambda _: setattr(self, "_speed", _value(speed)))
+        speed.on_update(lambda _: setattr(self, "_speed", value_of(speed)))
         if player.colorings:
             colors = gui.add_dropdown("color by", player.colorings, initial_value="speed")
             colors.on_update(self._ask(lambda: self._set_style(color_by=str(colors.value))))
+            self._colors = colors
         if player.has_chains:
             chains = gui.add_checkbox("force chains", self._style["forces"])
             chains.on_update(self._ask(lambda: self._set_style(forces=bool(chains.value))))
@@ -171,30 +181,31 @@ class Page:
             self._add_physics(player)
         if isinstance(player, Recorded):
             frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
-            frame.on_update(self._ask(lambda: self._go_to(round(_value(frame)))))
+            frame.on_update(self._ask(lambda: self._go_to(round(value_of(frame)))))
         self._legend = gui.add_html("")  # below the sliders, so that they do not move when it grows
         self._curves = {title: self._add_curve(title) for title in player.curves()}
 
     def _add_physics(self, player: Live) -> None:
-        """Add sliders of drag, gravity and tolerance, which start at the scene's values."""
+        """Add sliders of drag, gravity, tolerance and friction, which start at the scene's values."""
         gui, scene = self._server.gui, player.scene
         size, angle = float(np.hypot(*scene.gravity)), float(np.degrees(np.arctan2(*scene.gravity[::-1])))
         most_drag = 0.9 * float(scene.mass.min()) / scene.dt
 
         def on(field: str, value: Callable[[], Any]) -> Callable[[Any], None]:
-            return self._ask(lambda: self._change(field, value()))
+            return self._ask(lambda: self._change(lambda: player.change(**{field: value()})))
 
         drag = gui.add_slider("drag [kg/s]", 0.0, most_drag, most_drag / 200.0, min(scene.drag, most_drag))
-        drag.on_update(on("drag", lambda: _value(drag)))
+        drag.on_update(on("drag", lambda: value_of(drag)))
         pull = gui.add_slider("gravity [m/s2]", 0.0, max(20.0, size), 0.01, size)
         towards = gui.add_slider(
             "gravity direction [degrees]", -180.0, 180.0, 1.0, angle, hint="0 is to the right, -90 is down"
         )
         for slider in (pull, towards):
-            slider.on_update(on("gravity", lambda: _vector(_value(pull), _value(towards))))
+            slider.on_update(on("gravity", lambda: _vector(value_of(pull), value_of(towards))))
         exponent = float(np.log10(scene.tolerance)) if scene.tolerance > 0.0 else -12.0
         tolerance = gui.add_slider("log10 of tolerance [m/s]", min(-12.0, exponent), 0.0, 0.1, exponent)
-        tolerance.on_update(on("tolerance", lambda: 10.0 ** _value(tolerance)))
+        tolerance.on_update(on("tolerance", lambda: 10.0 ** value_of(tolerance)))
+        add_friction(gui, player, lambda change: self._ask(lambda: self._change(change)))
 
     def _add_curve(self, title: str) -> viser.GuiUplotHandle:
         """Add a chart, which is shown as soon as it has a curve."""
@@ -209,12 +220,6 @@ class Page:
             aspect=1.6,
             visible=False,
         )
-
-
-def _value(slider: viser.GuiInputHandle[Any]) -> float:
-    """Return the value of a slider, limited to its range, because a browser may send any number."""
-    low, high = slider.min, slider.max  # type: ignore[attr-defined]
-    return float(np.clip(np.nan_to_num(float(slider.value), nan=low), low, high))
 
 
 def _vector(size: float, degrees: float) -> tuple[float, float]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.colors import COLORINGS
+from warpgrains.drawing.colors import colorings
 from warpgrains.errors import SimulationError
 from warpgrains.pictures.shots import Painter, Shot, setting_of, shot_of
 from warpgrains.scene.scene import Scene
@@ -35,11 +36,10 @@ _LEAST = 1e-16  # smallest zeta that is plotted [m/s]
 class Live:
     """Player of a simulation. The results are bit-identical to those of `Simulation.run`."""
 
-    colorings = COLORINGS
     has_chains = True
 
     def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
+        self._simulation, self._first = simulation, simulation.scene
         self.name, self.dt = simulation.scene.name, simulation.scene.dt
         self.set_style("speed", forces=False)
         self._forget()
@@ -53,6 +53,11 @@ class Live:
     def scene(self) -> Scene:
         """Scene of the simulation."""
         return self._simulation.scene
+
+    @property
+    def colorings(self) -> tuple[str, ...]:
+        """What grains can be colored by."""
+        return colorings(self.scene)
 
     @property
     def steps(self) -> int:
@@ -84,6 +89,22 @@ class Live:
         """Change some fields of the scene and continue."""
         self._simulation.change(**fields)
 
+    def set_friction(self, friction: float, out: float, inside: float) -> None:
+        """Go on with another friction and other angular velocities of the walls [rad/s].
+
+        Without friction, walls move no grain and grains do not rotate: what a scene has of both is left out.
+        """
+        first = self._first
+        at_walls = friction if first.wall_friction is None else first.wall_friction
+        rotates = friction > 0.0 or at_walls > 0.0
+        self.change(
+            friction=friction,
+            angular_velocity_out=out if at_walls > 0.0 else 0.0,
+            angular_velocity_in=inside if at_walls > 0.0 else 0.0,
+            spin=first.spin if rotates else None,
+            spin_drag=first.spin_drag if rotates else 0.0,
+        )
+
     def set_style(self, color_by: str, forces: bool) -> None:
         """Color grains by a quantity, with or without force chains."""
         self._painter = Painter(self._simulation.scene, color_by, forces)
@@ -94,8 +115,9 @@ class Live:
         return self._painter.shot_of(self._simulation)
 
     def _energy(self) -> float:
-        speed = np.hypot(*self._simulation.velocity.T)
-        return float(0.5 * (self._simulation.scene.mass * speed**2).sum())
+        scene, speed = self.scene, np.hypot(*self._simulation.velocity.T)
+        rim = scene.radius * self._simulation.spin
+        return float(0.5 * (scene.mass * speed**2).sum() + 0.25 * (scene.mass * rim**2).sum())
 
     def readout(self) -> dict[str, str]:
         """Return numbers of the last step by name."""
@@ -112,6 +134,9 @@ class Live:
             }
         rows["kinetic energy"] = f"{self._energy():.4g} J"
         rows["drag"] = f"{self.scene.drag:.4g} kg/s"
+        rows["friction"] = f"{self.scene.friction:.4g}"
+        walls = (self.scene.angular_velocity_out, self.scene.angular_velocity_in)
+        rows["rotation of the walls"] = f"{walls[0]:.4g}, {walls[1]:.4g} rad/s"
         return rows | ({"error": self.error} if self.error else {})
 
     def curves(self) -> dict[str, tuple[FloatArray, FloatArray]]:
@@ -153,7 +178,7 @@ class Recorded:
     def shot(self) -> Shot:
         """Return the present frame as a shot."""
         shot = shot_of(self._reader, self.steps)
-        return shot if self._forces else Shot(shot.time, shot.position, shot.color, None)
+        return shot if self._forces else replace(shot, chains=None)
 
     def readout(self) -> dict[str, str]:
         """Return numbers of the frame by name."""

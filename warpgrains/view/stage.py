@@ -2,17 +2,17 @@
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colors import linear
-from warpgrains.drawing.shapes import WALL_COLOR
+from warpgrains.drawing.colors import linear, mark_color
+from warpgrains.drawing.shapes import WALL_COLOR, mark
 from warpgrains.pictures.shots import Setting, Shot
 
 _SEGMENTS = 48  # of a circle
 _FIELD_OF_VIEW = 0.5  # radians
-_CHAINS = "/chains"
+_CHAINS, _MARKS = "/chains", "/marks"
+_MARK_HEIGHT, _CHAIN_HEIGHT = 0.005, 0.01  # above the grains, in the radius of the outermost wall
 
 
 class Stage:
@@ -31,37 +31,49 @@ class Stage:
         for number, ring in enumerate(setting.walls):
             wall = ring.shape()
             self._add_mesh(f"/walls/{number}", wall.points, wall.corners, WALL_COLOR)
-        grains = len(setting.radius)
-        corners, faces = _disc()
-        self._grains = self._scene.add_batched_meshes_simple(
-            "/grains",
-            corners,
-            faces,
+        self._radius, self._reach = setting.radius, setting.reach
+        self._grains = self._add_instances("/grains", _circle())
+        self._marks: viser.BatchedMeshHandle | None = None
+        self._has_chains = False
+
+    def show(self, shot: Shot) -> None:
+        """Draw a shot in the place of the last one."""
+        _place(self._grains, shot.position, 0.0, shot.color)
+        if shot.angle is not None:
+            if self._marks is None:
+                self._marks = self._add_instances(_MARKS, mark())
+            half, zero = 0.5 * shot.angle, np.zeros_like(shot.angle)
+            turned = np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1)
+            self._marks.batched_wxyzs = turned.astype(np.float32)
+            _place(self._marks, shot.position, _MARK_HEIGHT * self._reach, mark_color(shot.color))
+        elif self._marks is not None:
+            self._marks.remove()
+            self._marks = None
+        if shot.chains is not None and len(shot.chains.force):
+            corners = shot.chains.corners().reshape(-1, 2)
+            raised = np.insert(corners, 2, _CHAIN_HEIGHT * self._reach, axis=1)
+            self._add_mesh(_CHAINS, raised, np.arange(len(corners)), CHAIN_COLOR)
+            self._has_chains = True
+        elif self._has_chains:
+            self._scene.remove_by_name(_CHAINS)
+            self._has_chains = False
+
+    def _add_instances(self, name: str, outline: FloatArray) -> viser.BatchedMeshHandle:
+        """Add a convex shape of each grain, whose outline has the corners of shape (k, 2) at radius 1."""
+        grains, number = len(self._radius), np.arange(1, len(outline) - 1)
+        return self._scene.add_batched_meshes_simple(
+            name,
+            np.insert(outline, 2, 0.0, axis=1).astype(np.float32),
+            np.stack([0 * number, number, number + 1], axis=1).astype(np.uint32),
             batched_wxyzs=np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (grains, 1)),
             batched_positions=np.zeros((grains, 3), dtype=np.float32),
-            batched_scales=setting.radius.astype(np.float32),
+            batched_scales=self._radius.astype(np.float32),
             batched_colors=np.zeros((grains, 3), dtype=np.uint8),
             lod="off",
             side="double",
             cast_shadow=False,
             receive_shadow=False,
         )
-        self._has_chains = False
-
-    def show(self, shot: Shot) -> None:
-        """Draw a shot, replacing the last one."""
-        places = np.zeros((len(shot.position), 3), dtype=np.float32)
-        places[:, :2] = shot.position
-        self._grains.batched_positions = places
-        self._grains.batched_colors = np.rint(255.0 * linear(shot.color)).astype(np.uint8)
-        if shot.chains is not None and len(shot.chains.force):
-            corners = shot.chains.corners().reshape(-1, 2)
-            raised = np.concatenate([corners, np.full((len(corners), 1), 0.01)], axis=1)
-            self._add_mesh(_CHAINS, raised, np.arange(len(corners)), CHAIN_COLOR)
-            self._has_chains = True
-        elif self._has_chains:
-            self._scene.remove_by_name(_CHAINS)
-            self._has_chains = False
 
     def _add_mesh(
         self,
@@ -83,10 +95,13 @@ class Stage:
         )
 
 
-def _disc() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """Return the corners and triangles of a disc of radius 1."""
+def _place(shapes: viser.BatchedMeshHandle, position: FloatArray, height: float, color: FloatArray) -> None:
+    """Put the shapes of grains at places [m], a height [m] above the plane, in colors (sRGB)."""
+    shapes.batched_positions = np.insert(position, 2, height, axis=1).astype(np.float32)
+    shapes.batched_colors = np.rint(255.0 * linear(color)).astype(np.uint8)
+
+
+def _circle() -> FloatArray:
+    """Return the corners of a disc of radius 1, shape (48, 2)."""
     angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
-    corners = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    number = np.arange(1, _SEGMENTS - 1)
-    faces = np.stack([0 * number, number, number + 1], axis=1)
-    return corners.astype(np.float32), faces.astype(np.uint32)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)

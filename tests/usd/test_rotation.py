@@ -1,0 +1,327 @@
+"""Recordings of scenes with friction: spin, angle, orientations and tangential forces."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from pxr import Sdf, Usd, UsdGeom, UsdValidation, Vt
+from recordings import GRAINS, make_frames, make_scene
+
+import warpgrains as wg
+from warpgrains import Scene, SceneError, Simulation
+from warpgrains.arrays import FloatArray
+from warpgrains.drawing.colors import Frame, GrainColors, encoded, mark_color, spin_scale
+from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.mobilized import mobilized
+from warpgrains.drawing.shapes import Shape, disc, mark, sphere
+from warpgrains.solver.forces import PairContacts, WallContacts
+from warpgrains.usd.check import inspect_recording
+from warpgrains.usd.reader import RecordingReader
+from warpgrains.usd.recorder import Recorder, recover
+
+FORMS = ("points", "discs", "spheres")
+ROTATION = {"primvars:spin", "primvars:angle", "orientations", "primvars:tangential_force"}
+FLOAT32 = 1e-6
+STEPS = 200
+
+
+def rolling() -> Scene:
+    """Return grains that come to rest in a drum that rotates."""
+    return Scene.load("annulus", ["contact.friction=0.5", "domain.angular_velocity_out=3.0"])
+
+
+def record(path: Path, scene: Scene | None = None, **options: Any) -> Simulation:
+    simulation = Simulation(rolling() if scene is None else scene)
+    simulation.run(steps=STEPS, record=path, fps=50, **options)
+    return simulation
+
+
+@pytest.mark.parametrize("draw_as", FORMS)
+def test_frames_have_spin_and_angle(tmp_path: Path, draw_as: str) -> None:
+    path = tmp_path / "run.usdc"
+    simulation = record(path, draw_as=draw_as, forces=True)
+    assert inspect_recording(path) == []
+    stage = Usd.Stage.Open(str(path))
+    grains = stage.GetPrimAtPath(GRAINS)
+    for name in ("spin", "angle"):
+        values = grains.GetAttribute(f"primvars:{name}")
+        assert values.GetNumTimeSamples() == STEPS // 2 + 1
+        assert np.array_equal(values.Get(STEPS // 2), getattr(simulation, name).astype(np.float32))
+    assert np.abs(simulation.angle).max() > 1.0
+    if draw_as == "points":
+        assert not grains.HasAttribute("orientations")
+        return
+    turned = UsdGeom.PointInstancer(grains).ComputeInstanceTransformsAtTime(STEPS // 2, STEPS // 2)
+    right = np.array([matrix.TransformDir((1.0, 0.0, 0.0)) for matrix in turned])
+    angle, radius = simulation.angle, simulation.scene.radius
+    expected = radius * np.array([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
+    assert_allclose(right, expected.T, rtol=0.0, atol=2e-3 * radius.max())  # half precision
+
+
+@pytest.mark.parametrize("shape", [disc, sphere])
+def test_a_mark_changes_no_shape(shape: Callable[..., Shape]) -> None:
+    plain, marked = shape(), shape(is_marked=True)
+    assert plain.marked is None
+    assert marked.marked is not None
+    assert area(marked).sum(axis=0) == pytest.approx(area(plain).sum(axis=0), abs=1e-12)
+    assert np.hypot(*area(marked).T[:2]).sum() == pytest.approx(np.hypot(*area(plain).T[:2]).sum())
+    first = np.cumsum(marked.counts) - marked.counts
+    middle = np.add.reduceat(marked.points[marked.corners], first) / marked.counts[:, np.newaxis]
+    inside = np.abs(np.arctan2(middle[:, 1], middle[:, 0])) < np.pi / 8
+    assert np.array_equal(marked.marked, inside)
+    assert np.abs(np.arctan2(*mark()[1:].T[::-1])).max() == pytest.approx(np.pi / 8)
+
+
+def area(shape: Shape) -> FloatArray:
+    """Return the area vector of each polygon, shape (p, 3)."""
+    found = []
+    for corners in np.split(shape.corners, np.cumsum(shape.counts)[:-1]):
+        points = shape.points[corners]
+        found.append(0.5 * np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0))
+        assert (np.cross(points[1] - points[0], points[2] - points[0]) @ found[-1]) > 0.0
+    return np.array(found)
+
+
+@pytest.mark.parametrize("draw_as", ["discs", "spheres"])
+def test_instances_have_a_mark(tmp_path: Path, draw_as: str) -> None:
+    record(tmp_path / "run.usdc", draw_as=draw_as)
+    stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+    for prototype in stage.GetPrimAtPath("/World/Prototypes").GetChildren():
+        primvar = UsdGeom.Mesh(prototype).GetDisplayColorPrimvar()
+        assert primvar.GetInterpolation() == "uniform"
+        color, other = encoded(np.array(primvar.Get(), np.float64))
+        assert_allclose(mark_color(color), other, atol=1e-6)
+        assert len(primvar.GetIndices()) == len(UsdGeom.Mesh(prototype).GetFaceVertexCountsAttr().Get())
+
+
+def test_validators_find_nothing(tmp_path: Path) -> None:
+    record(tmp_path / "run.usdc", draw_as="discs", forces=True)
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+    errors = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert [error.GetMessage() for error in errors] == []
+
+
+@pytest.mark.parametrize("draw_as", FORMS)
+def test_a_recording_without_friction_has_nothing_more(tmp_path: Path, draw_as: str) -> None:
+    record(tmp_path / "run.usdc", Scene.load("annulus"), draw_as=draw_as, forces=True)
+    stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+    names = {name for prim in stage.TraverseAll() for name in prim.GetAuthoredPropertyNames()}
+    assert not names & ROTATION
+    assert not wg.Recording(tmp_path / "run.usdc").angle.any()
+
+
+def test_grains_turn_on_within_a_step() -> None:
+    times, spin = FrameTimes.of(0.01, 24), np.array([2.0, -3.0])
+    still = np.zeros((2, 2))
+    for k in range(49):
+        frame = times.frame(k, still, still, spin=spin, angle=times.step(k) * 0.01 * spin)
+        assert_allclose(frame.angle, k / 24 * spin, rtol=0, atol=1e-14)
+
+
+def test_read_back_as_arrays(tmp_path: Path) -> None:
+    simulation = record(tmp_path / "run.usdc", forces=True)
+    recording = wg.Recording(tmp_path / "run.usdc")
+    assert recording.spin.shape == recording.angle.shape == (STEPS // 2 + 1, recording.scene.n)
+    assert recording.scene.friction == 0.5
+    assert recording.scene.angular_velocity_out == 3.0
+    assert_allclose(recording.angle[-1], simulation.angle, rtol=FLOAT32)
+    frame, contacts, walls = recording.frame(-1), simulation.contacts(), simulation.wall_contacts()
+    assert_allclose(frame.spin, simulation.spin, rtol=FLOAT32)
+    assert_allclose(frame.force, contacts.force, rtol=FLOAT32)
+    assert_allclose(frame.tangential_force, contacts.tangential_force, rtol=FLOAT32)
+    assert_allclose(frame.wall_tangential_force, walls.tangential_force, rtol=FLOAT32)
+    assert np.abs(walls.tangential_force).max() > 0.1
+    dataset = recording.to_xarray()
+    assert np.array_equal(dataset.angle, recording.angle)
+    assert dataset.spin.attrs["units"] == "rad/s"
+    last = dataset.contact_tangential_force[dataset.contact_frame == STEPS // 2]
+    assert np.array_equal(last, np.concatenate([frame.tangential_force, frame.wall_tangential_force]))
+
+
+def test_vtk_has_them(tmp_path: Path) -> None:
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    from warpgrains.analysis.vtk import export
+
+    record(tmp_path / "run.usdc", forces=True)
+    last = export(tmp_path / "run.usdc", tmp_path / "run.vtkhdf") - 1
+    reader = vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "run.vtkhdf"))
+    reader.UpdateInformation()
+    reader.SetStep(last)
+    reader.Update()
+    data, frame = reader.GetOutput(), wg.Recording(tmp_path / "run.usdc").frame(last)
+    for name in ("spin", "angle"):
+        found = vtk_to_numpy(data.GetPointData().GetArray(name))
+        assert np.array_equal(found[: frame.n], getattr(frame, name))
+        assert not found[frame.n :].any()
+    found = vtk_to_numpy(data.GetCellData().GetArray("tangential_force"))[frame.n :]
+    assert np.array_equal(found, np.concatenate([frame.tangential_force, frame.wall_tangential_force]))
+
+
+def test_spin_is_colored_by_its_sign() -> None:
+    scene = make_scene(friction=0.3, gravity=(0.0, -10.0))
+    largest = 0.5 * np.sqrt(2.0 * 10.0 * 2.0) / 0.1  # half as fast as what falls across; the median radius
+    assert spin_scale(scene) == pytest.approx(largest)
+    assert spin_scale(scene.replace(spin=-1000.0)) == 1000.0
+    assert spin_scale(scene.replace(angular_velocity_out=-1000.0)) == pytest.approx(0.5 * 1000.0 * 2.0 / 0.1)
+    spin = largest * np.array([-7.0, -1.0, 1.0 / 63.0, 1.0 / 3.0, 1.0])
+    frame = Frame(scene.position, scene.velocity, spin=spin, angle=spin)
+    assert GrainColors(scene, "spin").levels(frame).tolist() == [0, 0, 32, 42, 63]
+
+
+def test_mobilized_friction_is_the_largest_of_a_grain() -> None:
+    scene = make_scene(friction=0.5, wall_friction=0.1)
+    none = np.zeros((2, 2))
+    pair = np.array([[0, 1], [1, 2]], np.int32)
+    force, tangential = np.array([2.0, 4.0]), np.array([-1.0, 0.5])
+    contacts = PairContacts(pair, none, none[0], none[0], force, tangential, none[0] > 1)
+    wall = np.array([[2, 0], [3, 1]], np.int32)
+    at_wall = WallContacts(wall, none, none[0], none[0], np.ones(2), np.array([0.04, -0.07]), none[0] > 1)
+    assert_allclose(mobilized(scene, contacts, at_wall), [1.0, 1.0, 0.4, 0.7, 0.0])
+    smooth = scene.replace(wall_friction=0.0)
+    assert_allclose(mobilized(smooth, contacts, at_wall), [1.0, 1.0, 0.25, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("draw_as", FORMS)
+@pytest.mark.parametrize("color_by", ["spin", "mobilized"])
+def test_grains_have_their_colors(tmp_path: Path, color_by: str, draw_as: str) -> None:
+    simulation = record(tmp_path / "run.usdc", color_by=color_by, draw_as=draw_as)
+    frame = Frame(
+        simulation.position,
+        simulation.velocity,
+        simulation.contacts(),
+        simulation.wall_contacts(),
+        simulation.spin,
+        simulation.angle,
+    )
+    reader, colors = RecordingReader(tmp_path / "run.usdc"), GrainColors(simulation.scene, color_by)
+    assert reader.scale == colors.scale
+    assert_allclose(reader.color(STEPS // 2), colors.of(frame), atol=1e-6)
+    assert len(np.unique(colors.levels(frame))) >= 3
+    assert inspect_recording(tmp_path / "run.usdc") == []
+    if color_by == "mobilized":
+        expected = mobilized(simulation.scene, *frame.forces())
+        assert expected.max() == pytest.approx(1.0)
+        stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+        found = stage.GetPrimAtPath(GRAINS).GetAttribute("primvars:mobilized")
+        assert np.array_equal(found.Get(STEPS // 2), expected.astype(np.float32))
+
+
+@pytest.mark.parametrize("color_by", ["spin", "mobilized"])
+@pytest.mark.parametrize("name", ["run.usdc", "run.mp4", "run.png"])
+def test_colors_of_friction_need_it(tmp_path: Path, color_by: str, name: str) -> None:
+    simulation = Simulation(Scene.load("annulus"))
+    with pytest.raises(SceneError, match=f"^color_by is '{color_by}': it needs a scene with friction$"):
+        simulation.run(steps=2, record=tmp_path / name, color_by=color_by)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_chains_are_the_total_forces(tmp_path: Path) -> None:
+    """Bands go through the contact points, along the forces, and are as wide as they."""
+    simulation = record(tmp_path / "run.usdc", forces=True)
+    reader = RecordingReader(tmp_path / "run.usdc")
+    chains, scene, x = reader.chains(STEPS // 2), reader.scene_fields(), simulation.position
+    assert scene["friction"] == 0.5
+    at_wall, radius = chains.pair[:, 1] < 0, simulation.scene.radius
+    assert at_wall.any()
+    i, j = chains.pair.T
+    total = np.hypot(chains.force, chains.tangential_force)
+    assert reader.chain_scale is not None
+    share = np.minimum(total / reader.chain_scale.force, 1.0)
+    assert_allclose(chains.width, share * reader.chain_scale.width, rtol=0.0, atol=FLOAT32)
+    side = np.where(j == -2, -1.0, 1.0)[:, np.newaxis]
+    normal = np.where(at_wall[:, np.newaxis], side * x[i], x[np.maximum(j, 0)] - x[i])
+    normal /= np.hypot(*normal.T)[:, np.newaxis]
+    along = chains.ends[:, 1] - chains.ends[:, 0]
+    direction = along / np.hypot(*along.T)[:, np.newaxis]
+    slope = chains.tangential_force / chains.force
+    cross = normal[:, 0] * direction[:, 1] - normal[:, 1] * direction[:, 0]
+    assert_allclose(cross / (normal * direction).sum(axis=1), slope, atol=1e-4)
+    contact = x[i] + radius[i, np.newaxis] * normal
+    assert_allclose(chains.ends[:, 0], contact - radius[i, np.newaxis] * direction, atol=1e-5)
+    assert_allclose(chains.ends[at_wall, 1], contact[at_wall], atol=1e-5)
+
+
+@pytest.mark.parametrize("draw_as", FORMS)
+def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str) -> None:
+    """Of its log, and of its file: the same bytes as of one run."""
+    frames, still = make_frames(6), np.zeros(5)
+    scene = make_scene(friction=0.3)
+    paths = [tmp_path / name for name in ("whole.usdc", "again.usdc", "killed.usdc")]
+
+    def write(path: Path, which: range, resume_at: int | None = None) -> None:
+        with Recorder(path, scene, 50, draw_as=draw_as, resume_at=resume_at) as recorder:
+            for k in which:
+                recorder.record(*frames[k], spin=still + k, angle=still + 0.3 * k)
+
+    write(paths[0], range(6))
+    write(paths[1], range(4))
+    write(paths[1], range(3, 6), resume_at=3)
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(paths[2], scene, frames, draw_as)
+    assert recover(f"{paths[2]}.frames") == (paths[2], 6)
+    whole, again, killed = (Sdf.Layer.OpenAsAnonymous(str(path)).ExportToString() for path in paths)
+    assert whole == again
+    assert whole == killed
+    assert inspect_recording(paths[1]) == []
+
+
+def interrupted(path: Path, scene: Scene, frames: Any, draw_as: str) -> None:
+    with Recorder(path, scene, 50, draw_as=draw_as) as recorder:
+        for k, frame in enumerate(frames):
+            recorder.record(*frame, spin=np.full(5, float(k)), angle=np.full(5, 0.3 * k))
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize(
+    ("rotation", "complaint"),
+    [
+        ({}, "needs spin and angle"),
+        ({"spin": np.zeros(5)}, "needs spin and angle"),
+        ({"spin": np.zeros(5), "angle": np.zeros(4)}, r"angle of a frame has shape \(5,\), not \(4,\)"),
+    ],
+)
+def test_a_frame_without_rotation_is_refused(tmp_path: Path, rotation: Any, complaint: str) -> None:
+    recorder = Recorder(tmp_path / "run.usdc", make_scene(friction=0.3), 50)
+    with pytest.raises(ValueError, match=complaint):
+        recorder.record(*make_frames(1)[0], **rotation)
+
+
+def shorten_angles(grains: Usd.Prim) -> None:
+    grains.GetAttribute("primvars:angle").Set([0.1], 1)
+
+
+def drop_an_orientation(grains: Usd.Prim) -> None:
+    grains.GetAttribute("orientations").ClearAtTime(1)
+
+
+def shorten_orientations(grains: Usd.Prim) -> None:
+    grains.GetAttribute("orientations").Set(Vt.QuathArray(2), 1)
+
+
+def turn_back(grains: Usd.Prim) -> None:
+    grains.GetAttribute("orientations").Set(grains.GetAttribute("orientations").Get(100), 1)
+
+
+@pytest.mark.parametrize(
+    ("damage", "problem"),
+    [
+        (shorten_angles, "primvars:angle hold 1 values, not 15 for 15 grains (frame 1)"),
+        (drop_an_orientation, "Grains.orientations has other time codes than the grains' positions"),
+        (shorten_orientations, "orientations hold 2 values, not 15 for 15 grains (frame 1)"),
+        (turn_back, "orientations are not those of the angles (frame 1)"),
+    ],
+)
+def test_check_names_what_is_wrong(tmp_path: Path, damage: Any, problem: str) -> None:
+    record(tmp_path / "run.usdc", draw_as="discs")
+    stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
+    damage(stage.GetPrimAtPath(GRAINS))
+    stage.Save()
+    assert problem in inspect_recording(tmp_path / "run.usdc")

@@ -1,0 +1,32 @@
+"""Mobilized friction: the share of Coulomb's bound that the contacts of a grain use."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.solver.forces import PairContacts, WallContacts
+
+
+def mobilized(scene: Scene, contacts: PairContacts, wall_contacts: WallContacts) -> FloatArray:
+    """Return the largest |tangential force| / (friction * normal force) of each grain's contacts, shape (n,).
+
+    It is 1 where a contact slides; contacts without friction are left out, and 0 stands for no contacts.
+    """
+    found, (i, j) = np.zeros(scene.n), contacts.pair.T
+    between = _share(contacts, scene.friction)
+    at_wall = _share(wall_contacts, scene.friction_at_walls)
+    for grain, share in ((i, between), (j, between), (wall_contacts.wall[:, 0], at_wall)):
+        np.maximum.at(found, grain, share)
+    return found
+
+
+def _share(contacts: PairContacts | WallContacts, friction: float) -> FloatArray:
+    """Return |tangential force| over what friction allows, of each contact, shape (m,)."""
+    most = friction * contacts.force
+    return np.divide(np.abs(contacts.tangential_force), most, out=np.zeros_like(most), where=most > 0.0)
