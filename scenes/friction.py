@@ -1,4 +1,4 @@
-"""Friction: closed forms, packings, the angle of repose in a drum, and a Couette cell; pictures and numbers.
+"""Validation of friction: closed forms and experiments, with pictures and numbers.
 
 python -m warpgrains.scenes.friction -o validation [NAME ...]
 """
@@ -13,7 +13,7 @@ import numpy as np
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
-from warpgrains.scenes import closed_forms
+from warpgrains.scenes import closed_forms, solutions
 from warpgrains.scenes.exhibits import Numbers, draw_exhibits
 from warpgrains.scenes.style import WIDTH
 
@@ -21,90 +21,6 @@ FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 """Coefficients of friction of the packings."""
 REPOSE = (0.0, 0.1, 0.2, 0.3, 0.5, 0.8)
 """Coefficients of friction between grains in the rotating drum."""
-
-
-def draw_closed_forms(path: Path) -> Numbers:
-    """Draw four closed forms and what comes out, and return the errors."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained")
-    (roll, impact), (slope, swing) = figure.subplots(2, 2)
-    numbers: Numbers = {}
-    for friction in (0.05, 0.3, 2.0):
-        speed, rim = closed_forms.slide_to_roll(friction)
-        time = 0.01 * np.arange(1, len(speed) + 1)
-        (line,) = roll.plot(time, speed, label=f"friction {friction:g}")
-        roll.plot(time, -rim, "--", color=line.get_color())
-        worst = max(abs(speed[-1] - 2.0 / 3.0), abs(rim[-1] + 2.0 / 3.0))
-        numbers[f"slide to roll, mu {friction:g}: error [m/s]"] = float(worst)
-    roll.axhline(2.0 / 3.0, color="0.6", linestyle=":")
-    roll.set(xlabel="t [s]", ylabel="speed, and rim speed (dashed) [m/s]", xscale="log")
-
-    slips, worst = np.linspace(0.0, 2.5, 26), 0.0
-    for friction in (0.1, 0.3, 5.0):
-        found = [slip - closed_forms.oblique_impact(friction, slip)[0][1] for slip in slips]
-        expected = np.minimum(friction, slips / 3.0)
-        (line,) = impact.plot(slips, found, ".", label=f"friction {friction:g}")
-        impact.plot(slips, expected, color=line.get_color(), linewidth=0.8)
-        worst = max(worst, float(np.abs(found - expected).max()))
-        velocity, rim_speed = closed_forms.oblique_impact(friction)
-        numbers[f"impact, mu {friction:g}: tangential velocity [m/s]"] = float(velocity[1])
-        numbers[f"impact, mu {friction:g}: rim speed [m/s]"] = rim_speed
-    numbers["impact: worst error of the impulse ratio"] = worst
-    impact.set(xlabel="slip / normal velocity", ylabel="tangential / normal impulse")
-
-    tangents = np.linspace(0.0, 2.0, 21)
-    worst = 0.0
-    for friction in (0.1, 0.3, 0.6):
-        runs = [closed_forms.on_a_slope(tangent, friction) for tangent in tangents]
-        found = [run.velocity[0, 0] / (run.time - run.scene.dt / 2.0) for run in runs]
-        exact = [closed_forms.acceleration_on_a_slope(tangent, friction) for tangent in tangents]
-        (line,) = slope.plot(tangents, found, ".", label=f"friction {friction:g}")
-        slope.plot(tangents, exact, color=line.get_color(), linewidth=0.8)
-        worst = max(worst, float(np.abs(np.subtract(found, exact)).max()))
-    numbers["slope: worst error of the acceleration [m/s2]"] = worst
-    slope.set(xlabel="slope, tan(theta)", ylabel="acceleration [m/s2]")
-
-    steps, exact = 0.01 * 2.0 ** -np.arange(4), closed_forms.exact_rolling_period()
-    errors = np.array([abs(closed_forms.rolling_period(dt) / exact - 1.0) for dt in steps])
-    swing.loglog(steps, errors, "o-", label="rolling pendulum")
-    swing.loglog(steps, errors[0] * (steps / steps[0]) ** 2, "k:", label="second order")
-    swing.set(xlabel="dt [s]", ylabel="relative error of the period")
-    swing.set_xticks(steps, [f"{dt:g}" for dt in steps])
-    swing.minorticks_off()
-    numbers["pendulum: relative error of the period at dt 0.01 s"] = float(errors[0])
-    numbers["pendulum: order in dt"] = float(np.log2(errors[-2] / errors[-1]))
-    for axes in (roll, impact, slope, swing):
-        axes.legend()
-    figure.savefig(path)
-    for friction in (0.265, 0.27):
-        fallen = closed_forms.three_discs(friction)[1]
-        numbers[f"three discs, mu {friction:g}: fallen in 1 s [m]"] = fallen
-    return numbers
-
-
-def draw_heap(path: Path) -> Numbers:
-    """Draw the heap with more and with less friction than it needs; return how far the upper disc falls."""
-    from matplotlib.figure import Figure
-
-    from warpgrains.pictures.shots import Painter
-    from warpgrains.pictures.still import FrameArtists
-
-    scene = wg.Scene.load("heap")
-    needed = closed_forms.heap_friction(np.arcsin(scene.radius[0] / (scene.radius_out - scene.radius[0])))
-    numbers = {"friction that the heap needs": needed}
-    figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
-    shown = figure.subplots(1, 3)
-    for axes, friction in zip(shown, (scene.friction, 1.01 * needed, 0.99 * needed), strict=True):
-        simulation = wg.Simulation(scene.replace(friction=friction))
-        simulation.run()
-        painter = Painter(scene, "speed", forces=True)
-        FrameArtists(axes, painter.setting).show(painter.shot_of(simulation))
-        axes.set(xlim=(-0.25, 0.25), ylim=(-1.1, -0.78), title=f"friction {friction:.4f}")
-        fallen = scene.position[2, 1] - simulation.position[2, 1]
-        numbers[f"fallen at {friction:.4f} [m]"] = float(fallen)
-    figure.savefig(path)
-    return numbers
 
 
 def settling(friction: float) -> wg.Scene:
@@ -257,10 +173,11 @@ def draw_couette(path: Path) -> Numbers:
 
 
 EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
-    "closed_forms": draw_closed_forms,
+    "closed_forms": closed_forms.draw,
     "packings": draw_packings,
     "repose": draw_repose,
     "couette": draw_couette,
+    "solutions": solutions.draw,
 }
 
 

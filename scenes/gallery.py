@@ -13,7 +13,7 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.scenes import bowl, drum, friction
+from warpgrains.scenes import bowl, closed_forms, drum
 from warpgrains.scenes.exhibits import Numbers, draw_exhibits
 from warpgrains.scenes.style import WIDTH
 from warpgrains.solver.statistics import RunStatistics
@@ -49,19 +49,21 @@ class Row:
             self._figure.savefig(self._path)
 
 
-def moments(path: Path, scene: wg.Scene, times: Sequence[float]) -> tuple[wg.Simulation, wg.Summary]:
+def moments(
+    path: Path, scene: wg.Scene, times: Sequence[float], color_by: str = "speed"
+) -> tuple[wg.Simulation, wg.Summary]:
     """Draw a scene at some times [s]; return it at the last, with what was done."""
     simulation, done, row = wg.Simulation(scene), RunStatistics(), Row(path, len(times))
     for begin, end in pairwise([0, *(scene.steps_in(time) for time in times)]):
         done.add(simulation.advance(end - begin))
-        row.show(simulation)
+        row.show(simulation, color_by)
     return simulation, done.summary(None)
 
 
-def shipped(name: str, *times: float, path: Path) -> Numbers:
+def shipped(name: str, *times: float, path: Path, color_by: str = "speed") -> Numbers:
     """Draw a shipped scene, and tell how it was solved."""
     scene = wg.Scene.load(name)
-    simulation, summary = moments(path, scene, times)
+    simulation, summary = moments(path, scene, times, color_by)
     return {
         "iterations a step": summary.iterations_mean,
         "worst overlap [smallest radii]": summary.overlap / scene.smallest_radius,
@@ -200,9 +202,9 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "bullet": bullet,
     "bidisperse": bidisperse,
     "drum": drums,
-    "heap": friction.draw_heap,
-    "rotating_drum": lambda path: shipped("rotating_drum", 0.5, 1.0, 2.0, 4.0, path=path),
-    "couette": lambda path: shipped("couette", 0.5, 2.0, 4.0, path=path),
+    "heap": closed_forms.draw_heap,
+    "rotating_drum": lambda path: shipped("rotating_drum", 1.0, 2.0, 4.0, path=path),
+    "couette": lambda path: shipped("couette", 0.5, 4.0, path=path, color_by="spin"),
     "jam": jam,
     "batch": batch,
 }
