@@ -41,7 +41,7 @@ def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray], meaning: str) -
 
 def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
     """Return a component of the symmetric part of the stress, or of the antisymmetric part with sign -1."""
-    part = "component" if sign > 0.0 else "antisymmetric part"
+    part = "component" if sign > 0.0 else "antisymmetric part, (xy - yx) / 2,"
     return Quantity(
         "N/m",
         contacts.mean_stress,
@@ -60,13 +60,21 @@ def _powers(now: Snapshot) -> EnergyBalance:
 
 
 QUANTITIES = {
-    "kinetic_energy": _of_runs("J", energy.kinetic_energies, "sum of m v^2 / 2"),
+    "kinetic_energy": _of_runs(
+        "J", energy.kinetic_energies, "sum of m v^2 / 2, and with friction of I w^2 / 2"
+    ),
     "potential_energy": _of_runs("J", energy.potential_energies, "sum of -m g . x, 0 at the origin"),
     "contact_power": Quantity(
         "W", _powers, attrgetter("contact_loss"), meaning="power that contacts dissipate, in the last step"
     ),
     "drag_power": Quantity(
         "W", _powers, attrgetter("drag_loss"), meaning="power that drag dissipates, in the last step"
+    ),
+    "friction_power": Quantity(
+        "W", _powers, attrgetter("friction_loss"), meaning="part of `contact_power` due to friction"
+    ),
+    "wall_power": Quantity(
+        "W", _powers, attrgetter("wall_work"), meaning="power of rotating walls, in the last step"
     ),
     "outer_wall_force": _of_runs(
         "N", partial(contacts.wall_force_sums, wall=OUTER), "sum of the contact forces on the outer wall"
@@ -112,6 +120,7 @@ GROUPS = {
     "coordination": ("coordination_number", "rattlers"),
     "stress": ("pressure", "stress_xx", "stress_xy", "stress_yy"),
     "force": ("mean_force", "largest_force", "force_deviation"),
+    "friction": ("friction_power", "wall_power", "stress_antisymmetric"),
     "speed": ("mean_speed", "largest_speed", "granular_temperature"),
 }
 """Names of groups of quantities."""
