@@ -39,7 +39,7 @@ NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 """)
 )
 def note_moment(moments: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
-    """Keep what a correction has made of two velocities: another of its block may change them again."""
+    """Keep the two velocities after a correction, because a later pair of the block may change them."""
     ...
 
 
@@ -53,7 +53,7 @@ def note_moment(moments: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
 """)
 )
 def moment_at(moments: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
-    """Read one of them. On a GPU it is the velocity of i still: all pairs of a launch are of one set."""
+    """Return a kept velocity. A GPU reads that of grain i: the pairs of a launch are one independent set."""
     ...
 
 
@@ -78,7 +78,7 @@ def in_blocks(correct_block: wp.Function) -> wp.Function:
 def sweeping(weighted: bool) -> wp.Function:
     """Return the function that corrects pairs, in place, and monitors their grains.
 
-    It takes `(scene, begin, end, k)`, moments from place k on, and returns the largest |dv|.
+    It takes `(scene, begin, end, k)`, keeps velocities from index k on, and returns the largest |dv|.
     """
 
     @wp.func

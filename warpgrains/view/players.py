@@ -56,7 +56,7 @@ class Live:
 
     @property
     def colorings(self) -> tuple[str, ...]:
-        """What grains can be colored by."""
+        """Quantities by which grains can be colored."""
         return colorings(self.scene)
 
     @property
