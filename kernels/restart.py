@@ -80,7 +80,7 @@ def accept_or_reject(s: Scene, zeta: f64):
 
 @wp.func
 def end_sweep_ahead(s: Scene):
-    """Count a sweep, accept or reject it, and choose what follows."""
+    """End a sweep from extrapolated velocities: count it, accept or reject it, and choose the next phase."""
     zeta = gathered(s.partial.zeta)
     accept_or_reject(s, zeta)
     count_iteration(s, zeta)

@@ -199,7 +199,7 @@ def end_measurement(s: Scene):
 
 @wp.func
 def end_correction(s: Scene):
-    """Sweep on unless the corrections of the host meet the tolerance."""
+    """Continue with sweeps unless the solution of the step by the host (CPU) meets the tolerance."""
     s.step.residual = gathered(s.partial.residual)
     s.step.measured = s.step.iterations
     s.momentum.state.residual = s.step.residual
