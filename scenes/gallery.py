@@ -5,7 +5,6 @@ python -m warpgrains.scenes.gallery -o gallery [NAME ...]
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -14,11 +13,10 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.scenes import bowl, drum
-from warpgrains.scenes.style import STYLE, WIDTH
+from warpgrains.scenes import bowl, closed_forms, drum
+from warpgrains.scenes.exhibits import Numbers, draw_exhibits
+from warpgrains.scenes.style import WIDTH
 from warpgrains.solver.statistics import RunStatistics
-
-Numbers = dict[str, float]
 
 COUNT = 1000
 """Scenes of the batch."""
@@ -51,19 +49,21 @@ class Row:
             self._figure.savefig(self._path)
 
 
-def moments(path: Path, scene: wg.Scene, times: Sequence[float]) -> tuple[wg.Simulation, wg.Summary]:
+def moments(
+    path: Path, scene: wg.Scene, times: Sequence[float], color_by: str = "speed"
+) -> tuple[wg.Simulation, wg.Summary]:
     """Draw a scene at some times [s]; return it at the last, with what was done."""
     simulation, done, row = wg.Simulation(scene), RunStatistics(), Row(path, len(times))
     for begin, end in pairwise([0, *(scene.steps_in(time) for time in times)]):
         done.add(simulation.advance(end - begin))
-        row.show(simulation)
+        row.show(simulation, color_by)
     return simulation, done.summary(None)
 
 
-def shipped(name: str, *times: float, path: Path) -> Numbers:
+def shipped(name: str, *times: float, path: Path, color_by: str = "speed") -> Numbers:
     """Draw a shipped scene, and print a summary of its solution."""
     scene = wg.Scene.load(name)
-    simulation, summary = moments(path, scene, times)
+    simulation, summary = moments(path, scene, times, color_by)
     return {
         "iterations a step": summary.iterations_mean,
         "worst overlap [smallest radii]": summary.overlap / scene.smallest_radius,
@@ -202,6 +202,9 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "bullet": bullet,
     "bidisperse": bidisperse,
     "drum": drums,
+    "heap": closed_forms.draw_heap,
+    "rotating_drum": lambda path: shipped("rotating_drum", 1.0, 2.0, 4.0, path=path),
+    "couette": lambda path: shipped("couette", 0.5, 4.0, path=path, color_by="spin"),
     "jam": jam,
     "batch": batch,
 }
@@ -209,22 +212,7 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
     """Draw the named pictures, by default all, and print their numbers."""
-    from matplotlib import rc_context
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", metavar="DIR", default="gallery")
-    parser.add_argument("names", metavar="NAME", nargs="*", help=f"of {', '.join(EXHIBITS)}")
-    chosen = parser.parse_args(arguments)
-    folder = Path(chosen.output)
-    folder.mkdir(parents=True, exist_ok=True)
-    found = {}
-    for name in chosen.names or EXHIBITS:
-        with rc_context(STYLE):
-            found[name] = EXHIBITS[name](folder / f"{name}.png")
-        print(name)
-        for what, value in found[name].items():
-            print(f"  {what:<40} {value:.6g}")
-    return found
+    return draw_exhibits(EXHIBITS, __doc__, "gallery", arguments)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,10 @@ import pytest
 from same_bits import by_grain
 from schemes import SCHEMES, contact_mass, without_contacts
 
-from warpgrains import InputError, Scene, Simulation, analysis
+from warpgrains import Disc, InputError, Scene, Simulation, analysis
+from warpgrains.scene.layouts import random
+from warpgrains.scene.scheme import free_spin
+from warpgrains.scene.walls import Annulus
 
 EPS = np.finfo(np.float64).eps
 G = 9.81
@@ -27,6 +30,31 @@ def flowing():
     simulation = Simulation(Scene.load("polydisperse"), drag=0.2)
     simulation.run(duration=0.6)
     return simulation
+
+
+def frictional(n=120, **changes):
+    """Unlike grains with friction that fall on a disc, between circles that rotate; none overlap."""
+    generator, disc = np.random.default_rng(2), Disc((0.0, -0.5), 0.15)
+    above = {"y": [-0.3, 1.0]}
+    position, radius = random(Annulus(0.2, 1.0), radius=[0.02, 0.05], count=n, region=above)
+    fields = {
+        "radius_in": 0.2,
+        "radius_out": 1.0,
+        "walls": [disc],
+        "position": position,
+        "radius": radius,
+        "mass": generator.uniform(0.1, 1.0, n),
+        "spin": generator.normal(0.0, 5.0, n),
+        "dt": 5e-3,
+        "drag": 0.1,
+        "friction": 0.5,
+        "wall_friction": 0.3,
+        "angular_velocity_out": 3.0,
+        "angular_velocity_in": -20.0,
+        "tolerance": 1e-9,
+        "max_iterations": 20_000,
+    }
+    return Scene(**{**fields, **changes})
 
 
 def column(n):
@@ -124,6 +152,75 @@ def test_stress_is_what_weight_and_walls_demand(settled):
     assert analysis.pressure(settled) == pytest.approx(np.linalg.eigvalsh(found).mean())
 
 
+@pytest.fixture(scope="module")
+def rolling():
+    simulation = Simulation(frictional())
+    simulation.advance(60)
+    return simulation
+
+
+@pytest.fixture(scope="module")
+def held():
+    """Grains with friction that have come to rest on a floor at rest."""
+    scene = frictional(30, angular_velocity_out=0.0, angular_velocity_in=0.0, spin_drag=1e-3, drag=0.5)
+    simulation = Simulation(scene.replace(scheme="leapfrog"))
+    simulation.advance(1000)
+    return simulation
+
+
+@pytest.mark.parametrize("state", ["rolling", "held"])
+def test_stress_with_friction(state, request):
+    """The moments of all forces and torques on the grains, from the change of their velocities and spins."""
+    simulation = request.getfixturevalue(state)
+    scene, start = simulation.scene, simulation.state()
+    simulation.step()
+    moment = analysis.snapshot(simulation)
+    free = without_contacts(scene, start.velocity, start.staggered)
+    force = contact_mass(scene)[:, np.newaxis] * (simulation.velocity - free) / scene.dt
+    loads = moment.loads
+    tangent = loads.normal[:, ::-1] * (-1.0, 1.0)
+    push = loads.force[:, np.newaxis] * loads.normal + loads.tangential_force[:, np.newaxis] * tangent
+    at_wall = slice(2 * len(moment.pair), None)
+    grain = loads.grain[at_wall]
+    touched = moment.start[grain] + scene.radius[grain, np.newaxis] * loads.normal[at_wall]
+    expected = (moment.start.T @ force + touched.T @ push[at_wall]) / scene.area
+    found = analysis.mean_stress(simulation)
+    i, j = moment.pair.T
+    gap = np.hypot(*(moment.start[j] - moment.start[i]).T) - scene.radius[i] - scene.radius[j]
+    slack = (np.hypot(*push[: len(i)].T) * np.abs(gap)).sum() / scene.area
+    assert found == pytest.approx(expected, abs=slack + 1e-9)
+    assert slack < 0.1 * np.abs(found).max()
+    inertia = 0.5 * scene.rim_mass * scene.radius**2
+    spin = free_spin(scene, start.spin, start.staggered)
+    torque = inertia * (simulation.spin - spin) / scene.dt
+    each = analysis.grain_stresses(simulation, area=np.ones(scene.n))
+    assert each[:, 0, 1] - each[:, 1, 0] == pytest.approx(-torque, abs=1e-9)
+    antisymmetric = analysis.quantities(moment, ["stress_antisymmetric"])["stress_antisymmetric"]
+    assert antisymmetric == pytest.approx(-torque.sum() / (2.0 * scene.area), abs=1e-9)
+    assert analysis.pressure(simulation) == pytest.approx(
+        (loads.force @ scene.radius[loads.grain]) / (2.0 * scene.area)
+    )
+    if state == "held":
+        assert np.abs(simulation.velocity).max() < 1e-6
+        assert abs(antisymmetric) < 1e-6 * np.abs(found).max()
+        assert np.abs(torque).max() < 1e-5
+    else:
+        assert abs(antisymmetric) > 1e-3 * np.abs(found).max()
+
+
+def test_two_contacts_with_friction_hold_a_grain():
+    """Three discs that touch, without gravity: without friction, two contacts are too few."""
+    position = [[-0.1, 0.0], [0.1, 0.0], [0.0, 0.1 * np.sqrt(3.0)]]
+    fields = {"radius": 0.1, "mass": 0.2, "radius_out": 1.0, "gravity": (0.0, 0.0)}
+    moment = analysis.snapshot(Simulation(Scene(position=position, **fields)))
+    none = moment.force
+    chain = replace(moment, pair=np.array([[0, 1], [0, 2], [1, 2]], np.int32), force=np.ones(3))
+    chain = replace(chain, tangential_force=np.zeros(3), wall_tangential_force=none)
+    assert analysis.rattlers(chain).all()
+    rough = replace(chain, scene=chain.scene.replace(friction=0.3))
+    assert not analysis.rattlers(rough).any()
+
+
 def test_stresses_of_grains_add_up(settled):
     area = analysis.cell_areas(settled)
     total = (area[:, np.newaxis, np.newaxis] * analysis.grain_stresses(settled)).sum(axis=0)
@@ -173,7 +270,59 @@ def test_energy_is_accounted_for(flowing, scheme):
     assert analysis.kinetic_energy(simulation) - before == pytest.approx(change, abs=rounding)
     assert balance.contact_loss > 0.0
     assert balance.drag_loss > 0.0
-    assert scheme is None or min(balance) > 0.01
+    assert scheme is None or min(balance[:3]) > 0.01
+    assert balance[3:] == (0.0, 0.0)
+
+
+FRICTIONAL = {
+    "between two walls": {},
+    "spin drag": {"spin_drag": 2e-5, "drag": 0.0},
+    "walls at rest": {"angular_velocity_out": 0.0, "angular_velocity_in": 0.0},
+    "smooth grains": {"friction": 0.0, "wall_friction": 0.5},
+    "smooth walls": {"wall_friction": 0.0, "angular_velocity_out": 0.0, "angular_velocity_in": 0.0},
+    "accelerated": {"method": "accelerated"},
+}
+
+
+@pytest.mark.parametrize("changes", FRICTIONAL.values(), ids=FRICTIONAL)
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_energy_of_rotation_is_accounted_for(scheme, changes):
+    """Unlike grains fall on a disc between circles that rotate, from the first kick on."""
+    scene = frictional(**{**scheme, **changes})
+    simulation = Simulation(scene)
+    before, steps = analysis.kinetic_energy(simulation), 60
+    summed = analysis.energy_balance(simulation, steps)
+    change = summed.gravity_work + summed.wall_work - summed.drag_loss - summed.contact_loss
+    rounding = 1e5 * EPS * steps  # as above
+    assert analysis.kinetic_energy(simulation) - before == pytest.approx(change, abs=rounding)
+    assert summed.impact_loss > 0.01
+    assert summed.friction_loss > 0.01
+    is_driven = scene.angular_velocity_out != 0.0
+    assert (summed.wall_work > 0.01) if is_driven else (summed.wall_work == 0.0)
+
+
+def test_a_wheel_is_driven_by_the_wall():
+    """A disc at rest on a wall that moves slides at first, at a third of the acceleration of its surface."""
+    speed, mass, radius = 0.6, 2.0, 0.5
+    scene = Scene(
+        position=[[0.0, -0.5]],
+        radius=radius,
+        mass=mass,
+        radius_out=1.0,
+        friction=0.3,
+        angular_velocity_out=speed,
+        dt=1e-3,
+        tolerance=1e-12,
+    )
+    simulation = Simulation(scene)
+    balance = analysis.energy_balance(simulation, 1)
+    push = 0.3 * mass * G * scene.dt  # slides in the first step
+    assert balance.wall_work == pytest.approx(push * speed, rel=1e-9)
+    slip = push * 3.0 / mass
+    assert balance.friction_loss == pytest.approx(push * (speed - 0.5 * slip), rel=1e-9)
+    assert balance.impact_loss == pytest.approx(0.0, abs=1e-9)
+    gained = 0.5 * push**2 / mass * 3.0
+    assert analysis.kinetic_energy(simulation) == pytest.approx(gained, rel=1e-9)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

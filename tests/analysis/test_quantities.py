@@ -38,6 +38,7 @@ def test_many_runs_at_once(n):
         radius=generator.uniform(0.01, 0.1, (m, n)),
         position=generator.uniform(-1.0, 1.0, (m, n, 2)),
         velocity=generator.normal(size=(m, n, 2)),
+        spin=generator.normal(size=(m, n)),
         wall_force=force,
         gravity=generator.normal(size=(m, 2)) * (np.arange(m) > 0)[:, np.newaxis],
         walls=Annulus(np.linspace(0.0, 0.4, m), np.full(m, 1.5)),

@@ -161,9 +161,12 @@ def largest(options: argparse.Namespace) -> Iterator[dict[str, str]]:
 
 
 def shipped(options: argparse.Namespace) -> Iterator[dict[str, str]]:
-    """Steps of every shipped scene that are not solved to 1e-9 m/s."""
+    """Steps of every shipped scene without friction that are not solved to 1e-9 m/s."""
     for name in shipped_scenes():
-        scene = Scene.load(name).replace(**EXACT, stop="default", tolerance=1e-9)
+        scene = Scene.load(name)
+        if scene.has_friction:
+            continue
+        scene = scene.replace(**EXACT, stop="default", tolerance=1e-9)
         steps = min(scene.steps, options.steps)
         done = Simulation(scene, threads=1).run(steps=steps)
         say(f"{name}: {done}")

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.special import ellipk
 from swept_order import full_order
 
 from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.state import State
+from warpgrains.scenes import closed_forms
 
 DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
 FEATURES: dict[str, dict[str, Any]] = {
@@ -118,65 +118,28 @@ def test_state_of_a_scene_without_friction_can_be_continued_with_it() -> None:
     assert not simulation.spin.any()
 
 
-def one(**changes: Any) -> Scene:
-    """Return one disc of radius 0.5 m in a circle."""
-    fields: dict[str, Any] = {
-        "position": [[1.0, 0.0]],
-        "radius": 0.5,
-        "mass": 1.0,
-        "radius_out": 1.5,
-        "gravity": (0.0, 0.0),
-        "friction": 0.3,
-        "tolerance": 1e-12,
-        "wall": "round",
-        "scheme": "leapfrog",
-    }
-    return Scene(**{**fields, **changes})
-
-
 @pytest.mark.parametrize("friction", [0.05, 0.3, 2.0])
 def test_sliding_disc_comes_to_roll_at_two_thirds_of_its_speed(friction: float) -> None:
-    simulation = Simulation(one(velocity=[[0.0, 1.0]], friction=friction))
-    simulation.advance(3000)
-    speed, rim = np.hypot(*simulation.velocity[0]), 0.5 * simulation.spin[0]
+    speed, rim = closed_forms.slide_to_roll(friction)
     # angular momentum about the contact is kept but for what friction does a gap away from it: of order dt^2
-    assert speed == pytest.approx(2.0 / 3.0, abs=1e-5)
-    assert rim == pytest.approx(-2.0 / 3.0, abs=1e-5)
+    assert speed[-1] == pytest.approx(2.0 / 3.0, abs=1e-5)
+    assert rim[-1] == pytest.approx(-2.0 / 3.0, abs=1e-5)
 
 
 @pytest.mark.parametrize("friction", [0.1, 0.3, 5.0])
 def test_oblique_impact(friction: float) -> None:
     """The tangential impulse is min(mu, |slip| / (3 vn)) of the normal one; numbers of MigFlow 1.4."""
-    scene = one(
-        position=[[1.0 - 1e-8, 0.0]], velocity=[[1.0, 1.0]], friction=friction, wall="tangent", scheme="text"
-    )
-    simulation = Simulation(scene.replace(dt=1e-9))
-    simulation.advance(20)
+    velocity, rim = closed_forms.oblique_impact(friction)
     slid = min(friction, 1.0 / 3.0)
-    # it touches after 10 steps of 1 nm, in which the normal has turned by 1e-8, and after 20 by 2e-8
-    assert simulation.velocity[0] == pytest.approx([0.0, 1.0 - slid], abs=3e-8)
-    assert 0.5 * simulation.spin[0] == pytest.approx(-2.0 * slid, abs=3e-8)
-
-
-def period(dt: float) -> float:
-    """Return the period of a disc that rolls in a bowl, with amplitude 0.5."""
-    angle = 0.5
-    start = [np.sin(angle), -np.cos(angle)]
-    simulation = Simulation(one(position=[start], gravity=(0.0, -9.81), friction=1.0, dt=dt))
-    times, last = [], start[0]
-    while len(times) < 3:
-        simulation.step()
-        x = simulation.position[0, 0]
-        if (x > 0.0) != (last > 0.0):
-            times.append(simulation.time - dt * x / (x - last))
-        last = x
-    return times[2] - times[0]
+    # the normal has turned by 2e-8 after 20 steps of 1 nm
+    assert velocity == pytest.approx([0.0, 1.0 - slid], abs=3e-8)
+    assert rim == pytest.approx(-2.0 * slid, abs=3e-8)
 
 
 def test_rolling_pendulum_is_of_second_order() -> None:
     """It is a pendulum of length 3 (R - r) / 2."""
-    exact = 4.0 * np.sqrt(1.5 / 9.81) * ellipk(np.sin(0.25) ** 2)
-    errors = np.array([abs(period(dt) / exact - 1.0) for dt in (0.01, 0.005, 0.0025)])
+    exact = closed_forms.exact_rolling_period()
+    errors = np.array([abs(closed_forms.rolling_period(dt) / exact - 1.0) for dt in (0.01, 0.005, 0.0025)])
     assert errors[0] <= 4e-5
     assert (np.log2(errors[:-1] / errors[1:]) >= 1.9).all()
 
@@ -184,22 +147,18 @@ def test_rolling_pendulum_is_of_second_order() -> None:
 @pytest.mark.parametrize("tangent_of_slope", [0.3, 0.8, 1.2, 2.0])
 def test_disc_on_a_slope_rolls_or_slides(tangent_of_slope: float) -> None:
     """It rolls with 2/3 g sin(theta) if tan(theta) <= 3 mu, and else slides with g (sin - mu cos)."""
-    slope, friction, radius = np.arctan(tangent_of_slope), 0.3, 1e6  # the bowl is flat within 1 m
-    gravity = 9.81 * np.array([np.sin(slope), -np.cos(slope)])
-    scene = one(
-        position=[[0.0, -(radius - 0.5)]],
-        radius_out=radius,
-        gravity=gravity,
-        friction=friction,
-        wall="tangent",
-    )
-    simulation = Simulation(scene)
-    simulation.advance(50)
-    rolls = tangent_of_slope <= 3.0 * friction
-    expected = 2.0 / 3.0 * np.sin(slope) if rolls else np.sin(slope) - friction * np.cos(slope)
+    slope, friction = np.arctan(tangent_of_slope), 0.3
+    simulation = closed_forms.on_a_slope(tangent_of_slope, friction)
+    expected = closed_forms.acceleration_on_a_slope(tangent_of_slope, friction)
     # velocities of the leapfrog are those half a step earlier
     assert simulation.velocity[0, 0] == pytest.approx(
-        9.81 * expected * (simulation.time - scene.dt / 2), rel=1e-6
+        expected * (simulation.time - simulation.scene.dt / 2), rel=1e-6
+    )
+    carried, weight, rolls = simulation.wall_contacts(), 9.81 * np.cos(slope), tangent_of_slope <= 0.9
+    assert carried.force == pytest.approx([weight], rel=1e-5)  # and v^2 / radius of the bowl
+    assert carried.slides.tolist() == [not rolls]
+    assert carried.tangential_force == pytest.approx(
+        [9.81 * np.sin(slope) / 3.0 if rolls else friction * weight], rel=1e-5
     )
     carried, weight = simulation.wall_contacts(), 9.81 * np.cos(slope)
     assert carried.force == pytest.approx([weight], rel=1e-5)  # and v^2 / radius of the bowl
@@ -212,24 +171,7 @@ def test_disc_on_a_slope_rolls_or_slides(tangent_of_slope: float) -> None:
 @pytest.mark.parametrize(("friction", "stands"), [(0.27, True), (0.265, False)])
 def test_three_discs(friction: float, stands: bool) -> None:
     """One on two stands if mu >= tan(15 deg) = 0.26795; the slope of the bowl changes that by 1e-4."""
-    radius, floor = 0.5, 1e4
-    x = radius
-    y = -np.sqrt((floor - radius) ** 2 - x**2)
-    top = [0.0, y + np.sqrt(3.0) * radius]
-    scene = one(
-        position=[[-x, y], [x, y], top],
-        radius_out=floor,
-        gravity=(0.0, -9.81),
-        friction=friction,
-        wall_friction=1.0,
-        dt=0.001,
-        tolerance=1e-9,
-        max_iterations=100_000,
-        wall="tangent",
-    )
-    simulation = Simulation(scene)
-    simulation.advance(1000)
-    fallen = top[1] - simulation.position[2, 1]
+    simulation, fallen = closed_forms.three_discs(friction)
     assert (fallen < 1e-4) == stands
     assert stands or fallen > 1e-3
     if not stands:
@@ -309,6 +251,6 @@ def test_momentum_is_kept_without_walls_and_gravity() -> None:
 )  # fmt: skip
 def test_bad_values_are_one_line(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError) as error:
-        one(**changes)
+        closed_forms.disc(**changes)
     assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)

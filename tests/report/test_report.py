@@ -70,6 +70,19 @@ def test_command_writes_every_file(
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
 
+def test_default_report_leaves_friction_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps with friction have no one exact solution."""
+    names: list[str] = []
+    monkeypatch.setattr(
+        report,
+        "write_report",
+        lambda scenes, folder, progress: names.extend(one.name for one in scenes) or [],
+    )
+    assert main(["report", "-o", str(tmp_path)]) == 0
+    assert "pile" in names
+    assert not {"heap", "couette", "rotating_drum"} & set(names)
+
+
 def path(dt: float, error: float) -> PathRow:
     return PathRow("power", "text", 1.0, dt, error, 0.0, 1.0)
 

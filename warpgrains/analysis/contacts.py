@@ -2,11 +2,19 @@
 
 Stress is positive in compression,
 
-    sigma = 1 / A sum_c f_c l_c n n^T,
+    sigma = 1 / A sum_c l_c n (f_c n + q_c t)^T,
 
-with l_c n the vector from the center of a grain to its contact c, f_c the force there, and A the area of the
-grains [m2]. In two dimensions a stress is a force per length [N/m]. It is symmetric, because contacts carry
-no friction.
+with l_c n the vector from the center of a grain to its contact c, f_c and q_c the normal and the tangential
+force there, t the normal rotated by 90 degrees to the left, and A the area of the grains [m2]. In two
+dimensions a stress is a force per length [N/m].
+
+Without friction, q_c = 0 and the stress is symmetric. With friction it has an antisymmetric part,
+
+    (sigma_xy - sigma_yx) / 2 = 1 / (2 A) sum_c l_c q_c,
+
+minus half the torque of the contacts on the grains, per area. It vanishes where moments balance, as for
+grains at rest, and else spins grains up. The symmetric part is the stress of a continuum without couples.
+Tangential forces do not change the pressure.
 """
 
 from typing import NamedTuple
@@ -16,6 +24,7 @@ import numpy as np
 from warpgrains.analysis.packing import cell_areas
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.scene.geometry import left_of
 from warpgrains.solver.ends import Grains
 
 
@@ -40,9 +49,9 @@ def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
 def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     """Return which grains do not carry loads, shape (n,).
 
-    A frictionless grain is held by 3 contacts, or by 2 and its weight. Grains with fewer are removed with
-    their contacts, repeatedly until none has fewer. The removed grains are the rattlers; the remaining ones
-    are the backbone, a k-core.
+    A frictionless grain is held by 3 contacts, or by 2 and its weight; a grain with friction by 2. Grains
+    with fewer are removed with their contacts, repeatedly until none has fewer. The removed grains are the
+    rattlers; the remaining ones are the backbone, a k-core.
 
     Parameters
     ----------
@@ -55,7 +64,7 @@ def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
     3
     """
     now = snapshot(of)
-    needed = 2 if any(now.scene.gravity) else 3
+    needed = 2 if any(now.scene.gravity) or now.scene.has_friction else 3
     pair = now.pair[now.force >= least]
     at_wall = np.bincount(now.wall[now.wall_force >= least, 0], minlength=now.n)
     loose = np.zeros(now.n, dtype=bool)
@@ -219,6 +228,8 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
 def mean_stress(of: Snapshot | HasState) -> FloatArray:
     """Return the stress averaged over the area between the walls [N/m], shape (2, 2).
 
+    With friction it has an antisymmetric part while grains spin up or slow down, see the head of the module.
+
     Examples
     --------
     >>> analysis.mean_stress(simulation).round(4)
@@ -241,12 +252,16 @@ def pressure(of: Snapshot | HasState) -> float:
 
 
 def _force_moments(now: Snapshot) -> FloatArray:
-    """Return the sum of f l n n^T over the contacts of each grain [N m], shape (n, 2, 2)."""
-    grain, normal, force = now.loads
+    """Return the sum of l n (f n + q t)^T over the contacts of each grain [N m], shape (n, 2, 2)."""
+    grain, normal, force, tangential = now.loads
     weight = force * now.scene.radius[grain]
     product = {
         (a, b): np.bincount(grain, weight * normal[:, a] * normal[:, b], now.n)
         for a, b in ((0, 0), (0, 1), (1, 1))
     }
-    rows = [[product[0, 0], product[0, 1]], [product[0, 1], product[1, 1]]]
-    return np.array(rows).transpose(2, 0, 1)
+    moments = np.array([[product[0, 0], product[0, 1]], [product[0, 1], product[1, 1]]])
+    if now.scene.has_friction:
+        weight, tangent = tangential * now.scene.radius[grain], left_of(normal)
+        for a, b in np.ndindex(2, 2):
+            moments[a, b] += np.bincount(grain, weight * normal[:, a] * tangent[:, b], now.n)
+    return moments.transpose(2, 0, 1)

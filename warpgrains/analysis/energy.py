@@ -8,7 +8,8 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.scheme import kick_of
+from warpgrains.scene.geometry import left_of
+from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.solver.ends import Grains
 
 if TYPE_CHECKING:
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
 
 
 def kinetic_energy(of: Snapshot | HasState) -> float:
-    """Return the sum of m v^2 / 2 [J]; in the leapfrog scheme, half a step before the other quantities.
+    """Return the sum of m v^2 / 2 and, with friction, m r^2 w^2 / 4 [J].
+
+    In the leapfrog scheme, it is that of half a step before the other quantities.
 
     Examples
     --------
@@ -28,7 +31,10 @@ def kinetic_energy(of: Snapshot | HasState) -> float:
 
 def kinetic_energies(grains: Grains) -> FloatArray:
     """Return the kinetic energies of many runs [J], shape (m,)."""
-    return 0.5 * (grains.mass * (grains.velocity**2).sum(axis=-1)).sum(axis=-1)
+    translation = 0.5 * (grains.mass * (grains.velocity**2).sum(axis=-1)).sum(axis=-1)
+    rotation = 0.25 * (grains.mass * grains.radius**2 * grains.spin**2).sum(axis=-1)
+    total: FloatArray = translation + rotation
+    return total
 
 
 def potential_energy(of: Snapshot | HasState) -> float:
@@ -82,32 +88,43 @@ def largest_speed(of: Snapshot | HasState) -> float:
 
 
 class EnergyBalance(NamedTuple):
-    """Energy [J] gained from gravity and lost to drag and contacts in one or several steps.
+    """Energy [J] that grains gained and lost in one or several steps.
 
-    The kinetic energy changes by gravity_work - drag_loss - contact_loss, up to rounding.
+    The kinetic energy, of translation and rotation, changes by gravity_work + wall_work - drag_loss -
+    contact_loss, up to rounding.
 
     Examples
     --------
     >>> balance = analysis.step_energy_balance(simulation)
     >>> balance._fields
-    ('gravity_work', 'drag_loss', 'contact_loss')
+    ('gravity_work', 'drag_loss', 'contact_loss', 'friction_loss', 'wall_work')
     """
 
     gravity_work: float
     """Work of gravity. It equals the loss of potential energy up to a term of order dt, because a step moves
     grains with the velocities at its end, and velocities of the leapfrog scheme are half a step behind."""
     drag_loss: float
-    """Energy dissipated by drag."""
+    """Energy dissipated by drag, on translation and on rotation."""
     contact_loss: float
-    """Energy dissipated by the inelastic contacts."""
+    """Energy dissipated by contacts, by impacts and by friction."""
+    friction_loss: float = 0.0
+    """Part of `contact_loss` due to friction: tangential forces times slip."""
+    wall_work: float = 0.0
+    """Work of rotating walls: tangential forces on grains times the speed of the wall's surface."""
+
+    @property
+    def impact_loss(self) -> float:
+        """Part of `contact_loss` due to the normal forces."""
+        return self.contact_loss - self.friction_loss
 
 
 def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     """Return the energy balance of the last step from its forces and velocities; zeros before the first.
 
     From v before the step to v' after it, m (v' - v) = dt F, so the kinetic energy changes by
-    dt F . (v + v') / 2, a sum over the forces. The free velocity is v* = v' - dt F_contacts / M with the
-    contact mass M (kernels/MODEL.md, eq. 17b), and v follows from it by eq. 2, or by eqs. 16 and 17.
+    dt F . (v + v') / 2, a sum over the forces, and that of rotation likewise by torques and spins. The free
+    velocity is v* = v' - dt F_contacts / M with the contact mass M (kernels/MODEL.md, eq. 17b), and v follows
+    from it by eq. 2, or by eqs. 16 and 17; free spins follow with the inertia J r^2 / 2 of eq. 22.
 
     Examples
     --------
@@ -118,15 +135,36 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     now = snapshot(of)
     if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
-    scene, mass = now.scene, now.scene.mass[:, np.newaxis]
-    gravity, force = np.array(scene.gravity), contact_forces(now)
-    free = now.velocity - scene.dt * force / scene.contact_mass[:, np.newaxis]
+    scene, mass, gravity = now.scene, now.scene.mass[:, np.newaxis], np.array(now.scene.gravity)
+    normal_force = _sums(now, now.loads.force, now.loads.normal)
+    free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]
     kick = kick_of(scene, free, now.velocity, staggered=now.steps > 1)
     mean = 0.5 * (kick.before + now.velocity)
-    return EnergyBalance(
+    balance = EnergyBalance(
         gravity_work=float((kick.time * mass * mean * gravity).sum()),
         drag_loss=float((scene.drag * kick.path * mean).sum()),
-        contact_loss=float(-(scene.dt * force * mean).sum()),
+        contact_loss=float(-(scene.dt * normal_force * mean).sum()),
+    )
+    return _with_friction(balance, now, mean) if scene.has_friction else balance
+
+
+def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> EnergyBalance:
+    """Add spin drag, friction and the work of walls. `mean` is (v + v') / 2 [m/s], shape (n, 2)."""
+    scene, (grain, normal, _, tangential) = now.scene, now.loads
+    turn = -scene.dt * scene.radius * np.bincount(grain, tangential, now.n)  # angular impulse
+    free = now.spin - turn / (0.5 * scene.rim_mass * scene.radius**2)
+    kick = spin_kick_of(scene, free, now.spin, staggered=now.steps > 1)
+    spin = 0.5 * (kick.before + now.spin)
+    surface = (mean[grain] * left_of(normal)).sum(axis=1) + (scene.radius * spin)[grain]
+    work = -scene.dt * tangential * surface  # on the grains
+    speed = np.array([scene.surface_speed(wall) for wall in now.wall[:, 1].tolist()])
+    wall_work = float(-scene.dt * (now.wall_tangential_force * speed).sum())
+    friction_loss = wall_work - float(work.sum())
+    return balance._replace(
+        drag_loss=balance.drag_loss + float((scene.spin_drag * kick.path * spin).sum()),
+        contact_loss=balance.contact_loss + friction_loss,
+        friction_loss=friction_loss,
+        wall_work=wall_work,
     )
 
 
@@ -141,7 +179,7 @@ def energy_balance(simulation: Simulation, steps: int) -> EnergyBalance:
     >>> bool(np.isclose(gained, analysis.kinetic_energy(other)))
     True
     """
-    total = np.zeros(3)
+    total = np.zeros(len(EnergyBalance._fields))
     for _ in range(steps):
         simulation.step()
         total += step_energy_balance(simulation)
@@ -157,5 +195,12 @@ def contact_forces(of: Snapshot | HasState) -> FloatArray:
     (15, 2)
     """
     now = snapshot(of)
-    grain, normal, force = now.loads
-    return np.stack([np.bincount(grain, -force * along, now.n) for along in normal.T], axis=1)
+    normal_force = _sums(now, now.loads.force, now.loads.normal)
+    if not now.scene.has_friction:
+        return normal_force
+    return normal_force + _sums(now, now.loads.tangential_force, left_of(now.loads.normal))
+
+
+def _sums(now: Snapshot, force: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return the sums of forces against directions, by grain [N], shape (n, 2)."""
+    return np.stack([np.bincount(now.loads.grain, -force * along, now.n) for along in direction.T], axis=1)

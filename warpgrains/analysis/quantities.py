@@ -39,9 +39,15 @@ def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray], meaning: str) -
     return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs, meaning=meaning)
 
 
-def _stress(a: int, b: int) -> Quantity:
-    meaning = "component of the mean stress, compression positive"
-    return Quantity("N/m", contacts.mean_stress, lambda found: float(found[a, b]), meaning=meaning)
+def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
+    """Return a component of the symmetric part of the stress, or of the antisymmetric part with sign -1."""
+    part = "component" if sign > 0.0 else "antisymmetric part"
+    return Quantity(
+        "N/m",
+        contacts.mean_stress,
+        lambda found: float(0.5 * (found[a, b] + sign * found[b, a])),
+        meaning=f"{part} of the mean stress, compression positive",
+    )
 
 
 def _force(part: str, meaning: str) -> Quantity:
@@ -87,6 +93,7 @@ QUANTITIES = {
     "stress_xx": _stress(0, 0),
     "stress_xy": _stress(0, 1),
     "stress_yy": _stress(1, 1),
+    "stress_antisymmetric": _stress(0, 1, -1.0),
     "mean_force": _force("mean", "mean of the forces"),
     "largest_force": _force("largest", "largest force"),
     "force_deviation": _force("deviation", "standard deviation of the forces"),

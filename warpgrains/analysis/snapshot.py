@@ -39,6 +39,8 @@ class Loads(NamedTuple):
     """Unit vectors from the grain's center to the contact, shape (c, 2)."""
     force: FloatArray
     """Force on the grain against the normal [N], shape (c,), all > 0."""
+    tangential_force: FloatArray
+    """Force on the grain against the tangent, the normal rotated by 90 degrees to the left [N], (c,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,7 @@ class Snapshot:
             radius=scene.radius[np.newaxis],
             position=self.position[np.newaxis],
             velocity=self.velocity[np.newaxis],
+            spin=self.spin[np.newaxis],
             wall_force=wall_force,
             gravity=np.array([scene.gravity]),
             walls=Annulus(*radii),
@@ -132,6 +135,7 @@ class Snapshot:
             np.concatenate([i[:m], j[:m], i[m:]]),
             np.concatenate([normal[:m], -normal[:m], normal[m:]]),
             np.concatenate([force[:m], force]),
+            np.concatenate([self.tangential_force, self.tangential_force, self.wall_tangential_force]),
         )
 
 

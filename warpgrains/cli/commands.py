@@ -200,7 +200,7 @@ def _add_view(parser: ArgumentParser) -> None:
 
 def _add_report(parser: ArgumentParser) -> None:
     add = parser.add_argument
-    kinds = "TOML files, or names of shipped scenes (default: all shipped)"
+    kinds = "TOML files, or names of shipped scenes (default: all without friction)"
     add("scenes", metavar="SCENE", nargs="*", help=kinds)
     add("-o", "--output", metavar="DIR", required=True, help="folder to put the report in")
 

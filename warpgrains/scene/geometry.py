@@ -43,6 +43,11 @@ def pair_normals(position: FloatArray, i: Grains, j: Grains) -> FloatArray:
     return d / distance(d)[:, np.newaxis]
 
 
+def left_of(directions: FloatArray) -> FloatArray:
+    """Return vectors rotated by 90 degrees to the left, shape (m, 2)."""
+    return np.stack([-directions[:, 1], directions[:, 0]], axis=1)
+
+
 def area_below(radius: FloatArray, level: FloatArray) -> FloatArray:
     """Return the area [m2] of each disc below a level [m] measured from its center; shapes (n,).
 

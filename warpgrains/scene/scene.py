@@ -212,6 +212,12 @@ class Scene(SceneFields, Shown):
         return self.has_equal_masses and bool((self.contact_mass == self.rim_mass).all())
 
     @property
+    def inertia(self) -> FloatArray:
+        """Moment of inertia of each grain, a disc, m r^2 / 2 [kg m2], shape (n,)."""
+        inertia: FloatArray = 0.5 * self.mass * self.radius * self.radius
+        return inertia
+
+    @property
     def rim_mass(self) -> FloatArray:
         """Impulse at the rim that changes the rim speed by 2 m/s [kg], shape (n,) (MODEL.md, eq. 22).
 

@@ -30,8 +30,7 @@ def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool) -> FloatA
 
 def free_spin(scene: Scene, spin: FloatArray, staggered: bool) -> FloatArray:
     """Return the angular velocities after drag, before contacts act, [rad/s], shape (n,) (eq. 21)."""
-    dt, drag = scene.dt, scene.spin_drag
-    inertia = 0.5 * scene.mass * scene.radius * scene.radius
+    dt, drag, inertia = scene.dt, scene.spin_drag, scene.inertia
     if scene.scheme == "text":
         return spin - dt * (drag / inertia * spin)
     a = drag * dt / (2.0 * inertia)
@@ -39,14 +38,17 @@ def free_spin(scene: Scene, spin: FloatArray, staggered: bool) -> FloatArray:
 
 
 class Kick(NamedTuple):
-    """Gravity and drag in a step: m (velocity - before) = time m g - drag path + impulses of contacts."""
+    """Gravity and drag in a step: m (velocity - before) = time m g - drag path + impulses of contacts.
+
+    For spins, velocities are angular velocities, m is the moment of inertia, drag is `spin_drag`, and g is 0.
+    """
 
     before: FloatArray
-    """Velocities at the start of the step [m/s], shape (n, 2)."""
+    """Velocities [m/s], shape (n, 2), or spins [rad/s], shape (n,), at the start of the step."""
     time: float
     """Duration for which gravity acted [s]."""
     path: FloatArray
-    """Time integral of the velocity on which drag acted [m], shape (n, 2)."""
+    """Time integral of the velocity [m] or spin [rad] on which drag acted, shape (n, 2) or (n,)."""
 
 
 def kick_of(scene: Scene, free: FloatArray, velocity: FloatArray, staggered: bool) -> Kick:
@@ -55,14 +57,26 @@ def kick_of(scene: Scene, free: FloatArray, velocity: FloatArray, staggered: boo
     `before` inverts `free_velocity`. It is not finite in the leapfrog scheme if drag dt = 2 m, because then
     drag removes the whole velocity.
     """
-    dt, gravity = scene.dt, np.array(scene.gravity)
     rate = (scene.drag / scene.mass)[:, np.newaxis]
+    return _kick(scene, np.array(scene.gravity), rate, free, velocity, staggered)
+
+
+def spin_kick_of(scene: Scene, free: FloatArray, spin: FloatArray, staggered: bool) -> Kick:
+    """Return the kick of a step for spins [rad/s], shape (n,), see `kick_of`."""
+    return _kick(scene, np.zeros(()), scene.spin_drag / scene.inertia, free, spin, staggered)
+
+
+def _kick(
+    scene: Scene, gravity: FloatArray, rate: FloatArray, free: FloatArray, now: FloatArray, staggered: bool
+) -> Kick:
+    """Return the kick for an acceleration, and a rate of drag [1/s], from the velocities `now`."""
+    dt = scene.dt
     if scene.scheme == "text":
         before = (free - dt * gravity) / (1.0 - dt * rate)
         return Kick(before, dt, dt * before)
     a = 0.5 * dt * rate
     if not staggered:
-        return Kick((1.0 + a) * free - 0.5 * dt * gravity, 0.5 * dt, 0.5 * dt * velocity)
+        return Kick((1.0 + a) * free - 0.5 * dt * gravity, 0.5 * dt, 0.5 * dt * now)
     with np.errstate(divide="ignore", invalid="ignore"):
         before = ((1.0 + a) * free - dt * gravity) / (1.0 - a)
-    return Kick(before, dt, 0.5 * dt * (before + velocity))
+    return Kick(before, dt, 0.5 * dt * (before + now))

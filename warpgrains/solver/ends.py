@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
+import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
@@ -25,6 +26,8 @@ class Grains(NamedTuple):
     """[m], shape (m, n, 2)."""
     velocity: FloatArray
     """[m/s], shape (m, n, 2)."""
+    spin: FloatArray
+    """[rad/s], shape (m, n); 0 without friction."""
     wall_force: FloatArray
     """Force of each wall (0 outer, 1 inner, ...) on each grain [N], shape (m, n, walls)."""
     gravity: FloatArray
@@ -48,11 +51,14 @@ class Ends(NamedTuple):
         host, sums = records.host, records.host["statistics"]
         contact_mass, dt = records.stacked("grains.contact_mass", which), host["dt"][which]
         radii: Any = (records.parameter(name, which) for name in ("radius_in", "radius_out"))
+        spin = records.stacked("grains.spin", which) if records.sizes.friction else None
+        mass = records.stacked("grains.mass", which)
         grains = Grains(
-            mass=records.stacked("grains.mass", which),
+            mass=mass,
             radius=records.stacked("grains.radius", which),
             position=records.stacked("grains.position", which),
             velocity=records.stacked("grains.velocity", which),
+            spin=np.zeros_like(mass) if spin is None else spin,
             wall_force=contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None],
             gravity=host["gravity"][which],
             walls=Annulus(*radii),

@@ -1,0 +1,228 @@
+"""Closed forms of friction: one disc that slides, rolls, hits a wall or swings, and three discs.
+
+Each function is one experiment. The tests compare its numbers with the closed form; `draw` draws them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import warpgrains as wg
+from warpgrains.arrays import FloatArray
+from warpgrains.scenes.exhibits import Numbers
+from warpgrains.scenes.style import WIDTH
+
+RADIUS = 0.5
+G = 9.81
+
+
+def disc(**changes: Any) -> wg.Scene:
+    """Return one disc of radius 0.5 m that touches a circle of radius 1.5 m, without gravity."""
+    fields: dict[str, Any] = {
+        "position": [[1.0, 0.0]],
+        "radius": RADIUS,
+        "mass": 1.0,
+        "radius_out": 1.5,
+        "gravity": (0.0, 0.0),
+        "friction": 0.3,
+        "tolerance": 1e-12,
+        "wall": "round",
+        "scheme": "leapfrog",
+    }
+    return wg.Scene(**{**fields, **changes})
+
+
+def slide_to_roll(friction: float, steps: int = 3000) -> tuple[FloatArray, FloatArray]:
+    """Return speed and rim speed [m/s] after every step of a disc that at first slides at 1 m/s."""
+    simulation = wg.Simulation(disc(velocity=[[0.0, 1.0]], friction=friction))
+    speeds = np.empty((steps, 2))
+    for k in range(steps):
+        simulation.step()
+        speeds[k] = np.hypot(*simulation.velocity[0]), RADIUS * simulation.spin[0]
+    return speeds[:, 0], speeds[:, 1]
+
+
+def oblique_impact(friction: float, slip: float = 1.0) -> tuple[FloatArray, float]:
+    """Return velocity and rim speed [m/s] after a disc of velocity (1, slip) has hit a wall in front of it.
+
+    It touches the wall after 10 steps of 1 nm, in which the normal turns by 1e-8.
+    """
+    scene = disc(
+        position=[[1.0 - 1e-8, 0.0]],
+        velocity=[[1.0, slip]],
+        friction=friction,
+        wall="tangent",
+        scheme="text",
+        dt=1e-9,
+    )
+    simulation = wg.Simulation(scene)
+    simulation.advance(20)
+    return simulation.velocity[0], RADIUS * float(simulation.spin[0])
+
+
+def rolling_period(dt: float) -> float:
+    """Return the period [s] of a disc that rolls in the circle, with an amplitude of 0.5 rad."""
+    start = [np.sin(0.5), -np.cos(0.5)]
+    simulation = wg.Simulation(disc(position=[start], gravity=(0.0, -G), friction=1.0, dt=dt))
+    times, last = [], start[0]
+    while len(times) < 3:
+        simulation.step()
+        x = simulation.position[0, 0]
+        if (x > 0.0) != (last > 0.0):
+            times.append(simulation.time - dt * x / (x - last))
+        last = x
+    return float(times[2] - times[0])
+
+
+def exact_rolling_period() -> float:
+    """Return the period of a pendulum of length 3 (R - r) / 2 [s]."""
+    from scipy.special import ellipk
+
+    return float(4.0 * np.sqrt(1.5 / G) * ellipk(np.sin(0.25) ** 2))
+
+
+def on_a_slope(tangent_of_slope: float, friction: float) -> wg.Simulation:
+    """Return a disc after half a second on a slope; the circle is so large that it is flat within a meter."""
+    slope, floor = np.arctan(tangent_of_slope), 1e6
+    scene = disc(
+        position=[[0.0, -(floor - RADIUS)]],
+        radius_out=floor,
+        gravity=G * np.array([np.sin(slope), -np.cos(slope)]),
+        friction=friction,
+        wall="tangent",
+    )
+    simulation = wg.Simulation(scene)
+    simulation.advance(50)
+    return simulation
+
+
+def acceleration_on_a_slope(tangent_of_slope: float, friction: float) -> float:
+    """Return the acceleration [m/s2]: the disc rolls if tan(theta) <= 3 mu, and else slides."""
+    slope = np.arctan(tangent_of_slope)
+    if tangent_of_slope <= 3.0 * friction:
+        return float(2.0 / 3.0 * G * np.sin(slope))
+    return float(G * (np.sin(slope) - friction * np.cos(slope)))
+
+
+def three_discs(friction: float) -> tuple[wg.Simulation, float]:
+    """Return two discs on a floor and one on top after a second, and how far the latter has fallen [m]."""
+    floor = 1e4
+    y = -np.sqrt((floor - RADIUS) ** 2 - RADIUS**2)
+    top = y + np.sqrt(3.0) * RADIUS
+    scene = disc(
+        position=[[-RADIUS, y], [RADIUS, y], [0.0, top]],
+        radius_out=floor,
+        gravity=(0.0, -G),
+        friction=friction,
+        wall_friction=1.0,
+        dt=0.001,
+        tolerance=1e-9,
+        max_iterations=100_000,
+        wall="tangent",
+    )
+    simulation = wg.Simulation(scene)
+    simulation.advance(1000)
+    return simulation, float(top - simulation.position[2, 1])
+
+
+def heap_friction(slope: float) -> float:
+    """Return the friction that three discs, one on two, need where the floor below the two has a slope [rad].
+
+    Of a lower disc, the unknowns are the normal and the tangential force of the disc above it and the normal
+    force of the floor, in weights of a disc. The tangential force of the floor is that of the disc above,
+    because moments balance. The equations are the balance of half the upper disc, and that of the lower disc
+    along x and y. On a flat floor the result is tan(15 degrees).
+    """
+    s, c, sin, cos = 0.5, np.sqrt(0.75), np.sin(slope), np.cos(slope)
+    balance = [[c, s, 0.0], [s, -c - cos, -sin], [-c, -s - sin, cos]]
+    normal, tangential, _ = np.linalg.solve(balance, [0.5, 0.0, 1.0])
+    return float(tangential / normal)
+
+
+def draw(path: Path) -> Numbers:
+    """Draw four closed forms and what comes out, and return the errors."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained")
+    (roll, impact), (slope, swing) = figure.subplots(2, 2)
+    numbers: Numbers = {}
+    for friction in (0.05, 0.3, 2.0):
+        speed, rim = slide_to_roll(friction)
+        time = 0.01 * np.arange(1, len(speed) + 1)
+        (line,) = roll.plot(time, speed, label=f"friction {friction:g}")
+        roll.plot(time, -rim, "--", color=line.get_color())
+        worst = max(abs(speed[-1] - 2.0 / 3.0), abs(rim[-1] + 2.0 / 3.0))
+        numbers[f"slide to roll, mu {friction:g}: error [m/s]"] = float(worst)
+    roll.axhline(2.0 / 3.0, color="0.6", linestyle=":")
+    roll.set(xlabel="t [s]", ylabel="speed, and rim speed (dashed) [m/s]", xscale="log")
+
+    slips, worst = np.linspace(0.0, 2.5, 26), 0.0
+    for friction in (0.1, 0.3, 5.0):
+        found = [slip - oblique_impact(friction, slip)[0][1] for slip in slips]
+        expected = np.minimum(friction, slips / 3.0)
+        (line,) = impact.plot(slips, found, ".", label=f"friction {friction:g}")
+        impact.plot(slips, expected, color=line.get_color(), linewidth=0.8)
+        worst = max(worst, float(np.abs(found - expected).max()))
+        velocity, rim_speed = oblique_impact(friction)
+        numbers[f"impact, mu {friction:g}: tangential velocity [m/s]"] = float(velocity[1])
+        numbers[f"impact, mu {friction:g}: rim speed [m/s]"] = rim_speed
+    numbers["impact: worst error of the impulse ratio"] = worst
+    impact.set(xlabel="slip / normal velocity", ylabel="tangential / normal impulse")
+
+    tangents = np.linspace(0.0, 2.0, 21)
+    worst = 0.0
+    for friction in (0.1, 0.3, 0.6):
+        runs = [on_a_slope(tangent, friction) for tangent in tangents]
+        found = [run.velocity[0, 0] / (run.time - run.scene.dt / 2.0) for run in runs]
+        exact = [acceleration_on_a_slope(tangent, friction) for tangent in tangents]
+        (line,) = slope.plot(tangents, found, ".", label=f"friction {friction:g}")
+        slope.plot(tangents, exact, color=line.get_color(), linewidth=0.8)
+        worst = max(worst, float(np.abs(np.subtract(found, exact)).max()))
+    numbers["slope: worst error of the acceleration [m/s2]"] = worst
+    slope.set(xlabel="slope, tan(theta)", ylabel="acceleration [m/s2]")
+
+    steps, exact = 0.01 * 2.0 ** -np.arange(4), exact_rolling_period()
+    errors = np.array([abs(rolling_period(dt) / exact - 1.0) for dt in steps])
+    swing.loglog(steps, errors, "o-", label="rolling pendulum")
+    swing.loglog(steps, errors[0] * (steps / steps[0]) ** 2, "k:", label="second order")
+    swing.set(xlabel="dt [s]", ylabel="relative error of the period")
+    swing.set_xticks(steps, [f"{dt:g}" for dt in steps])
+    swing.minorticks_off()
+    numbers["pendulum: relative error of the period at dt 0.01 s"] = float(errors[0])
+    numbers["pendulum: order in dt"] = float(np.log2(errors[-2] / errors[-1]))
+    for axes in (roll, impact, slope, swing):
+        axes.legend()
+    figure.savefig(path)
+    for friction in (0.265, 0.27):
+        fallen = three_discs(friction)[1]
+        numbers[f"three discs, mu {friction:g}: fallen in 1 s [m]"] = fallen
+    return numbers
+
+
+def draw_heap(path: Path) -> Numbers:
+    """Draw the heap with more and with less friction than it needs; return how far the upper disc falls."""
+    from matplotlib.figure import Figure
+
+    from warpgrains.pictures.shots import Painter
+    from warpgrains.pictures.still import FrameArtists
+
+    scene = wg.Scene.load("heap")
+    needed = heap_friction(np.arcsin(scene.radius[0] / (scene.radius_out - scene.radius[0])))
+    numbers = {"friction that the heap needs": needed}
+    figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
+    shown = figure.subplots(1, 3)
+    for axes, friction in zip(shown, (scene.friction, 1.01 * needed, 0.99 * needed), strict=True):
+        simulation = wg.Simulation(scene.replace(friction=friction))
+        simulation.run()
+        painter = Painter(scene, "speed", forces=True, largest=2.0)
+        FrameArtists(axes, painter.setting).show(painter.shot_of(simulation))
+        for label in axes.texts:
+            label.set_visible(label.get_text().startswith("t ="))
+        axes.set(xlim=(-0.25, 0.25), ylim=(-1.03, -0.78), title=f"friction {friction:.4f}")
+        fallen = scene.position[2, 1] - simulation.position[2, 1]
+        numbers[f"fallen at {friction:.4f} [m]"] = float(fallen)
+    figure.savefig(path)
+    return numbers

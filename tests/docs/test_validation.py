@@ -1,0 +1,61 @@
+"""The validation of friction: its quick numbers, and how it measures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, Simulation
+from warpgrains.analysis import snapshot
+from warpgrains.scenes import closed_forms, friction, solutions
+
+
+def test_closed_forms_are_met(tmp_path):
+    picture = tmp_path / "closed_forms.png"
+    found = friction.main(["-o", str(tmp_path), "closed_forms"])["closed_forms"]
+    assert picture.stat().st_size > 10_000
+    for mu in ("0.05", "0.3", "2"):
+        assert found[f"slide to roll, mu {mu}: error [m/s]"] <= 1e-5
+    assert found["impact: worst error of the impulse ratio"] <= 3e-7
+    assert found["slope: worst error of the acceleration [m/s2]"] <= 1e-5
+    assert found["pendulum: relative error of the period at dt 0.01 s"] <= 4e-5
+    assert found["pendulum: order in dt"] == pytest.approx(2.0, abs=0.1)
+    assert found["three discs, mu 0.265: fallen in 1 s [m]"] > 1e-3
+    assert abs(found["three discs, mu 0.27: fallen in 1 s [m]"]) < 1e-4
+
+
+def test_heap_needs_the_friction_of_its_balance(tmp_path):
+    found = closed_forms.draw_heap(tmp_path / "heap.png")
+    needed = found.pop("friction that the heap needs")
+    stands, above, below = found.values()
+    assert 0.18 < needed < 0.19
+    assert max(abs(stands), abs(above)) < 1e-9
+    assert below > 0.08  # the upper disc lies between the lower ones
+    assert closed_forms.heap_friction(0.0) == pytest.approx(np.tan(np.radians(15.0)), rel=1e-12)
+
+
+@pytest.mark.parametrize("angle", [-10.0, 0.0, 25.0])
+def test_slope_of_a_surface(angle):
+    along = np.arange(-0.8, 0.81, 0.04)
+    slope = np.radians(angle)
+    position = along[:, np.newaxis] * [np.cos(slope), np.sin(slope)] + [0.0, -0.1]
+    scene = Scene(position=position, radius=0.02, mass=1.0, radius_out=1.0)
+    i = np.arange(len(along) - 1, dtype=np.int32)
+    pair = np.stack([i, i + 1], axis=1)
+    chain = replace(
+        snapshot(Simulation(scene)), pair=pair, force=np.ones(len(i)), tangential_force=np.ones(len(i))
+    )
+    # the highest grain of a slice is within one spacing of its end
+    assert friction.surface_angle(chain) == pytest.approx(angle, abs=1.5)
+
+
+def test_starts_are_within_the_bound_of_coulomb():
+    scene = solutions.falling(0.8, seed=0)
+    simulation = Simulation(scene)
+    simulation.advance(60)
+    state, rng = simulation.state(), np.random.default_rng(0)
+    start = solutions.other_start(state.corrections, 0.8, rng)
+    assert (np.abs(start.pair_friction) <= 0.8 * start.pair_correction).all()
+    assert start.pair_correction.any()
+    found = solutions.solutions(scene, state, rng)
+    assert found.shape == (solutions.STARTS, 3 * scene.n)

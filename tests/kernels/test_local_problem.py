@@ -1,0 +1,94 @@
+"""One visit of a contact with friction against another solver of the same problem (MODEL.md, eq. 23)."""
+
+import numpy as np
+import pytest
+
+from warpgrains import Scene, Simulation
+from warpgrains.arrays import FloatArray
+
+PAIRS = 2500  # of each coefficient of friction: 20,000 in all
+
+
+def pairs(friction: float, seed: int) -> Scene:
+    """Return pairs of unlike discs far from each other, with random velocities, spins, and gaps around 0."""
+    rng = np.random.default_rng(seed)
+    side = int(np.ceil(np.sqrt(PAIRS)))
+    center = 10.0 * (np.stack(np.divmod(np.arange(PAIRS), side), axis=1) - side / 2.0 + 0.3)
+    radius, mass = rng.uniform(0.2, 1.0, (PAIRS, 2)), 10.0 ** rng.uniform(-2.0, 2.0, (PAIRS, 2))
+    angle, gap = rng.uniform(0.0, 2.0 * np.pi, PAIRS), rng.choice([0.0, -1e-2, 1e-2], PAIRS)
+    normal = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    other = center + (radius.sum(axis=1) + gap)[:, np.newaxis] * normal
+    return Scene(
+        position=np.stack([center, other], axis=1).reshape(-1, 2),
+        velocity=rng.normal(0.0, 1.0, (2 * PAIRS, 2)),
+        spin=rng.normal(0.0, 2.0, 2 * PAIRS),
+        radius=radius.ravel(),
+        mass=mass.ravel(),
+        radius_out=20.0 * side,
+        gravity=(0.0, 0.0),
+        friction=friction,
+        tolerance=1e-12,
+        max_iterations=100,
+    )
+
+
+def by_de_saxce(scene: Scene, sweeps: int = 3000) -> FloatArray:
+    """Return the impulses (normal, tangential) of the pairs on their second discs [N s], shape (pairs, 2).
+
+    The impulse r is the fixed point of the projection of r - rho (u + mu |u_t| n) on Coulomb's cone, with the
+    relative velocity u at the contact after the impulse, and the gap divided by dt taken off its normal part
+    (De Saxce and Feng 1998). The matrix between impulses and velocities is assembled for three degrees of
+    freedom a disc, and its couplings are not assumed to vanish.
+    """
+    x = scene.position.reshape(-1, 2, 2)
+    d = x[:, 1] - x[:, 0]
+    distance = np.hypot(*d.T)
+    n = d / distance[:, np.newaxis]
+    t, r = np.stack([-n[:, 1], n[:, 0]], axis=1), scene.radius.reshape(-1, 2)
+    count, zero = len(n), np.zeros(len(n))
+    jacobian = np.zeros((count, 2, 6))  # of the velocity of the second surface relative to the first one
+    for row, (direction, arm) in enumerate(((n, [zero, zero]), (t, [-r[:, 0], -r[:, 1]]))):
+        jacobian[:, row, 0:2], jacobian[:, row, 3:5] = -direction, direction
+        jacobian[:, row, 2], jacobian[:, row, 5] = arm
+    mass, inertia = scene.mass.reshape(-1, 2), scene.inertia.reshape(-1, 2)
+    inverse = np.stack([1.0 / mass[:, [0, 0]], 1.0 / mass[:, [1, 1]]], axis=1)
+    inverse = np.concatenate([inverse, (1.0 / inertia)[:, :, np.newaxis]], axis=2).reshape(count, 6)
+    velocity = np.concatenate(
+        [scene.velocity.reshape(-1, 2, 2), scene.spin.reshape(-1, 2, 1)], axis=2
+    ).reshape(count, 6)
+    w = np.einsum("pai,pi,pbi->pab", jacobian, inverse, jacobian)
+    free = np.einsum("pai,pi->pa", jacobian, velocity)
+    free[:, 0] += (distance - r.sum(axis=1)) / scene.dt
+    mu, rho = scene.friction, 1.0 / np.trace(w, axis1=1, axis2=2)
+    impulse = np.zeros((count, 2))
+    for _ in range(sweeps):
+        u = free + np.einsum("pab,pb->pa", w, impulse)
+        shifted = u + np.stack([mu * np.abs(u[:, 1]), zero], axis=1)
+        impulse = on_cone(impulse - rho[:, np.newaxis] * shifted, mu)
+    return impulse
+
+
+def on_cone(impulse: FloatArray, mu: float) -> FloatArray:
+    """Return the nearest points of the cone |r_t| <= mu r_n, shape (m, 2)."""
+    normal, tangential = impulse[:, 0], np.abs(impulse[:, 1])
+    along = (normal + mu * tangential) / (1.0 + mu * mu)
+    edge = np.stack([along, mu * along * np.sign(impulse[:, 1])], axis=1)
+    inside, polar = tangential <= mu * normal, mu * tangential <= -normal
+    return np.where(inside[:, np.newaxis], impulse, np.where(polar[:, np.newaxis], 0.0, edge))
+
+
+@pytest.mark.parametrize("friction", [0.01, 0.1, 0.2, 0.3, 0.5, 0.8, 1.0, 3.0])
+def test_visit_solves_the_problem_of_de_saxce(friction: float) -> None:
+    scene = pairs(friction, seed=int(100 * friction))
+    simulation = Simulation(scene)
+    assert simulation.step().residual <= 1e-12
+    contacts, found = simulation.contacts(), np.zeros((PAIRS, 2))
+    pair = contacts.pair[:, 0] // 2
+    assert (contacts.pair[:, 1] == contacts.pair[:, 0] + 1).all()
+    found[pair] = scene.dt * np.stack([contacts.force, contacts.tangential_force], axis=1)
+    expected = by_de_saxce(scene)
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    touching = found[:, 0] > 0.0
+    assert 0.2 * PAIRS < touching.sum() < 0.8 * PAIRS
+    assert contacts.slides.any()
+    assert friction < 0.1 or not contacts.slides.all()
