@@ -19,7 +19,7 @@ from .access import at, larger, put, working_first_of, working_normal_of
 from .contacts import chunks_of_set, contact_count, is_wall_set, part_count
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, grain_count, pair_count
-from .threads import Team, keep_largest, thread_range
+from .threads import Team, thread_range, update_max
 from .types import Contacts, Grains, WorkingSet
 
 f64 = wp.float64
@@ -166,7 +166,7 @@ def sweep_ahead(team: Team, s: Scene, k: int):
         total = sweep_part(s, bounds[0], bounds[1], is_wall_set(s, k))
         put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
         zeta = larger(zeta, total[0])
-    keep_largest(team, s.partial.zeta, zeta)
+    update_max(team, s.partial.zeta, zeta)
 
 
 @wp.func

@@ -21,8 +21,8 @@ from .access import (
 from .contacts import gap_rates_now, is_wall_set
 from .record import Scene
 from .segments import contacts_of
-from .stopping import count_iteration, gathered, phase_after_sweep
-from .threads import BLOCK, MOMENTS, Team, keep_largest, partial_index
+from .stopping import count_iteration, phase_after_sweep, reduce_max
+from .threads import BLOCK, MOMENTS, Team, partial_index, update_max
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
 
@@ -171,12 +171,12 @@ def sweep(team: Team, s: Scene, k: int):
         zeta = sweep_weighted(s, begin, end, moment)
     else:
         zeta = sweep_equal(s, begin, end, moment)
-    keep_largest(team, s.partial.zeta, zeta)
+    update_max(team, s.partial.zeta, zeta)
 
 
 @wp.func
 def end_sweep(s: Scene):
     """Count a sweep, and choose what follows."""
-    count_iteration(s, gathered(s.partial.zeta))
+    count_iteration(s, reduce_max(s.partial.zeta))
     add_unmonitored(s)
     s.control.phase = phase_after_sweep(s)
