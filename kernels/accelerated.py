@@ -4,10 +4,10 @@ A sweep is coordinate descent on the dual objective of the step (MODEL.md, eq. 1
 
     phi = 1/2 sum_i M_i |v_i|^2 + sum_c mu_c dv_c gap_c / dt,    mu_c = M_i M_j / (M_i + M_j), M_i at a wall.
 
-Between two sweeps, corrections x and velocities go on along the line from the last ones,
+Between two sweeps, corrections x and velocities are extrapolated along the line from the last ones,
 y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13).
 With beta grows the over-relaxation of the sweep (Young 1954). Here is the sweep from y, with what it has done
-to phi; restart.py accepts or rejects it, stops momentum, and goes on.
+to phi; restart.py accepts or rejects it, and chooses the momentum of the next one.
 
 Only the working set is swept (working_set.py).
 """
@@ -19,7 +19,7 @@ from .access import at, larger, put, working_first_of, working_normal_of
 from .contacts import chunks_of_set, contact_count, is_wall_set, part_count
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, grain_count, pair_count
-from .threads import Team, keep_largest, thread_range
+from .threads import Team, thread_range, update_max
 from .types import Contacts, Grains, WorkingSet
 
 f64 = wp.float64
@@ -37,7 +37,7 @@ def mass_in_phi(grains: Grains, contacts: Contacts, i: int) -> f64:
 
 @wp.func
 def relaxation_factor(s: Scene) -> f64:
-    """How many times its own correction a contact is given."""
+    """Return omega: the multiple of its own correction that a contact is given (eq. 13)."""
     return f64(1.0) + s.momentum.state.relaxation * s.momentum.state.beta
 
 
@@ -53,7 +53,7 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
 
     @wp.func
     def shares_of(working: WorkingSet, c: int):
-        """Parts of the corrections that grains i and j take, and mu_c."""
+        """Return the parts of the corrections that grains i and j take, and mu_c."""
         share_i, share_j, mu = vector(), vector(), vector()
         for k in range(wp.static(count)):
             weight = at(working.weights, c + k)
@@ -166,12 +166,12 @@ def sweep_ahead(team: Team, s: Scene, k: int):
         total = sweep_part(s, bounds[0], bounds[1], is_wall_set(s, k))
         put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
         zeta = larger(zeta, total[0])
-    keep_largest(team, s.partial.zeta, zeta)
+    update_max(team, s.partial.zeta, zeta)
 
 
 @wp.func
 def begin_momentum(team: Team, s: Scene):
-    """Nothing is selected yet; start without momentum, or go on with it."""
+    """Empty the working set, and start without momentum unless sweeps are continued."""
     first, last = thread_range(team, 0, part_count(s))
     for k in range(first, last):
         put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))

@@ -17,8 +17,8 @@ from .contacts import chunks_of_set, is_wall_set, part_count
 from .friction import rim_weights
 from .record import Scene, grain_count, pair_count
 from .restart import back_off, take_t_on
-from .stopping import count_iteration, gathered, phase_after_sweep
-from .threads import Team, keep_largest, thread_range
+from .stopping import count_iteration, phase_after_sweep, reduce_max
+from .threads import Team, thread_range, update_max
 
 f64 = wp.float64
 GROWTH = wp.constant(f64(1.2))  # of that change, above which momentum stops
@@ -52,7 +52,7 @@ def select_tangential(s: Scene, part: int):
 
 
 @wp.func
-def put_back_tangential(s: Scene, part: int):
+def scatter_tangential(s: Scene, part: int):
     """Write the tangential corrections of a part of the working set where all contacts have theirs."""
     bounds = at(s.working.range, part)
     c = int(bounds[0])
@@ -163,13 +163,13 @@ def sweep_ahead_with_friction(team: Team, s: Scene, k: int):
             found = sweep_pairs(s, bounds[0], bounds[1])
         put(s.momentum.contact_part, part + chunk, wp.vec2d(found[1], -found[2]))
         zeta = larger(zeta, found[0])
-    keep_largest(team, s.partial.zeta, zeta)
+    update_max(team, s.partial.zeta, zeta)
 
 
 @wp.func
 def end_capped_sweep(s: Scene):
     """Count a sweep, choose the momentum of the next one, and what follows."""
-    zeta = gathered(s.partial.zeta)
+    zeta = reduce_max(s.partial.zeta)
     total = wp.vec2d()
     for k in range(part_count(s)):
         total = total + at(s.momentum.contact_part, k)

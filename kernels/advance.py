@@ -27,7 +27,7 @@ class Queue:
     left: wp.array(dtype=wp.int32)  # steps
     outcome: wp.array(dtype=wp.int32)  # of the last step
     seconds: wp.array(dtype=f64)  # spent
-    halt: wp.array(dtype=wp.int32)  # whether to begin no other step
+    cancel: wp.array(dtype=wp.int32)  # whether to begin no other step
 
 
 @wp.func_native("return __atomic_fetch_add(cursor.data, 1LL, __ATOMIC_RELAXED);")
@@ -59,7 +59,7 @@ def take(queue: Queue) -> int:
     """Acquire a scene that has steps left. Returns its number, or -1 if there is none."""
     scenes = queue.left.shape[0]
     found = int(-1)
-    if queue.halt[0] == 0:
+    if queue.cancel[0] == 0:
         first = int(next_slice(queue.cursor) % wp.int64(scenes))
         look = int(0)
         while look < scenes and found < 0:
@@ -88,7 +88,7 @@ def slice_goes_on(team: Team, queue: Queue, k: int, begun: f64) -> int:
     """Return 1 if the team continues with scene k; if not, add up the time spent on it."""
     spent = seconds() - begun
     count_rest(team)
-    if has_work(queue, k) and queue.halt[0] == 0 and spent < TIME_SLICE and not is_to_grow(team):
+    if has_work(queue, k) and queue.cancel[0] == 0 and spent < TIME_SLICE and not is_to_grow(team):
         return 1
     queue.seconds[k] = queue.seconds[k] + spent
     return 0

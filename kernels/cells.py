@@ -27,7 +27,7 @@ def bucket_of(cx: int, cy: int, width: int) -> int:
 
 
 @wp.func
-def ends(count: Ints, end: Ints):
+def prefix_sum(count: Ints, end: Ints):
     """Write the inclusive prefix sum: end[k] = count[0] + ... + count[k]."""
     total = int(0)
     k = int(0)
@@ -63,7 +63,7 @@ def count_in_cell(s: Scene, i: int):
 @wp.func
 def end_cells(s: Scene):
     """Find the end of every bucket, and reset the number of contacts found."""
-    ends(s.grid.cell_start, s.grid.cell_start)
+    prefix_sum(s.grid.cell_start, s.grid.cell_start)
     put(s.neighbors.total, 0, 0)
     for b in range(grain_count(s), s.neighbors.seconds.shape[0]):
         put(s.neighbors.seconds, b, 0)

@@ -4,7 +4,7 @@ import warp as wp
 
 from . import law
 from .access import at, put, raise_to, set_bodies
-from .record import Phase, Scene, amid_sweeps, grain_count, is_accelerated
+from .record import Phase, Scene, grain_count, is_accelerated, may_have_missed
 from .types import NeighborList
 from .verlet import stayed_silent
 from .walls import wall_body_count
@@ -127,7 +127,7 @@ def transfer_warm_start(s: Scene, i: int):
         dv = wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
         if k_old >= 0:
             dv = at(s.workspace.old_dv, k_old)
-        elif amid_sweeps(s) and not stayed_silent(s, i, j):
+        elif may_have_missed(s) and not stayed_silent(s, i, j):
             s.verlet.flags.missed = 1
         set_bodies(s.contacts.contact, c, i, j)
         put(s.contacts.dv, c, dv[0])

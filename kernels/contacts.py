@@ -35,7 +35,7 @@ def is_wall_set(s: Scene, k: int) -> bool:
 
 @wp.func
 def chunks_in(count: int) -> int:
-    """Return the number of chunks that hold so many elements."""
+    """Return the number of chunks that hold `count` elements."""
     return (count + CHUNK - 1) // CHUNK
 
 

@@ -23,7 +23,7 @@ from .contacts import apply, contact_count, gap_rates_now, is_wall_set
 from .gauss_seidel import in_blocks, note_moment
 from .record import Scene, grain_count, is_accelerated, pair_count
 from .segments import contacts_of
-from .threads import MOMENTS, Team, keep_largest, partial_index, thread_range
+from .threads import MOMENTS, Team, partial_index, thread_range, update_max
 from .types import Floats, Vectors
 from .verlet import least_monitored_correction, monitor
 from .warm_start import freeze
@@ -160,7 +160,7 @@ def measure_with_friction(team: Team, s: Scene):
     while c < end:
         worst = larger(worst, residual_of(s, c))
         c += 1
-    keep_largest(team, s.partial.residual, worst)
+    update_max(team, s.partial.residual, worst)
 
 
 def sweeping(weighted: bool) -> wp.Function:
@@ -263,7 +263,7 @@ def sweep_with_friction(team: Team, s: Scene, k: int):
         zeta = sweep_weighted(s, begin, end, moment)
     else:
         zeta = sweep_equal(s, begin, end, moment)
-    keep_largest(team, s.partial.zeta, zeta)
+    update_max(team, s.partial.zeta, zeta)
 
 
 @wp.func

@@ -21,8 +21,8 @@ from .access import (
 from .contacts import gap_rates_now, is_wall_set
 from .record import Scene
 from .segments import contacts_of
-from .stopping import count_iteration, gathered, phase_after_sweep
-from .threads import BLOCK, MOMENTS, Team, keep_largest, partial_index
+from .stopping import count_iteration, phase_after_sweep, reduce_max
+from .threads import BLOCK, MOMENTS, Team, partial_index, update_max
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
 
@@ -39,7 +39,7 @@ NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 """)
 )
 def note_moment(moments: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
-    """Keep what a correction has made of two velocities: another of its block may change them again."""
+    """Keep the two velocities after a correction, because a later pair of the block may change them."""
     ...
 
 
@@ -53,7 +53,7 @@ def note_moment(moments: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
 """)
 )
 def moment_at(moments: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
-    """Read one of them. On a GPU it is the velocity of i still: all pairs of a launch are of one set."""
+    """Return a kept velocity. A GPU reads that of grain i: the pairs of a launch are one independent set."""
     ...
 
 
@@ -78,7 +78,7 @@ def in_blocks(correct_block: wp.Function) -> wp.Function:
 def sweeping(weighted: bool) -> wp.Function:
     """Return the function that corrects pairs, in place, and monitors their grains.
 
-    It takes `(scene, begin, end, k)`, moments from place k on, and returns the largest |dv|.
+    It takes `(scene, begin, end, k)`, keeps velocities from index k on, and returns the largest |dv|.
     """
 
     @wp.func
@@ -171,12 +171,12 @@ def sweep(team: Team, s: Scene, k: int):
         zeta = sweep_weighted(s, begin, end, moment)
     else:
         zeta = sweep_equal(s, begin, end, moment)
-    keep_largest(team, s.partial.zeta, zeta)
+    update_max(team, s.partial.zeta, zeta)
 
 
 @wp.func
 def end_sweep(s: Scene):
     """Count a sweep, and choose what follows."""
-    count_iteration(s, gathered(s.partial.zeta))
+    count_iteration(s, reduce_max(s.partial.zeta))
     add_unmonitored(s)
     s.control.phase = phase_after_sweep(s)

@@ -69,7 +69,7 @@ def leaves(stages: Sequence[Stage]) -> list[Serial | Each | Shared | Sets]:
             case If(condition, inner) | While(condition, inner):
                 found += [Serial(test(condition)), *leaves(inner)]
             case Each():
-                found.append(replace(stage, adds_up=False))
+                found.append(replace(stage, atomic=False))
             case Sets():
                 found += [Serial(begin_sets), stage, Serial(next_set)]
             case _:
@@ -118,7 +118,7 @@ class Launcher:
                     self._launch(tested, 1)
                     wp.capture_while(self._word("holds"), self._later([*inner, tested]))
                 case Each():
-                    self._launch(replace(stage, adds_up=False), self._team.size)
+                    self._launch(replace(stage, atomic=False), self._team.size)
                 case Serial():
                     self._launch(stage, 1)
                 case Shared():

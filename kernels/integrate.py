@@ -11,7 +11,7 @@ f64 = wp.float64
 
 @wp.func
 def begin_step(s: Scene):
-    """Count lists and attempts anew."""
+    """Reset the counts of lists, attempts and factorizations."""
     s.step.rebuilds = 0
     s.step.redos = 0
     s.step.factorizations = 0
@@ -19,7 +19,7 @@ def begin_step(s: Scene):
 
 @wp.func
 def free_velocity(s: Scene, i: int):
-    """v* (eqs. 2, 16, 17)."""
+    """Compute v* (eqs. 2, 16, 17)."""
     v = at(s.grains.velocity, i)
     m = at(s.grains.mass, i)
     if s.scheme.leapfrog != 0:
@@ -32,7 +32,7 @@ def free_velocity(s: Scene, i: int):
 
 @wp.func
 def move(s: Scene, i: int):
-    """X += dt v, with the velocities that the contacts have corrected (eq. 3)."""
+    """Move a grain with the velocity that the contacts have corrected (eq. 3)."""
     x = at(s.grains.position, i)
     v = at(s.grains.next_velocity, i)
     put(s.grains.last_position, i, x)
@@ -43,7 +43,7 @@ def move(s: Scene, i: int):
 
 @wp.func
 def stagger(s: Scene):
-    """Say of which moment the velocities are now."""
+    """Note that velocities are half a step behind the positions after a leapfrog step."""
     s.scheme.last_staggered = s.scheme.staggered
     if s.scheme.leapfrog != 0:
         s.scheme.staggered = 1

@@ -20,7 +20,7 @@ FOUR = wp.constant(4)
 
 @dataclass(frozen=True)
 class Lanes:
-    """Functions of so many pairs, those from place c on.
+    """Functions of several pairs at once, of those from index c on.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Lanes:
 
 @wp.func
 def end_of_fours(begin: int, end: int) -> int:
-    """Where the last whole four of [begin, end) ends."""
+    """Return the end of the last complete group of four in [begin, end)."""
     return end - (end - begin) % FOUR
 
 
@@ -88,7 +88,7 @@ VELOCITIES = """
 
 @cache
 def lanes(count: int) -> Lanes:
-    """Return the functions of so many pairs."""
+    """Return the functions of `count` pairs at once."""
     vector = wp.types.vector(length=count, dtype=f64)
 
     @wp.func_native(

@@ -1,4 +1,4 @@
-"""The law of grains, as pure functions of numbers, to be held against MODEL.md line by line."""
+"""The law of grains as pure functions of numbers, to be compared with MODEL.md line by line."""
 
 import warp as wp
 
@@ -120,13 +120,13 @@ def mass_share(mass_i: f64, mass_j: f64) -> f64:
 
 @wp.func
 def natural_residual(vn: f64, dv: f64, gap_rate: f64) -> f64:
-    """How far one contact is from complementarity [m/s] (eq. 12)."""
+    """Return the natural residual of one contact [m/s] (eq. 12)."""
     return wp.abs(wp.max(f64(0.0), dv + vn - gap_rate) - dv)
 
 
 @wp.func
 def wall_residual(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
-    """The same of a contact with a wall: the larger one of its two sides [m/s]."""
+    """Return the natural residual of a contact with a wall: the larger one of its two sides [m/s]."""
     front = natural_residual(vn, wp.max(dv, f64(0.0)), gap_rate)
     return wp.max(front, natural_residual(-vn, wp.max(-dv, f64(0.0)), back_rate))
 

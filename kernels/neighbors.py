@@ -7,7 +7,7 @@ pair, so that few large grains among many small ones cost no more than the cells
 import warp as wp
 
 from .access import add, at, checked, lowest_bit, put
-from .cells import AT_ONCE, bucket_of, cell_of, ends
+from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
 from .contact_list import was_active
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count
 from .types import CellGrid
@@ -160,8 +160,8 @@ def fill_rows(s: Scene):
         s.neighbors.start,
         s.neighbors.seconds,
     )
-    ends(s.neighbors.firsts, start)
-    ends(second, second)
+    prefix_sum(s.neighbors.firsts, start)
+    prefix_sum(second, second)
     contacts = at(s.neighbors.total, 0)
     put(start, grain_count(s), contacts)
     k = int(contacts)

@@ -67,7 +67,7 @@ def is_clear_of_cell(x: wp.vec2d, radius: f64, discs: Discs, cell: int) -> bool:
 
 @wp.func
 def is_clear(x: wp.vec2d, radius: f64, discs: Discs, level: int) -> bool:
-    """Return whether a disc at x overlaps no disc of a level. The cell of x is checked first."""
+    """Return whether a disc at x overlaps no disc of a level of the grid; its own cell is checked first."""
     width = discs.width[level]
     column, row = cell_index(x[0], discs, level), cell_index(x[1], discs, level)
     own = discs.first[level] + column * width + row

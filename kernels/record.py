@@ -25,7 +25,7 @@ from .walls import Walls
 
 f64 = wp.float64
 
-SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, HALTED, BEYOND_WALL, SLOW = (
+SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, CANCELLED, BEYOND_WALL, SLOW = (
     wp.constant(k) for k in range(9)
 )
 """Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. So is an UNPROVED
@@ -75,7 +75,7 @@ class Control:
     """The phase of the step, and flags that it does not imply."""
 
     phase: wp.int32
-    halted: wp.int32  # whether the host wants the step given up
+    cancelled: wp.int32  # whether the host wants the step given up
     unordered: wp.int32  # whether the list is not in sweeping order
     recoloring: wp.int32  # whether pairs have kept colors that do not follow from the list alone
     resuming: wp.int32  # whether the attempt continues from its velocities, and does not start again
@@ -225,6 +225,6 @@ def dealt_threads(s: Scene) -> int:
 
 
 @wp.func
-def amid_sweeps(s: Scene) -> bool:
+def may_have_missed(s: Scene) -> bool:
     """Return whether the list was made during sweeps, in which its new contacts may have been missing."""
     return s.control.resuming != 0 and not is_accelerated(s)

@@ -15,7 +15,7 @@ from .access import at, first_of, gap_rate_of, larger, normal_of, put, vn_of
 from .contacts import apply, contact_count, gap_rates_now, is_wall_set
 from .record import Scene, pair_count
 from .segments import contacts_of
-from .threads import Team, keep_largest, thread_range
+from .threads import Team, thread_range, update_max
 
 f64 = wp.float64
 
@@ -57,4 +57,4 @@ def measure_residual(team: Team, s: Scene):
     while c < end:
         worst = larger(worst, residual_of(s, c))
         c += 1
-    keep_largest(team, s.partial.residual, worst)
+    update_max(team, s.partial.residual, worst)

@@ -19,7 +19,7 @@ from .accelerated import mass_in_phi
 from .access import at, put
 from .contacts import CHUNK, chunks_in, part_count
 from .record import Scene, grain_count
-from .stopping import count_iteration, gathered, phase_after_sweep
+from .stopping import count_iteration, phase_after_sweep, reduce_max
 from .threads import Team, thread_range
 
 f64 = wp.float64
@@ -80,8 +80,8 @@ def accept_or_reject(s: Scene, zeta: f64):
 
 @wp.func
 def end_sweep_ahead(s: Scene):
-    """Count a sweep, accept or reject it, and choose what follows."""
-    zeta = gathered(s.partial.zeta)
+    """End a sweep from extrapolated velocities: count it, accept or reject it, and choose the next phase."""
+    zeta = reduce_max(s.partial.zeta)
     accept_or_reject(s, zeta)
     count_iteration(s, zeta)
     s.control.phase = phase_after_sweep(s)

@@ -109,7 +109,7 @@ def next_set(team: Team, s: Scene, k: int) -> int:
 
 @wp.func
 def end_set(team: Team, s: Scene, k: int):
-    """Publish the changes of this set, or segment, to the other threads."""
+    """Make the changes of this thread in an independent set, or segment, visible to the other threads."""
     if dealt_threads(s) > 0:
         w = int(team.rank)
         while k >= at(s.dealt.first_segment, w + 1):

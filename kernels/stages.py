@@ -38,14 +38,14 @@ class Each:
     Attributes
     ----------
     count, stage : wp.Function
-    adds_up : bool
+    atomic : bool
         Whether elements change the same places, by atomics. On a CPU Warp's are not atomic between threads,
         so that one thread does all elements.
     """
 
     count: wp.Function
     stage: wp.Function
-    adds_up: bool = False
+    atomic: bool = False
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ def _fused(stage: Stage) -> wp.Function:
     match stage:
         case Serial(run):
             return _serial(run)
-        case Each(count, run, adds_up):
-            return _each(count, run, adds_up)
+        case Each(count, run, atomic):
+            return _each(count, run, atomic)
         case Shared(run):
             return _shared(run)
         case Sets(run):
@@ -128,7 +128,7 @@ def _noting(stage: wp.Function) -> wp.Function:
         if s.violation.found == wp.int64(1):
             s.violation.found = wp.int64(2)
             s.violation.stage = wp.int64(number)
-            s.control.halted = 1
+            s.control.cancelled = 1
 
     return note
 
@@ -165,7 +165,7 @@ def _serial(stage: wp.Function) -> wp.Function:
     return serial
 
 
-def _each(count: wp.Function, stage: wp.Function, adds_up: bool) -> wp.Function:
+def _each(count: wp.Function, stage: wp.Function, atomic: bool) -> wp.Function:
     note = _noting(stage)
 
     @wp.func(inline=False)
@@ -174,7 +174,7 @@ def _each(count: wp.Function, stage: wp.Function, adds_up: bool) -> wp.Function:
         end = count(s)
         if not is_member(team):
             end = 0
-        elif wp.static(adds_up):
+        elif wp.static(atomic):
             if team.rank > 0:
                 end = 0
         else:

@@ -6,8 +6,8 @@ from . import law
 from .access import at, first_of, larger, put, second_of
 from .contacts import contact_count
 from .record import Scene, grain_count
-from .stopping import gathered
-from .threads import Team, keep_largest, partial_index, thread_range
+from .stopping import reduce_max
+from .threads import Team, partial_index, thread_range, update_max
 from .walls import wall_overlap
 
 f64 = wp.float64
@@ -38,7 +38,7 @@ def overlaps(team: Team, s: Scene):
         put(s.contacts.dv_start, c, dv)
         active += 1 if dv != f64(0.0) else 0
         c += 1
-    keep_largest(team, s.partial.overlap, worst)
+    update_max(team, s.partial.overlap, worst)
     wp.atomic_add(s.partial.active, partial_index(team, s.partial.active.shape[0]), active)
 
 
@@ -50,7 +50,7 @@ def report(s: Scene):
         active += at(s.partial.active, k)
         put(s.partial.active, k, 0)
     s.step.active = active
-    s.step.overlap = gathered(s.partial.overlap)
+    s.step.overlap = reduce_max(s.partial.overlap)
 
 
 @wp.func

@@ -56,17 +56,17 @@ from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 SEARCH = [
     Each(cells.bucket_count, cells.clear_cell),
-    Each(grain_count, cells.count_in_cell, adds_up=True),
+    Each(grain_count, cells.count_in_cell, atomic=True),
     Serial(cells.end_cells),
-    Each(grain_count, cells.fill_cell, adds_up=True),
-    Each(grain_count, neighbors.find_pairs, adds_up=True),
-    Each(grain_count, neighbors.find_walls, adds_up=True),
+    Each(grain_count, cells.fill_cell, atomic=True),
+    Each(grain_count, neighbors.find_pairs, atomic=True),
+    Each(grain_count, neighbors.find_walls, atomic=True),
     Serial(neighbors.check_capacity),
     If(
         listed,
         [
             Serial(neighbors.fill_rows),
-            Each(grain_count, contact_list.match_rows, adds_up=True),
+            Each(grain_count, contact_list.match_rows, atomic=True),
         ],
     ),
 ]
@@ -142,17 +142,17 @@ GAUSS_SEIDEL_WITH_FRICTION = plain_sweeps(friction.sweep_with_friction, REBUILD_
 
 def accelerated_sweeps(has_friction: bool) -> list[Stage]:
     """Sweep the working set with momentum."""
-    put_back = [
-        Each(part_count, working_set.put_back),
-        *only(has_friction, [Each(part_count, accelerated_friction.put_back_tangential)]),
+    scatter = [
+        Each(part_count, working_set.scatter),
+        *only(has_friction, [Each(part_count, accelerated_friction.scatter_tangential)]),
     ]
-    check_list = [*put_back, Each(grain_count, working_set.see_skin), Serial(stopping.end_list_check)]
+    check_list = [*scatter, Each(grain_count, working_set.check_peak), Serial(stopping.end_list_check)]
     take_rebuilt = [
         Each(grain_count, restart.take_rebuilt_velocity),
         *only(has_friction, [Each(grain_count, accelerated_friction.take_rebuilt_rim)]),
     ]
     measure = [
-        *put_back,
+        *scatter,
         *(REBUILD_WITH_FRICTION if has_friction else REBUILD),
         If(stopping.is_rebuild_due, take_rebuilt),
         Serial(stopping.end_measurement),

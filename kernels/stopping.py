@@ -11,8 +11,8 @@ from . import law
 from .access import at, first_of, normal_of, put
 from .record import (
     BEYOND_WALL,
+    CANCELLED,
     EXPIRED,
-    HALTED,
     NOT_CONVERGED,
     SLOW,
     SOLVED,
@@ -35,7 +35,7 @@ FIRST_SCANS = wp.constant(8)  # sweeps within which powers of two are followed b
 
 
 @wp.func
-def gathered(partial: Floats) -> f64:
+def reduce_max(partial: Floats) -> f64:
     """Return the maximum of the partial maxima, and clear these."""
     largest = f64(0.0)
     for k in range(partial.shape[0]):
@@ -53,7 +53,7 @@ def is_power_of_two(number: int) -> bool:
 @wp.func
 def has_iterations_left(s: Scene) -> bool:
     """Return whether to iterate on, by the number of iterations and by zeta if the tolerance is on that."""
-    left = s.step.iterations < s.stopping.max_iterations and s.control.halted == 0
+    left = s.step.iterations < s.stopping.max_iterations and s.control.cancelled == 0
     if s.stopping.on_residual == 0 and s.control.rejected == 0:
         left = left and s.step.zeta > s.stopping.tolerance
     return left
@@ -177,7 +177,7 @@ def end_list_check(s: Scene):
 @wp.func
 def end_measurement(s: Scene):
     """Stop if the residual meets the tolerance, unless it is for the history alone, or falls too slowly."""
-    residual = gathered(s.partial.residual)
+    residual = reduce_max(s.partial.residual)
     s.step.residual = residual
     s.step.measured = s.step.iterations
     if s.step.iterations <= s.history.residual.shape[0]:
@@ -199,13 +199,13 @@ def end_measurement(s: Scene):
 
 @wp.func
 def end_correction(s: Scene):
-    """Sweep on unless the corrections of the host meet the tolerance."""
-    s.step.residual = gathered(s.partial.residual)
+    """Continue with sweeps unless the solution of the step by the host (CPU) meets the tolerance."""
+    s.step.residual = reduce_max(s.partial.residual)
     s.step.measured = s.step.iterations
     s.momentum.state.residual = s.step.residual
     left = s.step.residual > s.stopping.tolerance and s.step.iterations < s.stopping.max_iterations
     s.control.rejected = 0
-    s.control.stopped = 0 if left and s.control.halted == 0 else 1
+    s.control.stopped = 0 if left and s.control.cancelled == 0 else 1
     s.control.phase = Phase.VERIFY if s.control.stopped != 0 else Phase.CHECK_LIST
 
 
@@ -287,8 +287,8 @@ def judge(s: Scene):
         s.verlet.flags.bad_grain = grain_beyond_wall(s)
         if s.verlet.flags.bad_grain >= 0:
             outcome = BEYOND_WALL
-    if s.control.halted != 0 and not converged:
-        outcome = HALTED
+    if s.control.cancelled != 0 and not converged:
+        outcome = CANCELLED
     s.step.converged = 1 if converged else 0
     s.step.outcome = outcome
     if outcome == SOLVED and not converged:

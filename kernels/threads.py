@@ -82,7 +82,7 @@ def partial_index(team: Team, partials: int) -> int:
 
 
 @wp.func
-def keep_largest(team: Team, parts: Floats, value: wp.float64):
+def update_max(team: Team, parts: Floats, value: wp.float64):
     """Raise this thread's partial maximum to a value; write it seldom, because threads share cache lines."""
     k = partial_index(team, parts.shape[0])
     if value > at(parts, k):

@@ -15,8 +15,8 @@ from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, 
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, pair_count
-from .stopping import gathered, stop_or_sweep
-from .threads import Team, keep_largest, thread_range
+from .stopping import reduce_max, stop_or_sweep
+from .threads import Team, thread_range, update_max
 from .verlet import keep_peak
 
 f64 = wp.float64
@@ -35,7 +35,7 @@ def nearness(s: Scene) -> f64:
 
 
 @wp.func
-def see_skin(s: Scene, i: int):
+def check_peak(s: Scene, i: int):
     """Update a grain's peak; the list expires if its skin does not allow for contacts near a violation."""
     allowed = at(s.verlet.peak_limit, i) - nearness(s)
     peak = keep_peak(s, i, at(s.grains.next_velocity, i))
@@ -44,7 +44,7 @@ def see_skin(s: Scene, i: int):
 
 
 @wp.func
-def put_back(s: Scene, part: int):
+def scatter(s: Scene, part: int):
     """Copy the corrections of a part of the working set back to all contacts."""
     working = s.working
     bounds = at(working.range, part)
@@ -157,7 +157,7 @@ def select_set(team: Team, s: Scene, k: int):
             after, worst = select_pairs(s, begin, end)
         violation = larger(violation, worst)
         put(s.working.range, part + chunk, wp.vec2i(begin, after))
-    keep_largest(team, s.partial.zeta, violation)
+    update_max(team, s.partial.zeta, violation)
 
 
 @wp.func
@@ -166,7 +166,7 @@ def end_scan(s: Scene):
 
     If the tolerance is on zeta, the violation of contacts outside the set counts as a change still to come.
     """
-    violation = gathered(s.partial.zeta)
+    violation = reduce_max(s.partial.zeta)
     iterations = s.step.iterations
     if iterations > 0 and s.stopping.on_residual == 0 and s.control.rejected == 0:
         s.step.zeta = wp.max(s.step.zeta, violation)

@@ -15,7 +15,7 @@ SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}
 
 
 def draw(path: Path) -> dict[str, float]:
-    """Draw the slides of both schemes, beside the pendulum, and return their orders in dt."""
+    """Draw the slides of both schemes, next to the pendulum, and return their orders in dt."""
     from matplotlib.figure import Figure
 
     scene = wg.Scene.load("bowl")

@@ -61,7 +61,7 @@ def moments(
 
 
 def shipped(name: str, *times: float, path: Path, color_by: str = "speed") -> Numbers:
-    """Draw a shipped scene, and tell how it was solved."""
+    """Draw a shipped scene, and print a summary of its solution."""
     scene = wg.Scene.load(name)
     simulation, summary = moments(path, scene, times, color_by)
     return {
@@ -96,14 +96,14 @@ def column(path: Path) -> Numbers:
 
 
 def drums(path: Path) -> Numbers:
-    """Draw the drum as drum.py does, and tell of the one with the least drag."""
+    """Draw the drum as drum.py does, and print the results at the least drag."""
     settled = [drum.settle(drag) for drag in drum.DRAGS]
     drum.draw(settled, str(path))
     return drum.measure(settled[0])
 
 
 def bidisperse(path: Path) -> Numbers:
-    """Let grains of two sizes come to rest, and equal ones beside them."""
+    """Let grains of two sizes settle, and equal ones for comparison."""
     row, numbers = Row(path, 2), {}
     for label, overrides in {"of two sizes": (), "equal": ("grains.radius=0.048",)}.items():
         simulation = wg.Simulation(wg.Scene.load("bidisperse", overrides))

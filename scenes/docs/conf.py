@@ -1,4 +1,4 @@
-"""How Sphinx builds these pages: python -m sphinx -W scenes/docs build/docs."""
+"""Settings with which Sphinx builds these pages: python -m sphinx -W scenes/docs build/docs."""
 
 import warpgrains
 

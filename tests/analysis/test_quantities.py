@@ -11,7 +11,7 @@ from warpgrains.analysis import quantities, snapshot
 from warpgrains.analysis.quantities import SWEEP_QUANTITIES
 from warpgrains.scene.geometry import area_below
 from warpgrains.scene.walls import Annulus
-from warpgrains.solver.ends import Grains
+from warpgrains.solver.final_states import Grains
 
 EPS = np.finfo(np.float64).eps
 G = 9.81

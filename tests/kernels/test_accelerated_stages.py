@@ -168,7 +168,7 @@ def test_working_contacts_are_copies_that_are_put_back(equal: bool) -> None:
     for name, all_contacts in (("working.dv", NOW), ("working.last_dv", LAST)):
         expected[all_contacts], new = record[all_contacts].copy(), rng.uniform(1.0, 2.0, len(k))
         expected[all_contacts][k] = record[name][at] = new
-    record.run(Each(part_count, working_set.put_back))
+    record.run(Each(part_count, working_set.scatter))
     assert all(np.array_equal(record[name], array) for name, array in expected.items())
 
 
@@ -205,7 +205,7 @@ def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> 
     control = record.record["control"]
     control["phase"], control["stopped"] = Phase.CHECK_LIST, 0
     record.record["step"]["measured"] = record.record["step"]["iterations"]
-    record.run(Each(grain_count, working_set.see_skin), Serial(stopping.end_list_check))
+    record.run(Each(grain_count, working_set.check_peak), Serial(stopping.end_list_check))
     assert flags["list_expired"] == expired
     assert (control["phase"], control["stopped"]) == (Phase.VERIFY if expired else Phase.SCAN, 0)
     assert record["verlet.peak_deviation"][7] == peak**2

@@ -75,7 +75,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     record.record["grid"]["inverse_size"] = 1.0 / cell_size
     poison(record)
     record.run(*SEARCH)
-    record.make_room(int(record["neighbors.total"][0]))
+    record.reserve_contacts(int(record["neighbors.total"][0]))
     poison(record)
     record.run(*SEARCH)
     assert record.record["control"]["phase"] == Phase.LISTED

@@ -13,7 +13,7 @@ WALL = 2  # the body after two grains
 TOUCHING = {1: [[0.0, 0.0], [3.0, 0.0]], WALL: [[0.0, -63.0], [0.0, 40.0]]}
 
 
-def amid_sweeps(position: list[list[float]], other: int = 1, accelerated: bool = False) -> OneRecord:
+def may_have_missed(position: list[list[float]], other: int = 1, accelerated: bool = False) -> OneRecord:
     """List a contact of grain 0 newly, in an attempt that goes on, of two grains of peaks 3 and 5 m/s."""
     record = record_with(accelerated)
     record.record["control"]["resuming"] = 1
@@ -36,7 +36,7 @@ def test_pair_that_stayed_silent(reverse: bool) -> None:
     enough = DT * ((-3.0 if reverse else 3.0) + 3.0 + 5.0) + ROUNDING
     for gap, missed in ((enough, 0), (enough - 2.0**-40, 1)):
         x = (1.0 + 2.0 + gap) * (-1.0 if reverse else 1.0)
-        record = amid_sweeps([[0.0, 1.0], [x, 1.0]])
+        record = may_have_missed([[0.0, 1.0], [x, 1.0]])
         record.run(TRANSFER)
         assert flag(record, "missed") == missed
 
@@ -44,7 +44,7 @@ def test_pair_that_stayed_silent(reverse: bool) -> None:
 @pytest.mark.parametrize("other", TOUCHING)
 @pytest.mark.parametrize("how", ["missing", "listed before", "another attempt", "accelerated"])
 def test_contact_that_was_not_missing(how: str, other: int) -> None:
-    record = amid_sweeps(TOUCHING[other], other, accelerated=how == "accelerated")
+    record = may_have_missed(TOUCHING[other], other, accelerated=how == "accelerated")
     record["workspace.old_place"][0] = 0 if how == "listed before" else -1
     record.record["control"]["resuming"] = int(how != "another attempt")
     record.run(TRANSFER)
@@ -57,7 +57,7 @@ def test_walls_that_stayed_off(wall: str) -> None:
     path = DT * (5.0 + 3.0) + ROUNDING
     for gap, missed in ((path + 2.0**-40, 0), (path, 1)):
         at = 64.0 - 1.0 - gap if wall == "outer" else 16.0 + 1.0 + gap
-        record = amid_sweeps([[0.0, -at], [0.0, 40.0]], WALL)
+        record = may_have_missed([[0.0, -at], [0.0, 40.0]], WALL)
         record["verlet.reference_velocity"][0] = -3.0, 4.0
         record.run(TRANSFER)
         assert flag(record, "missed") == missed

@@ -89,7 +89,7 @@ def test_a_team_that_shrinks_and_grows(
 def test_a_thread_that_waits_sleeps() -> None:
     """A second thread is launched alone: it waits for the first, which has nothing to do."""
     engine = Simulation(scene("sequential"), threads=2)._engine
-    first, second = engine.works(2)
+    first, second = engine.tasks(2)
 
     def wait() -> float:
         begun = thread_time()

@@ -17,7 +17,7 @@ from same_bits import contents
 
 from warpgrains import Batch, Scene, Simulation
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.solver.threads import side_by_side
+from warpgrains.solver.threads import run_threads
 
 ENDLESS = {"tolerance": 0.0, "max_iterations": 2_000_000_000}
 
@@ -106,5 +106,5 @@ def test_interrupt_while_threads_start(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(ThreadPoolExecutor, "submit", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        side_by_side([lambda: (sleep(0.2), ended.append(0)), lambda: ended.append(1)], lambda: None)
+        run_threads([lambda: (sleep(0.2), ended.append(0)), lambda: ended.append(1)], lambda: None)
     assert sorted(ended) == [0, 1]

@@ -43,7 +43,7 @@ def launched_state(scene: Scene, steps: int) -> State:
         outcome = records.host["step"]["outcome"][0]
         assert outcome in (SOLVED, UNPROVED, WITHOUT_ROOM, SLOW)
         if outcome == WITHOUT_ROOM:
-            records.make_room(0, int(records.array(0, "neighbors.total")[0]))
+            records.reserve_contacts(0, int(records.array(0, "neighbors.total")[0]))
         elif outcome == SLOW:
             engine._service.solve_exactly(0)
         else:

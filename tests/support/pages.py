@@ -69,7 +69,12 @@ _END_OF_SENTENCE = re.compile(r"(?<=[.!?])(?<!\beq\.)(?<!\beqs\.)[)*]*\s+(?=[A-Z
 
 
 def sentences(name: str) -> list[str]:
-    """Return the sentences of a page, in paragraphs and lists; links are replaced by what they show."""
-    text = _LINK.sub(r"\1", _NO_SENTENCES.sub("\n\n", PAGES[name].read_text()))
+    """Return the sentences of a page, in paragraphs and lists; links are replaced by what they show.
+
+    The page "model" is kernels/MODEL.md, whose equations are indented.
+    """
+    path = ROOT / "kernels/MODEL.md" if name == "model" else PAGES[name]
+    source = re.sub(r"^    .*$", "", path.read_text(), flags=re.M) if name == "model" else path.read_text()
+    text = _LINK.sub(r"\1", _NO_SENTENCES.sub("\n\n", source))
     paragraphs = (" ".join(one.split()) for one in _END_OF_PARAGRAPH.split(text))
     return [sentence for one in paragraphs for sentence in _END_OF_SENTENCE.split(one) if sentence]

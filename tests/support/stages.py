@@ -52,15 +52,15 @@ class OneRecord:
 
     def __init__(self, scene: Scene, contacts: int, team: int = 1):
         self._records = SceneRecords([scene], team, wp.get_device("cpu"))
-        self._records.make_room(0, contacts)
+        self._records.reserve_contacts(0, contacts)
         self.record = self._records.host[0]
         self.memory = SceneMemory(self._records, 0, scene)
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
         return self._records.array(0, name)
 
-    def make_room(self, contacts: int) -> None:
-        self._records.make_room(0, contacts)
+    def reserve_contacts(self, contacts: int) -> None:
+        self._records.reserve_contacts(0, contacts)
 
     @property
     def verlet_numbers(self) -> np.ndarray[Any, Any]:

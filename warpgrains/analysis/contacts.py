@@ -25,7 +25,7 @@ from warpgrains.analysis.packing import cell_areas
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
 from warpgrains.scene.geometry import left_of
-from warpgrains.solver.ends import Grains
+from warpgrains.solver.final_states import Grains
 
 
 def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:

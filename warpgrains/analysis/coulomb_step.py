@@ -45,7 +45,7 @@ def solve_with_frozen_slip(problem: StepProblem, motion: FloatArray, witness: Wi
 
 
 def _projection(step: StepConstraints, motion: FloatArray, root: FloatArray, free: FloatArray) -> Projection:
-    """Return the problem in units of its own, y = root (v, u)."""
+    """Return the step as a projection onto a polyhedron, in y = sqrt(mass) (velocity, rim speed)."""
     scene, pairs = step.scene, len(step.second)
     contacts, n = len(step.first), len(motion)
     tangent = np.stack([-step.normal[:, 1], step.normal[:, 0]], axis=1)

@@ -10,7 +10,7 @@ from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.scheme import kick_of, spin_kick_of
-from warpgrains.solver.ends import Grains
+from warpgrains.solver.final_states import Grains
 
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation

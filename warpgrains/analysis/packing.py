@@ -14,7 +14,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import missing_extra
 from warpgrains.scene.geometry import area_below, area_in_disc
 from warpgrains.scene.walls import Annulus
-from warpgrains.solver.ends import Grains
+from warpgrains.solver.final_states import Grains
 
 BEYOND = 10.0  # in radii of the outer wall: three auxiliary points there close the outermost cells
 

@@ -13,7 +13,7 @@ from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene import checks
 from warpgrains.scene.walls import INNER, OUTER
-from warpgrains.solver.ends import Grains
+from warpgrains.solver.final_states import Grains
 
 
 class Quantity(NamedTuple):

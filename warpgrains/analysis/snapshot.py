@@ -11,7 +11,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.drawing.chains import contact_normals, with_walls
 from warpgrains.scene.walls import Annulus
-from warpgrains.solver.ends import Grains
+from warpgrains.solver.final_states import Grains
 from warpgrains.solver.forces import pair_contacts, wall_contacts
 
 if TYPE_CHECKING:

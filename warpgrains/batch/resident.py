@@ -146,7 +146,7 @@ class ResidentSet:
         """Stop after the steps under way; slow steps are abandoned."""
         self._is_canceled = True
         for engine, _ in self._engines:
-            engine.halt()
+            engine.cancel()
 
     def by_grain_count(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
         """Group scenes by engine and number of grains; yield engine, numbers and indices in the engine."""

@@ -102,7 +102,7 @@ class ColorScale:
 
     @property
     def extends(self) -> str:
-        """Which ends of the scale have values beyond them, as Matplotlib names it."""
+        """Matplotlib's name of the ends of the scale that values may exceed."""
         return {"radius": "neither", "mobilized": "neither", "spin": "both"}.get(self.quantity, "max")
 
     @property

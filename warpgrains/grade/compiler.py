@@ -199,7 +199,7 @@ def toolchain_paths() -> list[Path]:
 
 
 def _without_package(path: Path) -> Iterator[Path]:
-    """Yield the path, or the entries in it if it contains this package, without the package."""
+    """Yield the paths that the compiler may read: the path, or all entries in it except this package."""
     if path not in (_PACKAGE, *_PACKAGE.parents):
         yield path
     elif path != _PACKAGE:

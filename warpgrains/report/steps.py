@@ -128,7 +128,7 @@ def _difference(velocity: FloatArray, other: FloatArray) -> float:
 def _configurations(
     scene: Scene, snapshot: HistoryStep, budget: Budget
 ) -> Iterator[tuple[Configuration, Iterator[Measurement]]]:
-    """Yield every configuration with measurements of increasing iterations or decreasing residuals."""
+    """Yield every solver configuration with its measured steps, by increasing iterations."""
     unlimited = scene.replace(stop="default", tolerance=0.0)
     for method, order, threads in product(SWEEPING, ORDERS, THREADS):
         solving = [

@@ -28,7 +28,7 @@ NEGLIGIBLE = 1e-12  # [m/s]: contacts with smaller corrections leave W
 
 
 def most_changes(grains: int) -> int:
-    """Return the number of changes of W that cost half as much as the interior point method."""
+    """Return the number of contacts to add or remove that costs half as much as the interior point method."""
     return max(20, grains // 40)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from warpgrains.solver.threads import side_by_side
+from warpgrains.solver.threads import run_threads
 
 if TYPE_CHECKING:
     from warpgrains.solver.engine import Engine
@@ -30,25 +30,25 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
     """
     left = 0 if on_progress is None else _left(engines)
 
-    def glance() -> None:
+    def poll() -> None:
         nonlocal left
         if on_progress is not None:
             before, left = left, _left(engines)
             on_progress(before - left)
 
-    def halt() -> None:
+    def cancel() -> None:
         for engine in engines:
-            engine.halt()
+            engine.cancel()
 
     is_brief = all(engine.is_brief for engine in engines)
     try:
         going_on = True
         while going_on:
-            by_thread = zip(*(engine.works(threads) for engine in engines), strict=True)
-            works = [partial(_do, works) for works in by_thread]
-            side_by_side(works, None if is_brief else glance, halt)
+            by_thread = zip(*(engine.tasks(threads) for engine in engines), strict=True)
+            tasks = [partial(_do, tasks) for tasks in by_thread]
+            run_threads(tasks, None if is_brief else poll, cancel)
             going_on = sum(engine.service() for engine in engines) > 0
-        glance()
+        poll()
     finally:
         for engine in engines:
             engine.finish_open_steps()
@@ -58,6 +58,6 @@ def _left(engines: Sequence[Engine]) -> int:
     return sum(int(engine.left.sum()) for engine in engines)
 
 
-def _do(works: Sequence[Callable[[], None]]) -> None:
-    for work in works:
+def _do(tasks: Sequence[Callable[[], None]]) -> None:
+    for work in tasks:
         work()

@@ -17,7 +17,7 @@ from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import (
     BEYOND_WALL,
-    HALTED,
+    CANCELLED,
     NOT_CONVERGED,
     NOT_FINITE,
     SLOW,
@@ -31,12 +31,12 @@ from warpgrains.kernels.step import fused_step, step
 from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.solver import tuning
 from warpgrains.solver.crew import Crew
-from warpgrains.solver.ends import Ends
+from warpgrains.solver.final_states import FinalStates
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.service import REFUSED, Service
 from warpgrains.solver.statistics import RunStatistics, StepReport
-from warpgrains.solver.threads import side_by_side
+from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
@@ -81,12 +81,12 @@ class Engine:
         for name in ("taken", "left", "outcome"):
             setattr(self._queue, name, wp.zeros(count, dtype=wp.int32, device="cpu"))
         self._queue.seconds = wp.zeros(count, dtype=wp.float64, device="cpu")
-        self._queue.halt = wp.zeros(1, dtype=wp.int32, device="cpu")
+        self._queue.cancel = wp.zeros(1, dtype=wp.int32, device="cpu")
         self.left, self.outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
-        self.seconds, self._halt = self._queue.seconds.numpy(), self._queue.halt.numpy()
+        self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
         self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._most = np.array([float(scene.n * scene.max_iterations) for scene in scenes])
-        self._works: list[Callable[[], None]] = []
+        self._tasks: list[Callable[[], None]] = []
         self._crew = Crew(team, *tuning.crew(scenes[0], team))
         self._graphs: dict[int, wp.Graph] = {}
 
@@ -146,12 +146,12 @@ class Engine:
         """Return True if the velocities of scene k were half a step behind before its last good step."""
         return self._pulled(k).moment("last_staggered")
 
-    def ends(self, which: IndexArray) -> Ends:
+    def ends(self, which: IndexArray) -> FinalStates:
         """Return the final states of scenes with equal numbers of grains, on a CPU.
 
         They cover the steps since `submit`.
         """
-        ends = Ends.of(self._records, which)
+        ends = FinalStates.of(self._records, which)
         return ends._replace(done={**ends.done, "seconds": self.seconds[which]})
 
     def corrections(self, k: int) -> Corrections:
@@ -170,7 +170,7 @@ class Engine:
         self._records.host["statistics"] = 0
         self._service.forget()
 
-    def works(self, threads: int) -> list[Callable[[], None]]:
+    def tasks(self, threads: int) -> list[Callable[[], None]]:
         """Return one task per thread. A task advances free scenes until none is left.
 
         The number of tasks of a team is the number of threads that pay off now (pace.py).
@@ -179,7 +179,7 @@ class Engine:
             return [self._work_on_gpu]
         if self._team > 1:
             threads = self._crew.threads_of_next_launch()
-        begun = len(self._works)
+        begun = len(self._tasks)
         if threads > begun:
             self.load_kernels()
             teams = self._crew.members if self._team > 1 else [Crew(1).members[0] for _ in range(threads)]
@@ -187,14 +187,14 @@ class Engine:
                 inputs = (self._records.device, self._queue, team)
                 with BUILDING:
                     command = wp.launch(self.kernel, dim=1, inputs=inputs, device="cpu", record_cmd=True)
-                self._works.append(command.launch)
-        return self._works[:threads]
+                self._tasks.append(command.launch)
+        return self._tasks[:threads]
 
     def _work_on_gpu(self) -> None:
         """Do the steps of all scenes, one scene after the other."""
         for k in range(len(self.scenes)):
             self._records.push(k)
-            while self.left[k] > 0 and self.outcome[k] == SOLVED and not self._halt[0]:
+            while self.left[k] > 0 and self.outcome[k] == SOLVED and not self._cancel[0]:
                 with BUILDING:
                     graph = self._graph(k)
                 wp.capture_launch(graph)
@@ -220,15 +220,15 @@ class Engine:
         """True if the remaining steps end before a user could want to interrupt them."""
         return bool(self.left @ self._most < BRIEF)
 
-    def halt(self) -> None:
+    def cancel(self) -> None:
         """Cancel: CPU threads abandon their steps and start no other; a GPU ends its step."""
-        self._halt[0] = 1
-        self._records.host["control"]["halted"] = 1
+        self._cancel[0] = 1
+        self._records.host["control"]["cancelled"] = 1
 
     def service(self) -> bool:
         """Serve the requests of scenes; return True if one of the scenes can continue."""
         if not self.outcome.any():  # all are solved; only between two launches a team changes its size
-            return bool(self.left.any() and not self._halt[0])
+            return bool(self.left.any() and not self._cancel[0])
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:
             self._service.look_for_proof(k, self._done(k))
@@ -239,12 +239,12 @@ class Engine:
             self.seconds[k] += perf_counter() - start
         waiting = self._grow() + unproved + slow
         self.outcome[waiting] = SOLVED
-        return bool((self.left[self.outcome == SOLVED] > 0).any() and not self._halt[0])
+        return bool((self.left[self.outcome == SOLVED] > 0).any() and not self._cancel[0])
 
     def _grow(self) -> list[int]:
         """Enlarge the lists that are full; return the scenes for which there was enough memory."""
         waiting = np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist()
-        grown = [k for k in waiting if self._service.make_room(k)]
+        grown = [k for k in waiting if self._service.reserve_contacts(k)]
         self.outcome[[k for k in waiting if k not in grown]] = REFUSED
         return grown
 
@@ -256,14 +256,14 @@ class Engine:
         """Finish or undo all open steps, count the steps done, and keep the reasons of failures."""
         if CHECKED:
             self._raise_violation()
-        if self._halt[0]:
-            self._halt[0] = 0
-            self._records.host["control"]["halted"] = 0
+        if self._cancel[0]:
+            self._cancel[0] = 0
+            self._records.host["control"]["cancelled"] = 0
         if self.outcome.any():  # not all are solved
             self._solve_open_steps()
             for k in np.flatnonzero(np.isin(self.outcome, FAILURES)).tolist():
                 self._service.explain(k, self.outcome[k], self._done(k))
-            for k in np.flatnonzero(np.isin(self.outcome, (*FAILURES, HALTED, SLOW))).tolist():
+            for k in np.flatnonzero(np.isin(self.outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
                 self._service.give_up(k)
         self._steps += self._submitted - self.left
         self._submitted[:] = self.left
@@ -283,7 +283,7 @@ class Engine:
             left = self.left.copy()
             self.left[:] = 0
             self.left[amid], self.outcome[amid] = 1, SOLVED
-            side_by_side(self.works(self._team))
+            run_threads(self.tasks(self._team))
             left[amid] += self.left[amid] - 1
             self.left[:] = left
 

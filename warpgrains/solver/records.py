@@ -228,7 +228,7 @@ class SceneRecords:
         offset, count = _verlet_numbers()
         return np.ndarray(count, np.float64, self._bytes, k * self.host.itemsize + offset)
 
-    def make_room(self, k: int, contacts: int) -> None:
+    def reserve_contacts(self, k: int, contacts: int) -> None:
         """Move scene k to a memory block that holds a list of `contacts` contacts.
 
         Raises

@@ -155,7 +155,7 @@ class SceneMemory:
         dv, order = np.zeros(len(body)), np.lexsort(body.T[::-1])
         place = order[np.searchsorted((body @ key)[order], carrying @ key)]
         dv[place] = np.concatenate([corrections.pair_correction, sign * corrections.wall_correction])
-        self._records.make_room(self._k, len(body))
+        self._records.reserve_contacts(self._k, len(body))
         for name in ("dv", "dv_start"):
             self.array(f"contacts.{name}")[: len(body)] = dv
         if self._scene.has_friction:

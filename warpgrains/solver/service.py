@@ -70,10 +70,10 @@ class Service:
         self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in self._scenes]
         self.errors: dict[int, str] = {}
 
-    def make_room(self, k: int) -> bool:
+    def reserve_contacts(self, k: int) -> bool:
         """Reserve memory for the list of scene k; return True if there is enough."""
         try:
-            self._records.make_room(k, int(self._memory[k].array("neighbors.total")[0]))
+            self._records.reserve_contacts(k, int(self._memory[k].array("neighbors.total")[0]))
         except SimulationError as error:
             self.errors[k] = str(error)
             return False

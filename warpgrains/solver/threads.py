@@ -13,16 +13,16 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-class _Works:
+class _Tasks:
     """Tasks that are executed exactly once, even if an interrupt occurs while threads start."""
 
-    def __init__(self, works: Sequence[Callable[[], None]]) -> None:
-        self._works, self._waiting = works, set(range(len(works)))
+    def __init__(self, tasks: Sequence[Callable[[], None]]) -> None:
+        self._tasks, self._waiting = tasks, set(range(len(tasks)))
         self._ended, self._changed = 0, Condition()
 
     def submit(self, executor: Executor) -> list[Future[None]]:
         """Submit all tasks."""
-        return [executor.submit(self._do, k) for k in range(len(self._works))]
+        return [executor.submit(self._do, k) for k in range(len(self._tasks))]
 
     def _do(self, k: int) -> None:
         with self._changed:
@@ -30,7 +30,7 @@ class _Works:
                 return
             self._waiting.remove(k)
         try:
-            self._works[k]()
+            self._tasks[k]()
         finally:
             with self._changed:
                 self._ended += 1
@@ -39,40 +39,40 @@ class _Works:
     def wait(self) -> None:
         """Wait until all tasks are done."""
         with self._changed:
-            self._changed.wait_for(lambda: self._ended == len(self._works))
+            self._changed.wait_for(lambda: self._ended == len(self._tasks))
 
 
-def side_by_side(
-    works: Sequence[Callable[[], None]],
-    glance: Callable[[], None] | None = None,
-    halt: Callable[[], None] | None = None,
+def run_threads(
+    tasks: Sequence[Callable[[], None]],
+    poll: Callable[[], None] | None = None,
+    cancel: Callable[[], None] | None = None,
 ) -> None:
     """Execute each task on one thread; a single task without polling runs on the calling thread.
 
     Parameters
     ----------
-    works : sequence of callable
-    glance : callable, optional
+    tasks : sequence of callable
+    poll : callable, optional
         Called every `GLANCE` seconds and at the end.
-    halt : callable, optional
+    cancel : callable, optional
         Called once if this thread is interrupted. It requests the tasks to end, and they are waited for.
     """
-    if len(works) == 1 and glance is None:
-        return works[0]()
-    all_works = _Works(works)
-    with ThreadPoolExecutor(len(works)) as executor:
+    if len(tasks) == 1 and poll is None:
+        return tasks[0]()
+    all_tasks = _Tasks(tasks)
+    with ThreadPoolExecutor(len(tasks)) as executor:
         try:
-            futures = all_works.submit(executor)
+            futures = all_tasks.submit(executor)
             while wait(futures, timeout=GLANCE).not_done:
-                if glance is not None:
-                    glance()
+                if poll is not None:
+                    poll()
         except BaseException:
-            if halt is not None:
-                halt()
-            all_works.submit(executor)  # a team with a missing thread would wait for ever
-            all_works.wait()
+            if cancel is not None:
+                cancel()
+            all_tasks.submit(executor)  # a team with a missing thread would wait for ever
+            all_tasks.wait()
             raise
     for future in futures:
         future.result()
-    if glance is not None:
-        glance()
+    if poll is not None:
+        poll()

@@ -17,7 +17,7 @@ from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import InputError
 from warpgrains.files import Row
-from warpgrains.solver.ends import Ends
+from warpgrains.solver.final_states import FinalStates
 from warpgrains.solver.statistics import RunStatistics
 
 UNITS = {
@@ -78,7 +78,7 @@ class Columns(NamedTuple):
         return ["run", "scene", *self.axes, *self.after_labels]
 
 
-def results(ends: Ends, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[Values]:
+def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[Values]:
     """Return the results of finished runs, without labels.
 
     Parameters
@@ -115,7 +115,7 @@ def results(ends: Ends, snapshots: Iterable[Snapshot], columns: Sequence[str]) -
 def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> Values:
     """Return the result of a finished run, see `results`."""
     counted = {name: np.array([getattr(done, name)]) for name in COUNTED}
-    return next(results(Ends(end.grains, np.array([end.scene.dt]), counted), [end], columns))
+    return next(results(FinalStates(end.grains, np.array([end.scene.dt]), counted), [end], columns))
 
 
 def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> Values:

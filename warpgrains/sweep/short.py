@@ -35,7 +35,7 @@ CACHED_SCENES = 256  # cached scenes, from which scenes with the same grains are
 
 
 class ShortRun(NamedTuple):
-    """A run of a group."""
+    """A short run, which is simulated together with others in one batch."""
 
     run: Run
     labels: Row

@@ -86,7 +86,7 @@ class RecordingReader:
 
     @property
     def has_rotation(self) -> bool:
-        """Whether spin and angle of the grains were recorded: those of a scene with friction."""
+        """True if spin and angle of the grains were recorded, as in every scene with friction."""
         return all(self._prim.HasAttribute(f"primvars:{name}") for name in ROTATION)
 
     def rotation(self, frame: int) -> tuple[FloatArray, FloatArray]:

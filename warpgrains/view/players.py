@@ -56,7 +56,7 @@ class Live:
 
     @property
     def colorings(self) -> tuple[str, ...]:
-        """What grains can be colored by."""
+        """Quantities by which grains can be colored."""
         return colorings(self.scene)
 
     @property
@@ -176,7 +176,7 @@ class Recorded:
         self._forces = forces
 
     def shot(self) -> Shot:
-        """Return the present frame as a shot."""
+        """Return the data that the view draws of the present frame."""
         shot = shot_of(self._reader, self.steps)
         return shot if self._forces else replace(shot, chains=None)
 

@@ -36,7 +36,7 @@ class Grains(NamedTuple):
     """The annulus of each scene; its radii are arrays [m], shape (m,)."""
 
 
-class Ends(NamedTuple):
+class FinalStates(NamedTuple):
     """Final states of m scenes with equal numbers of grains."""
 
     grains: Grains
