@@ -13,7 +13,7 @@ f64 = wp.float64
 def begin_step(s: Scene):
     """Reset the counts of lists, attempts and factorizations."""
     s.step.rebuilds = 0
-    s.step.redos = 0
+    s.step.restarts = 0
     s.step.factorizations = 0
 
 

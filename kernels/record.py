@@ -62,7 +62,7 @@ class StepState:
     overlap: f64  # worst after the move [m]
     active: wp.int32  # contacts that carry a correction
     rebuilds: wp.int32  # lists built
-    redos: wp.int32  # attempts that a missing contact made void
+    restarts: wp.int32  # attempts that a missing contact made void
     factorizations: wp.int32  # by the host
     measured: wp.int32  # last iteration after which the residual was measured
     patience: wp.int32  # `StoppingCriterion.patience`; 0 once the host has found no better corrections
@@ -146,7 +146,7 @@ class RunStatistics:
     unconverged: wp.int32
     iterations: wp.int64
     rebuilds: wp.int64
-    redos: wp.int64
+    restarts: wp.int64
     iterations_max: wp.int32
     residual: f64
     overlap: f64

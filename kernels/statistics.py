@@ -64,7 +64,7 @@ def add_step(s: Scene):
     total.residual = wp.max(total.residual, done.residual)
     total.overlap = wp.max(total.overlap, done.overlap)
     total.rebuilds = total.rebuilds + wp.int64(done.rebuilds)
-    total.redos = total.redos + wp.int64(done.redos)
+    total.restarts = total.restarts + wp.int64(done.restarts)
     if done.converged == 0:
         total.unconverged = total.unconverged + 1
     s.statistics = total

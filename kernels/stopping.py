@@ -232,7 +232,7 @@ def start_attempt(s: Scene):
         s.control.recoloring = s.by_color
         if s.verlet.flags.missed != 0:
             s.control.resuming = 0
-            s.step.redos = s.step.redos + 1
+            s.step.restarts = s.step.restarts + 1
     if s.control.phase == Phase.BEGIN or s.control.phase == Phase.LISTED:
         s.control.phase = Phase.START
 

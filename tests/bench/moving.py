@@ -56,7 +56,7 @@ def _steps(n: int, repeats: int) -> Iterator[dict[str, str]]:
         a_list.append(seconds_of_a_list(simulation) * 1e3)
     lists, void, iterations = (
         sum(getattr(report, name) for report in reports) / len(reports)
-        for name in ("rebuilds", "redos", "iterations")
+        for name in ("rebuilds", "restarts", "iterations")
     )
     ms_aim, overlap_aim, void_aim = AIMS.get(n, ("", "", ""))
     subject = partial(Subject, n=n, order="color")

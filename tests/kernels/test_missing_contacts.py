@@ -78,15 +78,15 @@ def test_grain_from_just_outside_the_list(
         gap = 2.0 * before + 2.0 * SKIN * (1.0 + beyond)
         for faster in (0.5 * JUST, 1e-3, 0.1):
             speed = 0.5 * gap - before + SKIN * faster
-            assert step_both(reference, pushed(gap, speed, before), steps=3)[0].redos >= 1
+            assert step_both(reference, pushed(gap, speed, before), steps=3)[0].restarts >= 1
 
 
 def test_grain_that_does_not_come_so_far(reference: MakeReference) -> None:
     """The list fails, but what is not monitored, 0.3 skins of each grain, does not close the gap either."""
     gap = 2.0 * SKIN * 1.8
-    for short, redos in ((0.29, 1), (0.31, 0)):
+    for short, restarts in ((0.29, 1), (0.31, 0)):
         report = step_both(reference, pushed(gap, 0.5 * gap - SKIN * short), steps=3)[0]
-        assert (report.rebuilds, report.redos) == (2, redos)
+        assert (report.rebuilds, report.restarts) == (2, restarts)
 
 
 def test_grain_that_creeps_below_the_threshold(reference: MakeReference) -> None:
@@ -99,7 +99,7 @@ def test_grain_that_creeps_below_the_threshold(reference: MakeReference) -> None
         velocity = -2.0 * mean * np.arange(grains) / (grains - 1)
         reports = step_both(reference, mirrored(x, velocity, max_iterations=2000), steps=2)
         assert reports[0].iterations > 100
-        assert sum(report.redos for report in reports) > 0
+        assert sum(report.restarts for report in reports) > 0
 
 
 def test_grain_that_drifts_for_long(reference: MakeReference) -> None:
@@ -178,4 +178,4 @@ def test_wall_from_just_outside_the_list(reference: MakeReference, wall: str) ->
                     tolerance=1e-9,
                     max_iterations=20,
                 )
-                assert step_both(reference, scene, steps=3)[0].redos >= 1
+                assert step_both(reference, scene, steps=3)[0].restarts >= 1

@@ -138,7 +138,7 @@ def test_nothing_is_missing_in_flow(n: int, dt: float) -> None:
         twin = twin_residual(simulation, free)
         assert abs(report.residual - twin) <= rounding
         assert report.converged == (report.residual <= scene.tolerance)
-        assert report.redos == 0
+        assert report.restarts == 0
         rebuilds += report.rebuilds
         converged += report.converged
     assert rebuilds > steps / 4

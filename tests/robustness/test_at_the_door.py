@@ -230,7 +230,7 @@ HEADERS = {
     "negative": ({"tally": {"iterations": -1}}, "iterations is -1"),
     "nan": ({"tally": {"residual": float("nan")}}, "residual is nan"),
     "seconds as text": ({"tally": {"seconds": "1"}}, "seconds is '1'"),
-    "truth": ({"tally": {"redos": True}}, "redos is True"),
+    "truth": ({"tally": {"restarts": True}}, "restarts is True"),
     "grains as number": ({"tally": {"infeasible_grains": 3}}, "holds an invalid state"),
     "grain that is none": ({"tally": {"infeasible_grains": [99]}}, "infeasible grain is 99"),
     "tally as text": ({"tally": "none"}, "holds an invalid state"),

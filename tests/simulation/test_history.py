@@ -66,7 +66,7 @@ def test_a_step_that_is_solved_again_tells_of_the_last_attempt() -> None:
     simulation, redone = Simulation(bullet()), 0
     for _ in range(30):
         report = simulation.step(history=True)
-        redone += report.redos
+        redone += report.restarts
         assert report.history is not None
         assert (len(report.history.zeta), report.history.zeta[-1]) == (report.iterations, report.zeta)
     assert redone > 0

@@ -43,6 +43,8 @@ def test_former_names_remain():
     simulation = wg.Simulation(start)
     for shown in (start, simulation, simulation.run(steps=1), wg.Batch([start])):
         assert shown.facts() == shown.summary()
+    report = simulation.step()
+    assert report.redos == report.restarts
 
 
 @pytest.mark.parametrize("name", ["annulus", "<b>&"])

@@ -42,7 +42,7 @@ def of_step(report: StepReport) -> RunStatistics:
         gap_error=report.gap_error,
         overlap=report.overlap,
         rebuilds=report.rebuilds,
-        redos=report.redos,
+        restarts=report.restarts,
     )
 
 

@@ -207,7 +207,7 @@ class SceneMemory:
             candidates=self.contacts,
             overlap=step["overlap"],
             rebuilds=step["rebuilds"],
-            redos=step["redos"],
+            restarts=step["restarts"],
             factorizations=step["factorizations"],
             history=self._history(step["iterations"]),
         )

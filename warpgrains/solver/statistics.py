@@ -36,8 +36,19 @@ class StepHistory(NamedTuple):
     """Residual eta after the iteration [m/s], shape (iterations,)."""
 
 
+class FormerNames:
+    """Former names of fields, kept for one release."""
+
+    restarts: int
+
+    @property
+    def redos(self) -> int:
+        """Former name of `restarts`."""
+        return self.restarts
+
+
 @dataclass(frozen=True)
-class StepReport(Tabular):
+class StepReport(Tabular, FormerNames):
     """Report of one step.
 
     Attributes
@@ -67,7 +78,7 @@ class StepReport(Tabular):
         Worst overlap between grains or with a wall after the grains moved [m].
     rebuilds : int
         Number of rebuilds of the list of candidates.
-    redos : int
+    restarts : int
         Number of times that the step was solved again because a candidate might have been missing.
     factorizations : int
         Number of factorizations by the method "exact".
@@ -91,13 +102,13 @@ class StepReport(Tabular):
     candidates: int
     overlap: float
     rebuilds: int
-    redos: int
+    restarts: int
     factorizations: int
     history: StepHistory | None = field(default=None, repr=False, compare=False, metadata={"tabular": False})
 
 
 @dataclass(frozen=True, repr=False)
-class Summary(Shown, Tabular):
+class Summary(Shown, Tabular, FormerNames):
     """Summary of a run.
 
     Attributes
@@ -116,7 +127,7 @@ class Summary(Shown, Tabular):
         Worst error of any step [m/s], and in smallest radii, see `StepReport`.
     overlap : float
         Worst overlap after any step [m].
-    rebuilds, redos : int
+    rebuilds, restarts : int
         Rebuilds of the list, and steps solved again because a candidate might have been missing.
     seconds : float
         Wall time [s].
@@ -143,7 +154,7 @@ class Summary(Shown, Tabular):
     gap_error: float
     overlap: float
     rebuilds: int
-    redos: int
+    restarts: int
     seconds: float
     output: str | None
     met: bool = False
@@ -171,7 +182,7 @@ def _first(one: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
 
 
 @dataclass
-class RunStatistics:
+class RunStatistics(FormerNames):
     """Sums and maxima over the steps of a run.
 
     Checkpoints store them, so that a resumed run counts all its steps.
@@ -184,7 +195,7 @@ class RunStatistics:
         Steps done and frames recorded.
     iterations, iterations_max : int
         Sum and maximum over the steps.
-    unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, redos, seconds
+    unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, restarts, seconds
         As in `Summary`.
     held : int
         Number of steps for which the stopping criterion has held, plus 1; 0 if it does not hold.
@@ -203,7 +214,7 @@ class RunStatistics:
     gap_error: float = _counted(max, 0.0)
     overlap: float = _counted(max, 0.0)
     rebuilds: int = _counted(add)
-    redos: int = _counted(add)
+    restarts: int = _counted(add)
     seconds: float = _counted(add, 0.0)
     held: int = _counted(add)
     met: bool = _counted(or_, False)
