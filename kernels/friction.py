@@ -19,11 +19,12 @@ from .access import (
     put,
     second_of,
 )
-from .contacts import apply, contact_count, gap_rates_now, is_wall_set
-from .gauss_seidel import in_blocks, note_moment
+from .contacts import apply, gap_rates_now, is_wall_set
+from .gauss_seidel import correcting_sets, in_blocks, note_moment
 from .record import Scene, grain_count, is_accelerated, pair_count
+from .residual import keeping_worst
 from .segments import contacts_of
-from .threads import MOMENTS, Team, partial_index, thread_range, update_max
+from .threads import Team
 from .types import Floats, Vectors
 from .verlet import least_monitored_correction, monitor
 from .warm_start import freeze
@@ -66,7 +67,7 @@ def rim_weights(s: Scene, c: int, at_wall: bool) -> wp.vec3d:
 
 @wp.func
 def find_rim_weights(s: Scene, i: int, j: int) -> wp.vec3d:
-    """Compute these from the masses of grain i, and of grain or wall j."""
+    """Compute the rim weights of a contact from the masses of grain i, and of grain or wall j."""
     k_i = f64(2.0) * at(s.grains.contact_mass, i) / at(s.grains.rim_mass, i)
     if j >= grain_count(s):
         return wp.vec3d(f64(1.0) / (f64(1.0) + k_i), k_i, f64(0.0))
@@ -152,15 +153,13 @@ def residual_of(s: Scene, c: int) -> f64:
     return wp.max(wp.abs(change), wp.abs(slip))
 
 
+keep_worst = keeping_worst(residual_of)
+
+
 @wp.func
 def measure_with_friction(team: Team, s: Scene):
     """Find the largest residual of this thread's share of the contacts."""
-    worst = f64(0.0)
-    c, end = thread_range(team, 0, contact_count(s))
-    while c < end:
-        worst = larger(worst, residual_of(s, c))
-        c += 1
-    update_max(team, s.partial.residual, worst)
+    keep_worst(team, s)
 
 
 def sweeping(weighted: bool) -> wp.Function:
@@ -251,19 +250,13 @@ def sweep_walls(s: Scene, begin: int, end: int) -> f64:
     return zeta
 
 
+correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls)
+
+
 @wp.func
 def sweep_with_friction(team: Team, s: Scene, k: int):
     """Correct the contacts of a set."""
-    zeta = f64(0.0)
-    moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
-    begin, end = contacts_of(team, s, k)
-    if is_wall_set(s, k):
-        zeta = sweep_walls(s, begin, end)
-    elif s.contacts.weights.shape[0] > 0:
-        zeta = sweep_weighted(s, begin, end, moment)
-    else:
-        zeta = sweep_equal(s, begin, end, moment)
-    update_max(team, s.partial.zeta, zeta)
+    correct_set(team, s, k)
 
 
 @wp.func

@@ -159,19 +159,32 @@ def sweep_walls(s: Scene, begin: int, end: int) -> f64:
     return zeta
 
 
+def correcting_sets(equal: wp.Function, weighted: wp.Function, walls: wp.Function) -> wp.Function:
+    """Return the function `(team, scene, set)` that corrects a set of contacts by one of the three."""
+
+    @wp.func
+    def correct_set(team: Team, s: Scene, k: int):
+        zeta = f64(0.0)
+        moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
+        begin, end = contacts_of(team, s, k)
+        if is_wall_set(s, k):
+            zeta = walls(s, begin, end)
+        elif s.contacts.weights.shape[0] > 0:
+            zeta = weighted(s, begin, end, moment)
+        else:
+            zeta = equal(s, begin, end, moment)
+        update_max(team, s.partial.zeta, zeta)
+
+    return correct_set
+
+
+correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls)
+
+
 @wp.func
 def sweep(team: Team, s: Scene, k: int):
     """Correct the contacts of a set."""
-    zeta = f64(0.0)
-    moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
-    begin, end = contacts_of(team, s, k)
-    if is_wall_set(s, k):
-        zeta = sweep_walls(s, begin, end)
-    elif s.contacts.weights.shape[0] > 0:
-        zeta = sweep_weighted(s, begin, end, moment)
-    else:
-        zeta = sweep_equal(s, begin, end, moment)
-    update_max(team, s.partial.zeta, zeta)
+    correct_set(team, s, k)
 
 
 @wp.func

@@ -49,12 +49,25 @@ def residual_of(s: Scene, c: int) -> f64:
     return law.natural_residual(vn_of(velocity, contact, c), dv, gap_rate_of(contact, c))
 
 
+def keeping_worst(residual: wp.Function) -> wp.Function:
+    """Return the function `(team, scene)` that keeps the largest residual of a thread's contacts."""
+
+    @wp.func
+    def keep_worst(team: Team, s: Scene):
+        worst = f64(0.0)
+        c, end = thread_range(team, 0, contact_count(s))
+        while c < end:
+            worst = larger(worst, residual(s, c))
+            c += 1
+        update_max(team, s.partial.residual, worst)
+
+    return keep_worst
+
+
+keep_worst = keeping_worst(residual_of)
+
+
 @wp.func
 def measure_residual(team: Team, s: Scene):
     """Find the largest residual of this thread's share of the contacts."""
-    worst = f64(0.0)
-    c, end = thread_range(team, 0, contact_count(s))
-    while c < end:
-        worst = larger(worst, residual_of(s, c))
-        c += 1
-    update_max(team, s.partial.residual, worst)
+    keep_worst(team, s)
