@@ -13,9 +13,9 @@ import warp as wp
 from . import law
 from .accelerated import mass_in_phi
 from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
-from .contacts import chunks_of_set, is_wall_set, part_count
+from .contacts import chunks_of_set, is_wall_set, part_count, surface_of
 from .friction import rim_weights
-from .record import Scene, grain_count, pair_count
+from .record import Scene, pair_count
 from .restart import back_off, take_t_on
 from .stopping import count_iteration, phase_after_sweep, reduce_max
 from .threads import Team, thread_range, update_max
@@ -93,9 +93,8 @@ def sweeping(at_wall: bool) -> wp.Function:
         working = s.working
         grains = s.grains
         contacts = s.contacts
-        surfaces = s.walls.surface
         between = f64(s.friction)
-        beta, n, first_wall = f64(s.momentum.state.beta), grain_count(s), pair_count(s)
+        beta, first_wall = f64(s.momentum.state.beta), pair_count(s)
         zeta, slope, size = f64(0.0), f64(0.0), f64(0.0)
         c = int(begin)
         while c < end:
@@ -110,7 +109,7 @@ def sweeping(at_wall: bool) -> wp.Function:
             weight, friction = wp.vec2d(f64(1.0), f64(0.0)), between
             mu, approach, slip = mass_in_phi(grains, contacts, i), vi, ui
             if wp.static(at_wall):
-                surface = at(surfaces, j - n)
+                surface = surface_of(s, at(working.index, c))
                 gap = law.round_gap_rate(
                     gap, law.speed_along(vi, normal), at(working.limits, c - first_wall)[1]
                 )

@@ -29,6 +29,15 @@ def pair_end(rows: NeighborList, i: int) -> int:
 
 
 @wp.func
+def has_wall(rows: NeighborList, i: int) -> bool:
+    """Return whether row i has a contact with a wall."""
+    begin, end = at(rows.start, i), at(rows.start, i + 1)
+    if end > begin:
+        return at(rows.neighbor, end - 1) >= rows.start.shape[0] - 1
+    return False
+
+
+@wp.func
 def save_row(s: Scene, i: int):
     """Save where the row of a grain begins."""
     put(s.workspace.old.start, i, at(s.neighbors.start, i))
@@ -151,15 +160,19 @@ def mass_shares(s: Scene, i: int, j: int) -> wp.vec2d:
 
 @wp.func
 def find_row_sums(s: Scene):
-    """Find the largest sum of a grain's shares of its contacts, with 1 for each wall, if it is monitored."""
+    """Find the largest sum of a grain's shares of its contacts, with 1 for each wall, if it is monitored.
+
+    All grains count with as many walls as the one with the most has, or with two, if there are as many.
+    """
     if is_accelerated(s):
         return
     n = grain_count(s)
     row_sum = s.workspace.row_sum
     for i in range(n):
         put(row_sum, i, f64(0.0))
+    most = int(0)
     for i in range(n):
-        own = at(row_sum, i)
+        own, at_walls = at(row_sum, i), int(0)
         k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
         while k < end:
             j = at(s.neighbors.neighbor, k)
@@ -169,9 +182,13 @@ def find_row_sums(s: Scene):
             if j < n:
                 own = own + weight[0]
                 put(row_sum, j, at(row_sum, j) + weight[1])
+            else:
+                at_walls += 1
             k += 1
         put(row_sum, i, own)
+        most = wp.max(most, at_walls)
+    walls = wp.min(wall_body_count(s.walls), wp.max(most, 2))
     largest = f64(0.0)
     for i in range(n):
-        largest = wp.max(largest, at(row_sum, i) + f64(wall_body_count(s.walls)))
+        largest = wp.max(largest, at(row_sum, i) + f64(walls))
     s.verlet.numbers.max_row_sum = largest

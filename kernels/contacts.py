@@ -8,7 +8,7 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, normal_of, put, second_of
-from .record import Scene, pair_count
+from .record import Scene, grain_count, pair_count
 from .types import Contacts, Vectors
 
 f64 = wp.float64
@@ -62,6 +62,15 @@ def gap_rates_now(contacts: Contacts, c: int, v: wp.vec2d):
     limits = at(contacts.limits, c - contacts.count.pairs)
     along = law.speed_along(v, normal_of(contacts.contact, c))
     return law.round_gap_rate(gap_rate_of(contacts.contact, c), along, limits[1]), limits[0]
+
+
+@wp.func
+def surface_of(s: Scene, c: int) -> wp.vec2d:
+    """Return the friction of the wall of a contact, and its speed along the tangent [m/s] (eq. 23)."""
+    surface = at(s.walls.surface, second_of(s.contacts.contact, c) - grain_count(s))
+    if s.contacts.wall_speed.shape[0] > 0:
+        return wp.vec2d(surface[0], at(s.contacts.wall_speed, c - pair_count(s)))
+    return surface
 
 
 @wp.func

@@ -1,4 +1,4 @@
-"""A disc that stands fixed inside the annulus: a wall that grains touch from outside, and slide off."""
+"""A disc inside the annulus: a wall that grains touch from outside, or a ring that they touch from inside."""
 
 import warp as wp
 
@@ -9,25 +9,18 @@ f64 = wp.float64
 
 
 @wp.func
-def gap_at(x: wp.vec2d, radius: f64, disc: Shape) -> f64:
-    """Return the free distance between a grain at x and a disc, (center, radius) [m]."""
-    return law.pair_gap(law.distance(x, wp.vec2d(disc[1], disc[2])), radius, disc[3])
+def gap(x: wp.vec2d, radius: f64, disc: Shape) -> f64:
+    """Return the free distance between a grain at x and a disc, (center, radius, whether from inside) [m]."""
+    distance = law.distance(x, wp.vec2d(disc[1], disc[2]))
+    if disc[4] != f64(0.0):
+        return disc[3] - distance - radius
+    return law.pair_gap(distance, radius, disc[3])
 
 
 @wp.func
-def is_near(x: wp.vec2d, radius: f64, disc: Shape, reach: f64) -> bool:
-    """Return whether a disc is within reach [m] of a grain at x."""
-    return gap_at(x, radius, disc) <= reach
-
-
-@wp.func
-def frame(x: wp.vec2d, radius: f64, disc: Shape):
-    """Return normal, gap, gap on the other side (inf), and A of eq. 18 (inf: its tangent) [m]."""
+def normal(x: wp.vec2d, disc: Shape) -> wp.vec2d:
+    """Return the unit normal from a grain at x into a disc."""
     n, _ = law.normal(x, wp.vec2d(disc[1], disc[2]))
-    return n, gap_at(x, radius, disc), f64(wp.inf), f64(wp.inf)
-
-
-@wp.func
-def overlap(x: wp.vec2d, radius: f64, disc: Shape) -> f64:
-    """Return how far a grain at x overlaps a disc [m]; negative where it does not."""
-    return -gap_at(x, radius, disc)
+    if disc[4] != f64(0.0):
+        return -n
+    return n

@@ -19,7 +19,7 @@ from .access import (
     put,
     second_of,
 )
-from .contacts import apply, gap_rates_now, is_wall_set
+from .contacts import apply, gap_rates_now, is_wall_set, surface_of
 from .gauss_seidel import correcting_sets, in_blocks, note_moment
 from .record import Scene, grain_count, is_accelerated, pair_count
 from .residual import keeping_worst
@@ -141,7 +141,7 @@ def residual_of(s: Scene, c: int) -> f64:
     v, u = at(velocity, i), at(rim, i)
     gap, friction = gap_rate_of(contact, c), f64(s.friction)
     if at_wall:
-        surface = at(s.walls.surface, j - grain_count(s))
+        surface = surface_of(s, c)
         gap, _ = gap_rates_now(s.contacts, c, v)
         friction, u = surface[0], u - surface[1]
     else:
@@ -223,13 +223,12 @@ def sweep_walls(s: Scene, begin: int, end: int) -> f64:
     velocity = s.grains.next_velocity
     rim = s.grains.next_rim
     contacts = s.contacts
-    first_wall = grain_count(s)
     large = least_monitored_correction(s)
     zeta = f64(0.0)
     c = int(begin)
     while c < end:
         i, n = first_of(contacts.contact, c), normal_of(contacts.contact, c)
-        surface = at(s.walls.surface, second_of(contacts.contact, c) - first_wall)
+        surface = surface_of(s, c)
         rim_weight = rim_weights(s, c, True)
         v, u, t = at(velocity, i), at(rim, i), law.tangent(n)
         dv_before, dvt_before = at(contacts.dv, c), at(contacts.dvt, c)

@@ -5,16 +5,18 @@ import warp as wp
 from . import law
 from .access import at, put
 from .record import Scene
+from .walls import place_walls
 
 f64 = wp.float64
 
 
 @wp.func
 def begin_step(s: Scene):
-    """Reset the counts of lists, attempts and factorizations."""
+    """Reset the counts of lists, attempts and factorizations, and place the walls that move."""
     s.step.rebuilds = 0
     s.step.restarts = 0
     s.step.factorizations = 0
+    place_walls(s.walls, f64(s.steps) * s.dt, f64(s.steps + wp.int64(1)) * s.dt)
 
 
 @wp.func
@@ -42,8 +44,9 @@ def move(s: Scene, i: int):
 
 
 @wp.func
-def stagger(s: Scene):
-    """Note that velocities are half a step behind the positions after a leapfrog step."""
+def end_step(s: Scene):
+    """Count the step; after one of the leapfrog, velocities are half a step behind the positions."""
+    s.steps = s.steps + wp.int64(1)
     s.scheme.last_staggered = s.scheme.staggered
     if s.scheme.leapfrog != 0:
         s.scheme.staggered = 1

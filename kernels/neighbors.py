@@ -8,10 +8,10 @@ import warp as wp
 
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
-from .contact_list import was_active
+from .contact_list import has_wall, was_active
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count
 from .types import CellGrid
-from .walls import is_near_wall, wall_body_count
+from .walls import do_move, is_near_wall, next_near, wall_body_count, wall_path
 
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
@@ -127,13 +127,25 @@ def find_pairs(s: Scene, k: int):
 @wp.func
 def find_walls(s: Scene, i: int):
     """Find the walls within reach of a grain, and those whose contact carries a correction."""
-    path = s.verlet.numbers.lifetime * wp.length(at(s.verlet.reference_velocity, i))
-    reach = (at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path) * TOO_WIDE
+    lifetime = s.verlet.numbers.lifetime
+    path = lifetime * wp.length(at(s.verlet.reference_velocity, i))
+    own = at(s.verlet.skin, i) + s.verlet.numbers.frame_skin + path
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
-    for b in range(wall_body_count(s.walls)):
+    now = f64(s.steps + wp.int64(1)) * s.dt  # walls are where they are at the end of the step
+    was_at_wall = has_wall(s.workspace.old, i)
+    skipping = not (do_move(s.walls) or was_at_wall)
+    b = int(0)
+    while b < wall_body_count(s.walls):
         j = grain_count(s) + b
-        if is_near_wall(b, x, radius, s.walls, reach) or was_active(s, i, j):
+        reach = (own + wall_path(b, s.walls, now, now + lifetime)) * TOO_WIDE
+        listed = is_near_wall(b, x, radius, s.walls, reach)
+        if was_at_wall and not listed:
+            listed = was_active(s, i, j)
+        if listed:
             note_contact(s, i, j)
+        b += 1
+        if skipping:
+            b = 1 + next_near(s.walls.shape, b - 1, x, radius + own * TOO_WIDE)
 
 
 @wp.func

@@ -182,6 +182,7 @@ class SceneRecord:
     step: StepState
     statistics: RunStatistics
     violation: Violation
+    steps: wp.int64  # since the start
     to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search
     stopping: StoppingCriterion
     tuning: Tuning

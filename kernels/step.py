@@ -236,7 +236,7 @@ def finish(has_friction: bool) -> list[Stage]:
         *only(
             has_friction, [Each(grain_count, friction.turn), Each(contact_count, friction.keep_correction)]
         ),
-        Serial(integrate.stagger),
+        Serial(integrate.end_step),
         Each(grain_count, verlet.remember),
         Serial(verlet.shift_frame),
         Shared(statistics.overlaps),

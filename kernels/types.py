@@ -6,8 +6,15 @@ f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
-Shape = wp.types.vector(length=6, dtype=f64)
-"""A wall inside the annulus: the number of its kind (`kind_number` of the host), and its numbers [m]."""
+Shape = wp.types.vector(length=10, dtype=f64)
+"""A wall inside the annulus: the number of its kind (`kind_number` of the host), its numbers [m], at most
+six, and a circle about the places where grains touch it, center and radius [m]."""
+Motion = wp.types.vector(length=8, dtype=f64)
+"""How a wall moves: pivot before it moves [m], velocity [m/s], angular velocity [rad/s], the times at which
+it begins and ends [s], and the largest speed of a point that changes its place [m/s]."""
+Pose = wp.types.vector(length=7, dtype=f64)
+"""Where a wall is at the end of a step: cosine and sine of its angle, and its shift [m]. Then the velocity
+that a point of it at the origin would have in the step [m/s], and the angular velocity [rad/s]."""
 
 
 @wp.struct
@@ -79,6 +86,7 @@ class Contacts:
     dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
     weights: Vectors  # mass shares of i and j; empty where all masses are equal
     limits: Vectors  # of contacts with walls: gap / dt on the other side, and A_i / dt of eq. 18 [m/s]
+    wall_speed: Floats  # of contacts with walls: that of the surface [m/s] (eq. 23); empty if none moves
     dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
     dvt_start: Floats  # those with which a step starts
     rim_weights: wp.array(dtype=wp.vec3d)  # 1 / W, and parts for the rims of i and j (eq. 22); as `weights`

@@ -1,18 +1,19 @@
 """The walls of a scene as bodies that grains touch: which kinds there are, and where each body is.
 
 Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the walls inside
-it, each with a `Shape`. A kind of wall is one file with three functions, which are called here: whether a
-grain is near, the frame of their contact, and their overlap. Everything else treats contacts with walls and
-with grains alike (contacts.py). For a step, a wall is its tangent. With a second kind, the functions choose
-by shape[0].
+it, each with a `Shape`. A kind of wall is one file with two functions, the gap of a grain and the normal into
+the wall, between which `shape_gap` and `shape_normal` choose by shape[0]. Everything else treats contacts
+with walls and with grains alike (contacts.py). For a step, a wall is its tangent, at the place where it is
+at the end of the step if it moves (motion.py).
 """
 
 import warp as wp
 
-from . import annulus, disc
-from .access import at
+from . import annulus, disc, straight_wall
+from .access import at, checked, put
 from .annulus import Annulus
-from .types import Shape
+from .motion import from_frame, moving_time, pose_at, speed_of_surface, to_frame
+from .types import Motion, Pose, Shape
 
 f64 = wp.float64
 
@@ -23,6 +24,8 @@ class Walls:
 
     annulus: Annulus
     shape: wp.array(dtype=Shape)  # of the walls inside it
+    motion: wp.array(dtype=Motion)  # of these, and
+    pose: wp.array(dtype=Pose)  # where they are at the end of the step; both empty if none moves
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
 
 
@@ -33,26 +36,120 @@ def wall_body_count(walls: Walls) -> int:
 
 
 @wp.func
+def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
+    """Return the free distance between a grain at x and a wall inside the annulus [m]."""
+    if shape[0] == straight_wall.KIND:
+        return straight_wall.gap(x, radius, shape)
+    return disc.gap(x, radius, shape)
+
+
+@wp.func
+def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
+    """Return the unit normal from a grain at x into a wall inside the annulus."""
+    if shape[0] == straight_wall.KIND:
+        return straight_wall.normal(x, shape)
+    return disc.normal(x, shape)
+
+
+@wp.func
+def do_move(walls: Walls) -> bool:
+    """Return whether a wall inside the annulus moves."""
+    return walls.pose.shape[0] > 0
+
+
+@wp.func
+def place_walls(walls: Walls, begin: f64, end: f64):
+    """Place the walls that move where they are at the end of a step, from time begin to time end [s]."""
+    for k in range(walls.motion.shape[0]):
+        put(walls.pose, k, pose_at(at(walls.motion, k), begin, end))
+
+
+@wp.func
+def wall_path(b: int, walls: Walls, begin: f64, end: f64) -> f64:
+    """Return how far a point of wall b moves from time begin to time end [s] at most [m]."""
+    if do_move(walls) and b > 0:
+        motion = at(walls.motion, b - 1)
+        return (moving_time(motion, end) - moving_time(motion, begin)) * motion[7]
+    return f64(0.0)
+
+
+@wp.func
+def gap_inside(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
+    """Return the free distance between a grain at x and wall b > 0 [m]."""
+    place = x
+    if do_move(walls):
+        place = to_frame(at(walls.pose, b - 1), x)
+    return shape_gap(place, radius, at(walls.shape, b - 1))
+
+
+@wp.func
+def is_near_circle(b: int, x: wp.vec2d, reach: f64, walls: Walls) -> bool:
+    """Return whether the circle about wall b > 0 is within reach [m] of x: a test that costs little."""
+    place, shape = x, at(walls.shape, b - 1)
+    if do_move(walls):
+        place = to_frame(at(walls.pose, b - 1), x)
+    away, near = wp.vec2d(shape[7], shape[8]) - place, reach + shape[9]
+    return wp.dot(away, away) <= near * near
+
+
+NEXT = """
+    int k = begin;
+    for (; k < shapes.shape[0]; k++) {
+        const auto &shape = shapes.data[k];
+        const double dx = shape[7] - x[0], dy = shape[8] - x[1], near = reach + shape[9];
+        if (dx * dx + dy * dy <= near * near)
+            break;
+    }
+    return k;
+"""
+
+
+@wp.func_native(checked(NEXT))
+def next_near(shapes: wp.array(dtype=Shape), begin: int, x: wp.vec2d, reach: f64) -> int:
+    """Return the first index from `begin` on of a wall at rest whose circle is within reach [m] of x."""
+    ...
+
+
+@wp.func
 def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
     """Return whether wall b is within reach [m] of a grain at x."""
     if b > 0:
-        return disc.is_near(x, radius, at(walls.shape, b - 1), reach)
+        if is_near_circle(b, x, radius + reach, walls):  # `and` would compute both
+            return gap_inside(b, x, radius, walls) <= reach
+        return False
     return annulus.is_near(x, radius, walls.annulus, reach)
 
 
 @wp.func
 def wall_frame(b: int, x: wp.vec2d, radius: f64, walls: Walls):
-    """Return normal, gap, gap on the other side, and reach [m] of the contact of a grain at x with wall b."""
+    """Return normal, gap, gap on the other side, and reach [m] of the contact of a grain at x with wall b.
+
+    A wall inside the annulus has no other side, and is its tangent: both are inf.
+    """
     if b > 0:
-        return disc.frame(x, radius, at(walls.shape, b - 1))
+        gap, shape = gap_inside(b, x, radius, walls), at(walls.shape, b - 1)
+        if do_move(walls):
+            pose = at(walls.pose, b - 1)
+            n = from_frame(pose, shape_normal(to_frame(pose, x), shape))
+            return n, gap, f64(wp.inf), f64(wp.inf)
+        return shape_normal(x, shape), gap, f64(wp.inf), f64(wp.inf)
     return annulus.frame(x, radius, walls.annulus)
+
+
+@wp.func
+def surface_speed(b: int, x: wp.vec2d, n: wp.vec2d, walls: Walls) -> f64:
+    """Return the speed of wall b at a point x of it along the tangent of a normal n [m/s] (eq. 23)."""
+    surface = at(walls.surface, b)
+    if b > 0:
+        return surface[1] + speed_of_surface(at(walls.pose, b - 1), x, n)
+    return surface[1]
 
 
 @wp.func
 def wall_overlap(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
     """Return how far a grain at x overlaps wall b [m]; negative where it does not."""
     if b > 0:
-        return disc.overlap(x, radius, at(walls.shape, b - 1))
+        return -gap_inside(b, x, radius, walls)
     return annulus.overlap(x, radius, walls.annulus)
 
 

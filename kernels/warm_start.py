@@ -8,7 +8,7 @@ from .contacts import apply, is_wall_set
 from .record import Scene, grain_count, pair_count
 from .segments import contacts_of
 from .threads import Team
-from .walls import wall_frame
+from .walls import surface_speed, wall_frame
 
 
 @wp.func
@@ -24,7 +24,11 @@ def freeze(s: Scene, c: int, at_wall: bool) -> wp.vec2d:
     i, j = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c)
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     if at_wall:
-        normal, gap, back, reach = wall_frame(j - grain_count(s), x, radius, s.walls)
+        b = j - grain_count(s)
+        normal, gap, back, reach = wall_frame(b, x, radius, s.walls)
+        if s.contacts.wall_speed.shape[0] > 0:
+            point = x + (radius + gap) * normal
+            put(s.contacts.wall_speed, c - pair_count(s), surface_speed(b, point, normal, s.walls))
         put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, reach / s.dt))
         set_frame(s.contacts.contact, c, normal, gap / s.dt)
         return normal

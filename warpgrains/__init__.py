@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
     from warpgrains.scene.disc import Disc
     from warpgrains.scene.scene import Scene
+    from warpgrains.scene.segment import Segment
     from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport, Summary
@@ -36,6 +37,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "SceneSummary",
+    "Segment",
     "Simulation",
     "SimulationError",
     "State",
@@ -54,6 +56,7 @@ _HOME = {
     "Scene": "scene.scene",
     "SceneError": "errors",
     "SceneSummary": "batch.batch",
+    "Segment": "scene.segment",
     "Simulation": "simulation.simulation",
     "SimulationError": "errors",
     "State": "scene.state",

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES
-from warpgrains.cli.scenes import keys
+from warpgrains.cli.scenes import keys, wall_keys
 from warpgrains.scene.radii import KEYS as DISTRIBUTIONS
 from warpgrains.scene.radii import OF_MEAN
 from warpgrains.sweep import axes, sweep
@@ -21,6 +21,12 @@ def _scene() -> Iterable[Sequence[str]]:
     yield "key", "unit", "default", "meaning"
     for key in keys(None):
         yield f"`{key.section}.{key.name}`", key.unit, _code(key.shown_default), key.meaning
+
+
+def _walls() -> Iterable[Sequence[str]]:
+    yield "key", "unit", "default", "meaning"
+    for key in wall_keys():
+        yield f"`{key.name}`", key.unit, _code(key.shown_default), key.meaning
 
 
 def _code(text: str) -> str:
@@ -67,6 +73,7 @@ def _of_docstring(text: str | None) -> Iterable[Sequence[str]]:
 
 TABLES = {
     "scene": _scene,
+    "walls": _walls,
     "radii": _radii,
     "quantities": _quantities,
     "columns": _columns,

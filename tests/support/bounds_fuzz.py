@@ -18,7 +18,7 @@ os.environ["WARPGRAINS_CHECK_BOUNDS"] = "1"  # before the kernels are imported
 
 import numpy as np
 
-from warpgrains import Batch, Scene, Simulation, SimulationError
+from warpgrains import Batch, Scene, Segment, Simulation, SimulationError
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.solver import service
 
@@ -61,8 +61,23 @@ def random_scene(rng: np.random.Generator) -> Scene:
         friction=float(rng.choice([0.05, 0.5, 2.0])) if rough else 0.0,
         angular_velocity_out=float(rng.normal(0.0, 10.0)) if rough else 0.0,
         spin=rng.normal(0.0, 10.0, n) if rough else None,
+        walls=random_walls(rng, float(radius.min())) if rng.random() < 0.3 else (),
         stop="residual" if method == "exact" else str(rng.choice(["zeta", "residual"])),
     )
+
+
+def random_walls(rng: np.random.Generator, smallest: float) -> list[Segment]:
+    """Draw segments that move by less than the smallest radius in the longest step."""
+    fastest = 0.3 * smallest / 1e-2
+    return [
+        Segment(
+            tuple(rng.uniform(-1.0, 1.0, 2)),
+            tuple(rng.uniform(-1.0, 1.0, 2)),
+            velocity=tuple(rng.uniform(-fastest, fastest, 2)),
+            angular_velocity=float(rng.choice([0.0, 0.1 * fastest])),
+        )
+        for _ in range(rng.integers(1, 4))
+    ]
 
 
 def moved(simulation: Simulation, rng: np.random.Generator, folder: Path) -> Simulation:

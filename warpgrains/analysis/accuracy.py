@@ -79,7 +79,7 @@ def certify(simulation: Simulation) -> ErrorBound:
     if simulation.scene.has_friction:
         rim = simulation.scene.radius * simulation.spin
         velocity = np.column_stack([velocity, rim])
-    problem = StepProblem(simulation.scene, *simulation.last_start())
+    problem = StepProblem(simulation.scene, *simulation.last_start(), time=simulation.time)
     exact, other = (solve(problem, velocity, one) for one in (solve_with_clarabel, package_witness))
     difference = float(np.abs(velocity - exact.velocity).max())
     return ErrorBound(

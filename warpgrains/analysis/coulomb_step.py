@@ -47,10 +47,10 @@ def solve_with_frozen_slip(problem: StepProblem, motion: FloatArray, witness: Wi
 def _projection(step: StepConstraints, motion: FloatArray, root: FloatArray, free: FloatArray) -> Projection:
     """Return the step as a projection onto a polyhedron, in y = sqrt(mass) (velocity, rim speed)."""
     scene, pairs = step.scene, len(step.second)
-    contacts, n = len(step.first), len(motion)
+    n = len(motion)
     tangent = np.stack([-step.normal[:, 1], step.normal[:, 0]], axis=1)
-    friction = np.append(np.full(pairs, scene.friction), np.full(contacts - pairs, scene.friction_at_walls))
-    surface = np.append(np.zeros(pairs), [scene.surface_speed(wall) for wall in step.wall[:, 1].tolist()])
+    friction = np.append(np.full(pairs, scene.friction), np.array(scene.wall_frictions)[step.wall[:, 1]])
+    surface = np.append(np.zeros(pairs), scene.wall_speeds(step.position, step.wall, step.time)[:, 1])
     normal, slip = _rows(step, step.normal, 0.0, n), _rows(step, tangent, 1.0, n)
     bound = step.gap_rate + friction * np.abs(slip @ motion.ravel() - surface)
     sides = [

@@ -110,7 +110,7 @@ class EnergyBalance(NamedTuple):
     friction_loss: float = 0.0
     """Part of `contact_loss` due to friction: tangential forces times slip."""
     wall_work: float = 0.0
-    """Work of rotating walls: tangential forces on grains times the speed of the wall's surface."""
+    """Work of walls that rotate or move: forces on grains times the velocity of the wall's surface."""
 
     @property
     def impact_loss(self) -> float:
@@ -140,12 +140,20 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]
     kick = kick_of(scene, free, now.velocity, staggered=now.steps > 1)
     mean = 0.5 * (kick.before + now.velocity)
+    pushed = _work_of_pushing(now) if scene.has_moving_walls else 0.0
     balance = EnergyBalance(
         gravity_work=float((kick.time * mass * mean * gravity).sum()),
         drag_loss=float((scene.drag * kick.path * mean).sum()),
-        contact_loss=float(-(scene.dt * normal_force * mean).sum()),
+        contact_loss=pushed - float((scene.dt * normal_force * mean).sum()),
+        wall_work=pushed,
     )
     return _with_friction(balance, now, mean) if scene.has_friction else balance
+
+
+def _work_of_pushing(now: Snapshot) -> float:
+    """Return the work of the normal forces of walls that move [J]."""
+    speed = now.scene.wall_speeds(now.start, now.wall, now.time)[:, 0]
+    return float(-now.scene.dt * (now.wall_force * speed).sum())
 
 
 def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> EnergyBalance:
@@ -157,14 +165,14 @@ def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> E
     spin = 0.5 * (kick.before + now.spin)
     surface = (mean[grain] * left_of(normal)).sum(axis=1) + (scene.radius * spin)[grain]
     work = -scene.dt * tangential * surface  # on the grains
-    speed = np.array([scene.surface_speed(wall) for wall in now.wall[:, 1].tolist()])
+    speed = scene.wall_speeds(now.start, now.wall, now.time)[:, 1]
     wall_work = float(-scene.dt * (now.wall_tangential_force * speed).sum())
     friction_loss = wall_work - float(work.sum())
     return balance._replace(
         drag_loss=balance.drag_loss + float((scene.spin_drag * kick.path * spin).sum()),
         contact_loss=balance.contact_loss + friction_loss,
         friction_loss=friction_loss,
-        wall_work=wall_work,
+        wall_work=balance.wall_work + wall_work,
     )
 
 

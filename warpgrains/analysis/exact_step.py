@@ -53,6 +53,8 @@ class StepProblem:
     """As in `State`."""
     spin: FloatArray | None = None
     """Angular velocities [rad/s], shape (n,); only with friction."""
+    time: float = 0.0
+    """Time of the end of the step [s], at which walls that move are taken."""
 
     @property
     def free_velocity(self) -> FloatArray:
@@ -74,7 +76,7 @@ class StepProblem:
         scene, position = self.scene, self.position
         pair = pairs_within(position, scene.radius, scene.dt * speed)
         wall = every_wall(scene, np.arange(scene.n))
-        every = StepConstraints.at(scene, position, pair, wall).sliding(scene.dt * sliding)
+        every = StepConstraints.at(scene, position, pair, wall, self.time).sliding(scene.dt * sliding)
         return every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
 
 

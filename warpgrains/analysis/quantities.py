@@ -74,7 +74,7 @@ QUANTITIES = {
         "W", _powers, attrgetter("friction_loss"), meaning="part of `contact_power` due to friction"
     ),
     "wall_power": Quantity(
-        "W", _powers, attrgetter("wall_work"), meaning="power of rotating walls, in the last step"
+        "W", _powers, attrgetter("wall_work"), meaning="power of walls that rotate or move, in the last step"
     ),
     "outer_wall_force": _of_runs(
         "N", partial(contacts.wall_force_sums, wall=OUTER), "sum of the contact forces on the outer wall"

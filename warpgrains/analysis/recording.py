@@ -198,7 +198,10 @@ class Recording(Shown):
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames under the names that `to_xarray` uses."""
         chains = [self._reader.chains(k) for k in range(len(self))]
-        normal = [contact_normals(self.scene, self.position[k], of.pair) for k, of in enumerate(chains)]
+        normal = [
+            contact_normals(self.scene, self.position[k], of.pair, float(self.time[k]))
+            for k, of in enumerate(chains)
+        ]
         frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])
         pair = np.concatenate([of.pair for of in chains])
         force = np.concatenate([of.force for of in chains])

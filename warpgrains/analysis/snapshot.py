@@ -130,7 +130,7 @@ class Snapshot:
         """All contacts as forces on single grains."""
         m = len(self.pair)
         pair, force = with_walls(self.pair, self.wall), np.concatenate([self.force, self.wall_force])
-        (i, j), normal = pair.astype(np.int64).T, contact_normals(self.scene, self.start, pair)
+        (i, j), normal = pair.astype(np.int64).T, contact_normals(self.scene, self.start, pair, self.time)
         return Loads(
             np.concatenate([i[:m], j[:m], i[m:]]),
             np.concatenate([normal[:m], -normal[:m], normal[m:]]),
@@ -164,7 +164,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     scene, state = (of.scene, of.state()) if state is None else (of, state)
     start = state.position - scene.dt * state.velocity
     contacts = pair_contacts(scene, start, state.corrections)
-    walls = wall_contacts(scene, start, state.corrections)
+    walls = wall_contacts(scene, start, state.corrections, state.steps * scene.dt)
     return Snapshot(
         scene=scene,
         steps=state.steps,

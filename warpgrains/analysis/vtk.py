@@ -81,7 +81,7 @@ def _polydata(source: Recording, k: int) -> Any:
     pair = with_walls(frame.pair, frame.wall)
     n, between = frame.n, pair[:, 1] >= 0
     wall = pair[~between, 0]
-    touched = contact_ends(frame.scene, frame.position, pair[~between])[:, 1]
+    touched = contact_ends(frame.scene, frame.position, pair[~between], frame.time)[:, 1]
     pair[~between, 1] = n + np.arange(len(wall))
     points, data = vtkPoints(), vtkPolyData()
     points.SetData(numpy_to_vtk(_in_space(np.concatenate([frame.position, touched])), deep=True))

@@ -17,6 +17,7 @@ from warpgrains.scene.document import Table, parse_toml, read_document, read_tex
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
 from warpgrains.scene.reader import PROPERTIES, SOURCES, keyword_parameters
+from warpgrains.scene.wall_kinds import WALL_KINDS
 
 REQUIRED = object()
 """Marker for keys without a default."""
@@ -60,7 +61,7 @@ def _explained(name: str) -> str:
     document = parse_toml(text, name)
     width = max(NARROWEST, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
     lines = [text.rstrip(), "", f"{'key':<24}{'unit':<12}{'default':<22}meaning"]
-    for key in keys(document.get("grains", {}).get("layout")):
+    for key in [*keys(document.get("grains", {}).get("layout")), *wall_keys()]:
         head = f"{key.section}.{key.name:<{22 - len(key.section)}} {key.unit:<12}{key.shown_default:<22}"
         lines += textwrap.wrap(key.meaning, width, initial_indent=head, subsequent_indent=" " * 58)
     return "\n".join(lines)
@@ -109,6 +110,21 @@ def keys(layout: str | None) -> Iterator[Key]:
     yield from (Key("grains", name, None, meaning) for name, meaning in PROPERTIES.items())
 
 
+def wall_keys() -> Iterator[Key]:
+    """Yield the keys of `[[walls]]`: those of each kind, then those of all."""
+    yield Key("walls", "kind", REQUIRED, f"Kind of a wall inside the annulus: {', '.join(WALL_KINDS)}.")
+    of_all: dict[str, Key] = {}
+    for kind, wall in WALL_KINDS.items():
+        for name, field in wall.keys().items():
+            default = REQUIRED if field.default is MISSING else field.default
+            meaning = field.metadata["meaning"]
+            if field.kw_only:
+                of_all[name] = Key("walls", name, default, meaning)
+            else:
+                yield Key("walls", name, default, f"Of a {kind}: {meaning}")
+    yield from of_all.values()
+
+
 def commented(document: Table) -> str:
     """Return a scene as TOML with every key explained; missing keys are commented out."""
     lines, section = [], ""
@@ -122,6 +138,14 @@ def commented(document: Table) -> str:
         else:
             value = "..." if key.default in (None, REQUIRED) else key.shown_default
             lines.append(f"# {key.name} = {value}")
+    walls = [{key.name: key for key in wall_keys()}, *document.get("walls", [])]
+    lines.append("\n# A table [[walls]] is a wall inside the annulus.")
+    for key in walls[0].values():
+        text = f"{key.name}: {key.meaning}"
+        lines += textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#     ")
+    for wall in walls[1:]:
+        lines.append("\n[[walls]]")
+        lines += [f"{name} = {toml_value(value)}" for name, value in wall.items()]
     return "\n".join(lines) + "\n"
 
 

@@ -78,22 +78,22 @@ def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
     pushes = contacts.force > 0.0
     pair = with_walls(contacts.pair[pushes], wall_contacts.wall)
     force = np.concatenate([contacts.force[pushes], wall_contacts.force])
-    ends, total, tangential = contact_ends(scene, frame.position, pair), force, np.zeros_like(force)
+    ends = contact_ends(scene, frame.position, pair, frame.time)
+    total, tangential = force, np.zeros_like(force)
     if scene.has_friction:
         tangential = np.concatenate([contacts.tangential_force[pushes], wall_contacts.tangential_force])
         total = np.hypot(force, tangential)
-        ends = _turned(scene, frame.position, pair, ends, np.stack([force, tangential], axis=1))
+        ends = _turned(scene, frame, pair, ends, np.stack([force, tangential], axis=1))
     return Chains(ends, np.minimum(total / scale.force, 1.0) * scale.width, force, tangential, pair)
 
 
-def _turned(
-    scene: Scene, position: FloatArray, pair: IntArray, ends: FloatArray, force: FloatArray
-) -> FloatArray:
+def _turned(scene: Scene, frame: Frame, pair: IntArray, ends: FloatArray, force: FloatArray) -> FloatArray:
     """Return segments turned about the contact points into the direction of the forces, (m, 2, 2).
 
     The forces have a normal and a tangential component [N], shape (m, 2), the first one > 0.
     """
-    normal, radius = contact_normals(scene, position, pair), scene.radius[pair[:, 0], np.newaxis]
+    normal = contact_normals(scene, frame.position, pair, frame.time)
+    radius = scene.radius[pair[:, 0], np.newaxis]
     tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     along, across = (force / np.hypot(*force.T)[:, np.newaxis]).T[:, :, np.newaxis]
     direction = along * normal + across * tangent
@@ -108,17 +108,21 @@ def with_walls(pair: IntArray, wall: IntArray) -> IntArray:
     return np.concatenate([pair, at_wall]).astype(np.int32)
 
 
-def contact_normals(scene: Scene, position: FloatArray, pair: IntArray) -> FloatArray:
-    """Return unit vectors from each grain to the other one or into its wall, shape (m, 2)."""
+def contact_normals(scene: Scene, position: FloatArray, pair: IntArray, time: float) -> FloatArray:
+    """Return unit vectors from each grain to the other one or into its wall at a time [s], shape (m, 2)."""
     (i, j), normal = pair.T, np.zeros(pair.shape)
     between = j >= 0
     normal[between] = pair_normals(position, i[between], j[between])
-    normal[~between], _ = scene.wall_frames(position, np.stack([i[~between], -1 - j[~between]], axis=1))
+    wall = np.stack([i[~between], -1 - j[~between]], axis=1)
+    normal[~between], _ = scene.wall_frames(position, wall, time=time)
     return normal
 
 
-def contact_ends(scene: Scene, position: FloatArray, pair: IntArray) -> FloatArray:
-    """Return the ends of contacts [m], (m, 2, 2): a grain's center, and the other center or wall point."""
+def contact_ends(scene: Scene, position: FloatArray, pair: IntArray, time: float) -> FloatArray:
+    """Return the ends of contacts [m], (m, 2, 2): a grain's center, and the other center or wall point.
+
+    Walls are where they are at a time [s].
+    """
     i, j = pair.T
-    foot = position[i] + scene.radius[i, np.newaxis] * contact_normals(scene, position, pair)
+    foot = position[i] + scene.radius[i, np.newaxis] * contact_normals(scene, position, pair, time)
     return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[np.maximum(j, 0)], foot)], axis=1)

@@ -69,6 +69,8 @@ class Frame:
     """Angular velocities [rad/s], shape (n,); None, as the angles, where grains do not rotate."""
     angle: FloatArray | None = None
     """Angles by which grains have turned [rad], shape (n,)."""
+    time: float = 0.0
+    """[s]."""
 
     def rotation(self) -> tuple[FloatArray, FloatArray]:
         """Return spin and angle of the grains; ValueError where they are missing."""

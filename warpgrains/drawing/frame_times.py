@@ -57,8 +57,9 @@ class FrameTimes:
         wall_contacts: WallContacts | None = None,
         spin: FloatArray | None = None,
         angle: FloatArray | None = None,
+        time: float | None = None,
     ) -> Frame:
-        """Return frame k from the state after `step(k)`.
+        """Return frame k from the state after `step(k)`, at a time [s] unless the run began with frame 0.
 
         Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
         The positions and angles are those at the time of the frame.
@@ -68,7 +69,9 @@ class FrameTimes:
             position = position - float(before) * self.dt * velocity
             if spin is not None and angle is not None:
                 angle = angle - float(before) * self.dt * spin
-        return Frame(position, velocity, contacts, wall_contacts, spin, angle)
+        end = self.step(k) * self.dt if time is None else time
+        time = end - float(before) * self.dt
+        return Frame(position, velocity, contacts, wall_contacts, spin, angle, time)
 
     @cached_property
     def _steps_a_frame(self) -> Fraction:

@@ -20,13 +20,13 @@ def mobilized(scene: Scene, contacts: PairContacts, wall_contacts: WallContacts)
     """
     found, (i, j) = np.zeros(scene.n), contacts.pair.T
     between = _share(contacts, scene.friction)
-    at_wall = _share(wall_contacts, scene.friction_at_walls)
+    at_wall = _share(wall_contacts, np.array(scene.wall_frictions)[wall_contacts.wall[:, 1]])
     for grain, share in ((i, between), (j, between), (wall_contacts.wall[:, 0], at_wall)):
         np.maximum.at(found, grain, share)
     return found
 
 
-def _share(contacts: PairContacts | WallContacts, friction: float) -> FloatArray:
+def _share(contacts: PairContacts | WallContacts, friction: float | FloatArray) -> FloatArray:
     """Return |tangential force| over what friction allows, of each contact, shape (m,)."""
     most = friction * contacts.force
     return np.divide(np.abs(contacts.tangential_force), most, out=np.zeros_like(most), where=most > 0.0)

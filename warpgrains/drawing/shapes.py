@@ -1,4 +1,4 @@
-"""Meshes of a grain of radius 1 m and of walls, which are flat rings."""
+"""Meshes of a grain of radius 1 m and of walls, which are flat bands."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from warpgrains.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
+    from warpgrains.scene.motion import Pose
     from warpgrains.scene.scene import Scene
 
 WALL_COLOR = (0.35, 0.35, 0.35)
@@ -18,6 +19,7 @@ WALL_COLOR = (0.35, 0.35, 0.35)
 
 _SEGMENTS = 64  # per circle about z; the polygon lacks 0.16 % of the disc's area
 _WALL_SEGMENTS = 256
+_END_SEGMENTS = 16  # of a half of a round end
 _THICKNESS = 0.02  # thickness of a wall, in radius_out
 _RINGS = 16  # of a sphere, from pole to pole
 _RIM = 0.88  # inner radius of the rim of a disc, in radii
@@ -98,35 +100,86 @@ def marks(position: FloatArray, radius: FloatArray, angle: FloatArray) -> FloatA
     return position[:, np.newaxis] + radius[:, np.newaxis, np.newaxis] * (x * along + y * across)
 
 
-class Ring(NamedTuple):
-    """Drawing of a wall: the flat ring between two circles."""
+class Band(NamedTuple):
+    """Drawing of a wall: the flat band between two lines of as many points."""
 
-    inner: float
-    """Radius of the inner circle [m]."""
-    outer: float
-    """Radius of the outer circle [m]."""
-    center: tuple[float, float] = (0.0, 0.0)
-    """Center [m]."""
+    first: FloatArray
+    """Points of a line [m], shape (k, 2)."""
+    second: FloatArray
+    """Points of the other line [m], shape (k, 2), to the right of the first one."""
+    is_closed: bool
+    """Whether both lines are closed, as those of a ring."""
+
+    def moved(self, pose: Pose) -> Band:
+        """Return the band where its wall is."""
+        return self._replace(first=pose.place(self.first), second=pose.place(self.second))
+
+    @property
+    def reach(self) -> float:
+        """Largest coordinate of a point [m]."""
+        return float(max(np.abs(self.first).max(), np.abs(self.second).max()))
 
     def shape(self) -> Shape:
         """Return the mesh in the plane z = 0, facing +z."""
-        points = np.concatenate([_circle(_WALL_SEGMENTS, radius, 0.0) for radius in self[:2]])
-        points[:, :2] += self.center
-        bands = _bands(np.arange(2 * _WALL_SEGMENTS).reshape(2, _WALL_SEGMENTS))
+        points = np.insert(np.concatenate([self.first, self.second]), 2, 0.0, axis=1)
+        bands = _bands(np.arange(len(points)).reshape(2, -1))
+        bands = bands if self.is_closed else bands[:-1]
         normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
         return Shape(points, np.full(len(bands), 4), bands.ravel(), normals)
 
+    def outlines(self) -> FloatArray:
+        """Return the points of the closed lines that bound the band [m], shape (lines, points, 2)."""
+        if self.is_closed:
+            return np.stack([self.first, self.second[::-1]])
+        return np.concatenate([self.first, self.second[::-1]])[np.newaxis]
 
-def rings(scene: Scene) -> dict[str, Ring]:
+
+def ring(inner: float, outer: float, center: tuple[float, float] = (0.0, 0.0)) -> Band:
+    """Return the band between two circles of these radii [m]."""
+    first, second = (_circle(_WALL_SEGMENTS, radius, 0.0)[:, :2] + center for radius in (inner, outer))
+    return Band(first, second, is_closed=True)
+
+
+def bar(start: tuple[float, float], end: tuple[float, float], thickness: float) -> Band:
+    """Return the band of this thickness [m] about a segment, with round ends."""
+    return strip(np.array([start, end]), thickness)
+
+
+def strip(line: FloatArray, thickness: float) -> Band:
+    """Return the band of this thickness [m] about a line of points [m], shape (k, 2), with round ends."""
+    along = np.diff(line, axis=0)
+    along /= np.hypot(*along.T)[:, np.newaxis]
+    along = np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]])
+    along *= 0.5 * thickness / np.hypot(*along.T)[:, np.newaxis]
+    angle = np.linspace(0.0, 0.5, _END_SEGMENTS)[:, np.newaxis] * np.pi
+    ahead, aside = np.sin(angle), np.cos(angle)
+    middle = np.concatenate([line[:1] - ahead[::-1] * along[0], line[1:-1], line[-1:] + ahead * along[-1]])
+    along = np.concatenate([aside[::-1] * along[0], along[1:-1], aside * along[-1]])
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return Band(middle + across, middle - across, is_closed=False)
+
+
+def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
     radius_in, radius_out = scene.radius_in, scene.radius_out
     thickness = _THICKNESS * radius_out
-    drawn = {"Outer": Ring(radius_out, radius_out + thickness)}
+    drawn = {"Outer": ring(radius_out, radius_out + thickness)}
     if radius_in > 0:
-        drawn["Inner"] = Ring(max(radius_in - thickness, radius_in / 2), radius_in)
+        drawn["Inner"] = ring(max(radius_in - thickness, radius_in / 2), radius_in)
     for k, wall in enumerate(scene.walls):
-        drawn[f"{wall.kind.title()}{k}"] = Ring(*wall.ring(thickness))
+        drawn[f"{wall.kind.title()}{k}"] = wall.drawn(thickness)
     return drawn
+
+
+def moved_walls(scene: Scene, time: float) -> dict[int, Band]:
+    """Return those drawn walls that move as they are at a time [s], by their index in `drawn_walls`."""
+    if not scene.has_moving_walls:
+        return {}
+    every = list(drawn_walls(scene).values())
+    first = len(every) - len(scene.walls)
+    return {
+        first + k: every[first + k].moved(wall.pose(time)) for k, wall in enumerate(scene.walls) if wall.moves
+    }
 
 
 def _in_mark() -> BoolArray:

@@ -225,11 +225,12 @@ class Film:
         *,
         spin: FloatArray | None = None,
         angle: FloatArray | None = None,
+        time: float | None = None,
     ) -> None:
         """Append one frame, see `Recorder.record`."""
         k = self._writer.frames
-        frame = self.times.frame(k, position, velocity, contacts, wall_contacts, spin, angle)
-        self._writer.add(self._painter.shot(k / self.times.rate, frame))
+        frame = self.times.frame(k, position, velocity, contacts, wall_contacts, spin, angle, time)
+        self._writer.add(self._painter.shot(frame, k / self.times.rate))
 
     def flush(self) -> None:
         """Do nothing, because a film cannot be continued."""

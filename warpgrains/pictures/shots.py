@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import OF_CONTACTS, ColorScale, Frame, GrainColors
-from warpgrains.drawing.shapes import Ring, rings
+from warpgrains.drawing.shapes import Band, drawn_walls, moved_walls
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -22,17 +23,19 @@ class Setting:
 
     radius: FloatArray
     """Radii of the grains [m], shape (n,)."""
-    walls: list[Ring]
+    walls: list[Band]
     """Walls as drawn."""
     scale: ColorScale | None
     chain_scale: ChainScale | None
     rotates: bool = False
     """Whether grains rotate, and have marks."""
+    moving: tuple[int, ...] = ()
+    """Indices of the walls that move."""
 
     @property
     def reach(self) -> float:
-        """Outer radius of the outermost wall as drawn [m]."""
-        return max(ring.outer for ring in self.walls)
+        """Largest coordinate of a wall as drawn [m]."""
+        return max(wall.reach for wall in self.walls)
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class Shot:
     chains: Chains | None
     angle: FloatArray | None = None
     """By which grains have turned [rad], shape (n,); None where they do not rotate."""
+    walls: Mapping[int, Band] = field(default_factory=dict)
+    """The walls that move as drawn now, by their index in `Setting.walls`."""
 
 
 class Painter:
@@ -79,15 +84,18 @@ class Painter:
             chain_scale = chain_scale and replace(chain_scale, force=largest)
             if color_by == "pressure":
                 self._colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
-        walls = list(rings(scene).values())
-        self.setting = Setting(scene.radius, walls, self._colors.scale, chain_scale, scene.has_friction)
+        walls, moving = list(drawn_walls(scene).values()), tuple(moved_walls(scene, 0.0))
+        scales = self._colors.scale, chain_scale
+        self.setting = Setting(scene.radius, walls, *scales, scene.has_friction, moving)
 
-    def shot(self, time: float, frame: Frame) -> Shot:
-        """Return a shot of a frame at a time [s]."""
+    def shot(self, frame: Frame, time: float | None = None) -> Shot:
+        """Return a shot of a frame, that shows another time [s] if one is given."""
         scale = self.setting.chain_scale
         chains = None if scale is None else chains_of(self._scene, scale, frame)
         angle = frame.rotation()[1] if self.setting.rotates else None
-        return Shot(time, frame.position, self._colors.of(frame), chains, angle)
+        shown = frame.time if time is None else time
+        walls = moved_walls(self._scene, frame.time)
+        return Shot(shown, frame.position, self._colors.of(frame), chains, angle, walls)
 
     def shot_of(self, simulation: Simulation) -> Shot:
         """Return a shot of the present state of a simulation of the scene."""
@@ -95,17 +103,20 @@ class Painter:
         if self.needs_contacts:
             contacts, wall_contacts = simulation.contacts(), simulation.wall_contacts()
         moving = simulation.position, simulation.velocity
-        frame = Frame(*moving, contacts, wall_contacts, simulation.spin, simulation.angle)
-        return self.shot(simulation.time, frame)
+        turned = simulation.spin, simulation.angle
+        frame = Frame(*moving, contacts, wall_contacts, *turned, simulation.time)
+        return self.shot(frame)
 
 
 def setting_of(reader: RecordingReader) -> Setting:
     """Return the setting of a recording."""
-    return Setting(reader.radius, reader.walls, reader.scale, reader.chain_scale, reader.has_rotation)
+    scales = reader.scale, reader.chain_scale
+    return Setting(reader.radius, reader.walls, *scales, reader.has_rotation, tuple(reader.moved_walls(0)))
 
 
 def shot_of(reader: RecordingReader, frame: int) -> Shot:
     """Return a shot of a frame of a recording."""
     chains = None if reader.chain_scale is None else reader.chains(frame)
     angle = reader.rotation(frame)[1] if reader.has_rotation else None
-    return Shot(float(reader.time[frame]), reader.position(frame), reader.color(frame), chains, angle)
+    shown = reader.position(frame), reader.color(frame)
+    return Shot(float(reader.time[frame]), *shown, chains, angle, reader.moved_walls(frame))

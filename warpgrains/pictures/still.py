@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from pathlib import Path
+import pathlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +13,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import EllipseCollection, PolyCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.patches import Annulus, Rectangle
+from matplotlib.patches import PathPatch, Rectangle
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import ColorScale, mark_color
-from warpgrains.drawing.shapes import WALL_COLOR, marks
+from warpgrains.drawing.shapes import WALL_COLOR, Band, marks
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import Painter, Setting, Shot
@@ -43,8 +44,11 @@ class FrameArtists:
         reach = (1.0 + _MARGIN) * setting.reach
         axes.set_axis_off()
         axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-        for inner, outer, center in setting.walls:
-            axes.add_patch(Annulus(center, outer, outer - inner, color=WALL_COLOR, linewidth=0.0))
+        outlines = map(_outline, setting.walls)
+        walls = [PathPatch(line, color=WALL_COLOR, linewidth=0.0) for line in outlines]
+        for wall in walls:
+            axes.add_patch(wall)
+        self._moving = {k: walls[k] for k in setting.moving}
         diameter = 2.0 * setting.radius
         self._grains = EllipseCollection(
             diameter,
@@ -61,7 +65,7 @@ class FrameArtists:
         self._chains = PolyCollection([], facecolors=[CHAIN_COLOR], edgecolors="white")
         self._points = 72.0 * axes.get_window_extent().height / axes.figure.dpi / (2.0 * reach)
         self._time = axes.text(0.0, 1.0, "", transform=axes.transAxes, va="top", fontsize="small")
-        for collection in self.changing[:-1]:
+        for collection in self._collections:
             axes.add_collection(collection, autolim=False)
         if setting.chain_scale is not None:
             _add_chain_legend(axes, setting.chain_scale, reach)
@@ -69,11 +73,17 @@ class FrameArtists:
     @property
     def changing(self) -> tuple[Any, ...]:
         """Artists that `show` changes, from back to front."""
+        return *self._moving.values(), *self._collections, self._time
+
+    @property
+    def _collections(self) -> tuple[Any, ...]:
         marks = () if self._marks is None else (self._marks,)
-        return self._grains, *marks, self._chains, self._time
+        return self._grains, *marks, self._chains
 
     def show(self, shot: Shot) -> None:
         """Draw a shot, replacing the last one."""
+        for k, wall in self._moving.items():
+            wall.set_path(_outline(shot.walls[k]))
         self._grains.set(offsets=shot.position, facecolor=shot.color)
         if self._marks is not None and shot.angle is not None:
             turned = marks(shot.position, self._radius, shot.angle)
@@ -82,6 +92,11 @@ class FrameArtists:
             casing = _CASING * self._points * shot.chains.width
             self._chains.set(verts=shot.chains.corners(), linewidth=casing)  # one array is set fastest
         self._time.set_text(f"t = {shot.time:.3g} s" if 0.0 < shot.time < 0.1 else f"t = {shot.time:.2f} s")
+
+
+def _outline(wall: Band) -> Path:
+    """Return the outline of a wall."""
+    return Path.make_compound_path_from_polys(wall.outlines())
 
 
 def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> None:
@@ -146,7 +161,7 @@ class Canvas:
         return np.asarray(self._agg.buffer_rgba())[:, :, :3]
 
 
-def save_figure(figure: Figure, output: Path, dpi: float = _DOTS_PER_INCH, **options: Any) -> None:
+def save_figure(figure: Figure, output: pathlib.Path, dpi: float = _DOTS_PER_INCH, **options: Any) -> None:
     """Write a picture atomically."""
     with draft_of(output) as draft:
         figure.savefig(draft, dpi=dpi, **options)
@@ -170,7 +185,7 @@ class Picture:
         canvas.show(painter.shot_of(simulation))
         self.figure = canvas.figure
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | pathlib.Path) -> None:
         """Write the picture to a .png, .pdf or .svg file.
 
         Raises
@@ -178,8 +193,8 @@ class Picture:
         InputError
             The picture cannot be written.
         """
-        require_writable_path("picture", Path(path), *STILLS)
-        save_figure(self.figure, Path(path))
+        require_writable_path("picture", pathlib.Path(path), *STILLS)
+        save_figure(self.figure, pathlib.Path(path))
 
     def _repr_png_(self) -> bytes:
         png = io.BytesIO()

@@ -14,13 +14,16 @@ typedef struct {
     double *x, *y, *vx, *vy, *r, *m, *dvBoundary, *dvContacts;
 #ifdef REFERENCE
     int leapfrog, staggered, round; /* not the text's: scheme, whether v is half a step behind, outer wall */
-    int nDiscs;                     /* fixed discs inside the annulus: */
-    double *discs, *dvDiscs;        /* center and radius of each, and corrections by grain and disc */
+    int nWalls;                     /* walls inside the annulus: */
+    double *walls, *dvWalls;        /* kind and numbers of each, ten, and corrections by grain and wall */
     double friction, wallFriction;  /* coefficients between grains, and at walls; 0: none */
     double spinDrag, speedOut;      /* drag on spins; speed of the outer wall along its tangent */
-    double *speedDiscs;             /* the same of each disc; with friction, disc 0 may be the inner wall */
+    double *speedWalls;             /* the same of each wall; with friction, wall 0 may be the inner circle */
+    double *frictionWalls;          /* and the friction of each */
+    int rough, moving, steps;       /* whether contacts have friction, and a wall inside moves; steps since the start */
+    double *motions;                /* of each: pivot, velocity, angular velocity, first and last time */
     double *w, *angle, *u;          /* with friction: spin, angle and rim speed r w of each grain, */
-    double *dtContacts, *dtBoundary, *dtDiscs; /* and tangential corrections, as the normal ones */
+    double *dtContacts, *dtBoundary, *dtWalls; /* and tangential corrections, as the normal ones */
 #endif
 } femGrains;
 

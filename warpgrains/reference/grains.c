@@ -7,7 +7,7 @@
 #include "grains.h"
 
 static int hasFriction(const femGrains *g) {
-    return g->friction > 0.0 || g->wallFriction > 0.0;
+    return g->rough;
 }
 
 #ifndef NOCREATE
@@ -23,9 +23,10 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->gravity[1] = -9.81;
     theGrains->gamma = 0.5;
     theGrains->leapfrog = theGrains->staggered = theGrains->round = 0;
-    theGrains->nDiscs = 0;
-    theGrains->discs = theGrains->dvDiscs = NULL;
+    theGrains->nWalls = theGrains->moving = theGrains->steps = 0;
+    theGrains->walls = theGrains->dvWalls = theGrains->motions = NULL;
     theGrains->friction = theGrains->wallFriction = 0.0;
+    theGrains->rough = 0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
     theGrains->vx = calloc(n, sizeof(double));
@@ -114,14 +115,15 @@ static double contactPair(femGrains *g, int i, int j, double *dvc, double *dtc, 
     return fmax(fabs(dv), fabs(dvt));
 }
 
-/* A wall's push on grain i: dv along (nx, ny), and friction at a surface of this speed. Returns the larger change. */
-static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv, double carried, double *dtc,
+/* A wall's push on grain i: dv along (nx, ny), and friction at most `limit` at a surface of this speed. Returns the
+ * larger change. */
+static double pushFromWall(femGrains *g, int i, double nx, double ny, double dv, double limit, double *dtc,
                            double speed, double dt, int iter) {
     double dvt = 0.0;
     if (hasFriction(g)) {
         double rim = rimFactor(g, i, dt);
         double vt = g->vx[i] * -ny + g->vy[i] * nx + (g->u[i] - speed);
-        dvt = frictionChange(dtc, vt, 1.0 / (1.0 + rim), g->wallFriction * carried, iter);
+        dvt = frictionChange(dtc, vt, 1.0 / (1.0 + rim), limit, iter);
         g->u[i] -= dvt * rim;
     }
     g->vx[i] -= dv * nx + dvt * -ny;
@@ -154,27 +156,75 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         *dvb += dv;
     }
     double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
-    return pushFromWall(g, i, nx, ny, dv, *dvb, dtb, g->speedOut, dt, iter);
+    return pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->speedOut, dt, iter);
 }
 
-/* The contact of grain i with fixed disc d. Returns the larger change. */
-static double contactDisc(femGrains *g, int i, int d, double dt, int iter) {
-    const double *disc = &g->discs[3 * d];
-    double *dvd = &g->dvDiscs[i * g->nDiscs + d];
-    double dx = disc[0] - g->x[i];
-    double dy = disc[1] - g->y[i];
-    double r = sqrt(dx * dx + dy * dy);
-    double nx = dx / r;
-    double ny = dy / r;
-    double dv = *dvd;
-    if (iter > 0) {
-        double gap = r - (g->r[i] + disc[2]);
-        double vn = g->vx[i] * nx + g->vy[i] * ny;
-        dv = fmax(0.0, vn + *dvd - gap / dt) - *dvd;
-        *dvd += dv;
+/* Gap of a grain at (x, y), and the normal into a wall inside the annulus: 1, center, radius, whether grains
+ * are inside; or 2 and both ends of a segment. */
+static double wallGap(const double *wall, double x, double y, double r, double *nx, double *ny) {
+    double px = wall[1], py = wall[2];
+    if (wall[0] == 2.0) {
+        double dx = wall[3] - wall[1], dy = wall[4] - wall[2];
+        double along = ((x - wall[1]) * dx + (y - wall[2]) * dy) / (dx * dx + dy * dy);
+        double share = fmin(fmax(along, 0.0), 1.0);
+        px = wall[1] + share * dx;
+        py = wall[2] + share * dy;
     }
-    double *dtd = hasFriction(g) ? &g->dtDiscs[i * g->nDiscs + d] : NULL;
-    return pushFromWall(g, i, nx, ny, dv, *dvd, dtd, hasFriction(g) ? g->speedDiscs[d] : 0.0, dt, iter);
+    double dx = px - x, dy = py - y;
+    double distance = sqrt(dx * dx + dy * dy);
+    *nx = dx / distance;
+    *ny = dy / distance;
+    if (wall[0] != 1.0) return distance - r;
+    if (wall[4] == 0.0) return distance - (r + wall[3]);
+    *nx = -*nx;
+    *ny = -*ny;
+    return wall[3] - distance - r;
+}
+
+/* For how long a wall has moved at a time, from motion[5] to motion[6]. */
+static double movingTime(const double *motion, double time) {
+    return fmin(fmax(time, motion[5]), motion[6]) - motion[5];
+}
+
+/* The same at the end of the step where the wall moves (eq. 26); *speed gets that of its surface along the tangent. */
+static double movingWallGap(const double *wall, const double *motion, double begin, double end, double x, double y,
+                            double r, double *nx, double *ny, double *speed) {
+    double px = motion[0], py = motion[1], vx = motion[2], vy = motion[3], w = motion[4];
+    double moved = movingTime(motion, end), before = movingTime(motion, begin);
+    double c = cos(w * moved), s = sin(w * moved);
+    double dx = x - (px - (c * px - s * py) + vx * moved);
+    double dy = y - (py - (s * px + c * py) + vy * moved);
+    double mx, my;
+    double gap = wallGap(wall, c * dx + s * dy, c * dy - s * dx, r, &mx, &my);
+    *nx = c * mx - s * my;
+    *ny = s * mx + c * my;
+    if (moved - before > 0.5 * (end - begin)) {
+        double u = vx + w * (py + vy * moved) - w * (y + (r + gap) * *ny);
+        double v = vy - w * (px + vx * moved) + w * (x + (r + gap) * *nx);
+        *speed += *nx * v - *ny * u;
+    }
+    return gap;
+}
+
+/* The contact of grain i with wall k inside the annulus. Returns the larger change. */
+static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
+    double nx, ny, gap;
+    double *dvw = &g->dvWalls[i * g->nWalls + k];
+    double speed = hasFriction(g) ? g->speedWalls[k] : 0.0;
+    if (g->moving)
+        gap = movingWallGap(&g->walls[10 * k], &g->motions[7 * k], g->steps * dt, (g->steps + 1) * dt, g->x[i], g->y[i],
+                            g->r[i], &nx, &ny, &speed);
+    else
+        gap = wallGap(&g->walls[10 * k], g->x[i], g->y[i], g->r[i], &nx, &ny);
+    double dv = *dvw;
+    if (iter > 0) {
+        double vn = g->vx[i] * nx + g->vy[i] * ny;
+        dv = fmax(0.0, vn + *dvw - gap / dt) - *dvw;
+        *dvw += dv;
+    }
+    double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
+    double limit = hasFriction(g) ? g->frictionWalls[k] * *dvw : 0.0;
+    return pushFromWall(g, i, nx, ny, dv, limit, dtw, speed, dt, iter);
 }
 
 double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
@@ -187,7 +237,7 @@ double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {
             zeta = fmax(zeta, contactPair(myGrains, i, j, dvc++, dtc, dt, iter));
     for (int i = 0; i < n; i++) {
         zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
-        for (int d = 0; d < myGrains->nDiscs; d++) zeta = fmax(zeta, contactDisc(myGrains, i, d, dt, iter));
+        for (int k = 0; k < myGrains->nWalls; k++) zeta = fmax(zeta, contactWall(myGrains, i, k, dt, iter));
     }
     return zeta;
 }
@@ -200,7 +250,7 @@ double femGrainsContactIterateOrder(femGrains *myGrains, double dt, int iter, in
         int i = contacts[k].i;
         int j = contacts[k].j;
         if (j < -1) {
-            zeta = fmax(zeta, contactDisc(myGrains, i, -2 - j, dt, iter));
+            zeta = fmax(zeta, contactWall(myGrains, i, -2 - j, dt, iter));
         } else if (j < 0) {
             zeta = fmax(zeta, contactWalls(myGrains, i, &myGrains->dvBoundary[i], dt, iter));
         } else {
@@ -258,6 +308,7 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
         }
     }
     myGrains->staggered = myGrains->leapfrog;
+    myGrains->steps++;
 }
 
 #endif

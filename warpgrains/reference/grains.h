@@ -6,7 +6,7 @@
 #define REFERENCE
 #include "fem.h"
 
-/* A contact of grain i: with grain j > i, with the annulus where j = -1, or with disc -2 - j. */
+/* A contact of grain i: with grain j > i, with the annulus where j = -1, or with wall -2 - j inside it. */
 typedef struct {
     int i, j;
 } femContact;

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.scene.disc import Disc
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State
@@ -22,7 +21,7 @@ FAST = ("-O3", "-march=native")
 MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits all pairs
 
 _Doubles = ctypes.POINTER(ctypes.c_double)
-_ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtDiscs")
+_ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtWalls")
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
@@ -36,10 +35,12 @@ class Grains(ctypes.Structure):
         ("gravity", ctypes.c_double * 2),
         ("gamma", ctypes.c_double),
         *((name, _Doubles) for name in (*_PER_GRAIN, "dvContacts")),
-        *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round", "nDiscs")),
-        *((name, _Doubles) for name in ("discs", "dvDiscs")),
+        *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round", "nWalls")),
+        *((name, _Doubles) for name in ("walls", "dvWalls")),
         *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "speedOut")),
-        *((name, _Doubles) for name in ("speedDiscs", *_ROTATING)),
+        *((name, _Doubles) for name in ("speedWalls", "frictionWalls")),
+        *((name, ctypes.c_int) for name in ("rough", "moving", "steps")),
+        *((name, _Doubles) for name in ("motions", *_ROTATING)),
     )
 
 
@@ -83,44 +84,46 @@ class Reference:
         self._arrays["dvContacts"] = np.zeros(n * (n - 1) // 2)
         pointers = [array.ctypes.data_as(_Doubles) for array in self._arrays.values()]
         gravity = (ctypes.c_double * 2)(*scene.gravity)
-        circles = [Disc((0.0, 0.0), scene.radius_in)] if scene.has_two_circles else []
-        discs = [*circles, *scene.walls]
-        radius_in = 0.0 if circles else scene.radius_in
+        walls = scene.bodies_inside
+        radius_in = 0.0 if scene.has_two_circles else scene.radius_in
         self._grains = Grains(n, radius_in, scene.radius_out, gravity, scene.drag, *pointers)
-        self._arrays["discs"] = np.array([disc.numbers for disc in discs], float).ravel()
-        self._arrays["dvDiscs"] = np.zeros(n * len(discs))
+        self._arrays["walls"] = np.array([wall.shape for wall in walls]).ravel()
+        self._arrays["dvWalls"] = np.zeros(n * len(walls))
         self._grains.friction, self._grains.wallFriction = scene.friction, scene.friction_at_walls
         self._grains.spinDrag = scene.spin_drag
         self._grains.speedOut = scene.surface_speed(OUTER)
-        self._arrays["speedDiscs"] = np.zeros(len(discs))
-        self._arrays["speedDiscs"][: len(circles)] = scene.surface_speed(INNER)
+        self._arrays["speedWalls"] = np.zeros(len(walls))
+        self._arrays["speedWalls"][: int(scene.has_two_circles)] = scene.surface_speed(INNER)
+        self._arrays["frictionWalls"] = np.array(scene.wall_frictions[2 - int(scene.has_two_circles) :])
+        self._arrays["motions"] = np.array([np.hstack(wall.motion) for wall in walls]).ravel()
+        self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
         rotating = (
             scene.spin_at_start.copy(),
             *np.zeros((2, n)),
-            *map(np.zeros, (n * (n - 1) // 2, n, n * len(discs))),
+            *map(np.zeros, (n * (n - 1) // 2, n, n * len(walls))),
         )
         self._arrays |= dict(zip(_ROTATING, rotating, strict=True))
-        for name in ("discs", "dvDiscs", "speedDiscs", *_ROTATING):
+        for name in ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", *_ROTATING):
             setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
-        self._grains.nDiscs = self._discs = len(discs)
+        self._grains.nWalls = self._walls = len(walls)
         self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", scene.wall == "round"
         if state is not None:
             arrays, corrections = self._arrays, state.corrections
-            self._grains.staggered = state.staggered
+            self._grains.staggered, self._grains.steps = state.staggered, state.steps
             arrays["x"][:], arrays["y"][:] = state.position.T
             arrays["vx"][:], arrays["vy"][:] = state.velocity.T
             arrays["dvContacts"][pair_index(corrections.pair, n)] = corrections.pair_correction
             (grain, wall), carried = corrections.wall.T, corrections.wall_correction
             body = body_of(wall, scene.has_two_circles)
-            at_disc, disc = body > 0, grain * self._discs + body - 1
-            arrays["dvDiscs"][disc[at_disc]] = carried[at_disc]
-            sign = np.where((wall == INNER) & ~at_disc, -1.0, 1.0)
-            arrays["dvBoundary"][grain[~at_disc]] = (sign * carried)[~at_disc]
+            inside, own = body > 0, grain * self._walls + body - 1
+            arrays["dvWalls"][own[inside]] = carried[inside]
+            sign = np.where((wall == INNER) & ~inside, -1.0, 1.0)
+            arrays["dvBoundary"][grain[~inside]] = (sign * carried)[~inside]
             if corrections.pair_friction is not None and corrections.wall_friction is not None:
                 arrays["w"][:], arrays["angle"][:] = state.spin, state.angle
                 arrays["dtContacts"][pair_index(corrections.pair, n)] = corrections.pair_friction
-                arrays["dtDiscs"][disc[at_disc]] = corrections.wall_friction[at_disc]
-                arrays["dtBoundary"][grain[~at_disc]] = corrections.wall_friction[~at_disc]
+                arrays["dtWalls"][own[inside]] = corrections.wall_friction[inside]
+                arrays["dtBoundary"][grain[~inside]] = corrections.wall_friction[~inside]
 
     def update(self) -> None:
         """Advance by one step, entirely in C."""
@@ -130,8 +133,8 @@ class Reference:
     def step(self, order: IntArray | None = None) -> tuple[int, float]:
         """Advance by one step in Python's loop; return iterations and last zeta, which C does not return.
 
-        `order` overrides the text's order: contacts (i, j), (i, -1) for the annulus, (i, -2 - d) for disc d,
-        shape (m, 2). With friction, disc 0 is the inner wall, if there is one.
+        `order` overrides the text's order: contacts (i, j), (i, -1) for the annulus, (i, -2 - k) for wall k
+        inside it, shape (m, 2). With friction, wall 0 is the inner circle, if there is one.
         """
         scene, arrays = self._scene, self._arrays
         free = free_velocity(scene, self.velocity, bool(self._grains.staggered))
@@ -147,6 +150,7 @@ class Reference:
         arrays["w"][:] = arrays["u"] / scene.radius
         arrays["angle"] += scene.dt * arrays["w"]
         self._grains.staggered = self._grains.leapfrog
+        self._grains.steps += 1
         return iterations, zeta
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:
@@ -186,9 +190,9 @@ class Reference:
         return self._arrays["dvBoundary"]
 
     @property
-    def disc_correction(self) -> FloatArray:
-        """Corrections of all grains at the fixed discs [m/s], shape (n, discs)."""
-        return self._arrays["dvDiscs"].reshape(self._scene.n, -1)
+    def obstacle_correction(self) -> FloatArray:
+        """Corrections of all grains at the walls inside the annulus [m/s], shape (n, walls)."""
+        return self._arrays["dvWalls"].reshape(self._scene.n, -1)
 
     @property
     def pair_friction(self) -> FloatArray:

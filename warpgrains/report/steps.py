@@ -95,7 +95,9 @@ def follow_history(scene: Scene, longest: int) -> History:
 
 def measure_steps(scene: Scene, snapshot: HistoryStep, budget: Budget) -> Iterator[StepRow]:
     """Solve the step after a snapshot in every configuration, with increasing numbers of iterations."""
-    problem = StepProblem(scene, snapshot.state.position, snapshot.state.velocity, snapshot.state.staggered)
+    state = snapshot.state
+    end = (state.steps + 1) * scene.dt
+    problem = StepProblem(scene, state.position, state.velocity, state.staggered, time=end)
     accurate = Simulation(scene.replace(**EXACT, stop="default", tolerance=CONVERGED))
     accurate.restore(snapshot.state)
     accurate.step()

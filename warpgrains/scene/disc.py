@@ -1,31 +1,31 @@
-"""A fixed disc inside the annulus. This is the host's side; kernels/disc.py is the device's."""
+"""A disc inside the annulus. This is the host's side; kernels/disc.py is the device's."""
 
-from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from math import dist, inf
+from typing import ClassVar
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.described import described
+from warpgrains.drawing.shapes import Band, ring
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
+from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.walls import Side
 
 
-@dataclass(frozen=True)
-class Disc:
-    """A fixed disc that grains touch from outside.
+@kind_of_wall
+class Disc(Obstacle):
+    """A disc that grains touch from outside, or a ring that they touch from inside.
 
     Parameters
     ----------
-    center
-        Center [m], two components.
-    radius
-        Radius [m].
+    {fields}
 
     Raises
     ------
     InputError
-        The center or the radius is invalid.
+        A value is invalid.
 
     Examples
     --------
@@ -37,35 +37,59 @@ class Disc:
 
     kind: ClassVar[str] = "disc"
     kind_number: ClassVar[int] = 1
-    center: tuple[float, float]
-    radius: float
+    center: tuple[float, float] = described("Center [m], two components.")
+    radius: float = described("Radius [m].")
+    inside: bool = described("Whether grains are inside, as in a ring.", default=False)
 
     def __post_init__(self) -> None:
-        vars(self)["center"] = checks.vector("center of a disc", self.center)
-        vars(self)["radius"] = checks.positive("radius of a disc", self.radius)
+        super().__post_init__()
+        self._check(
+            center=checks.vector("center of a disc", self.center),
+            radius=checks.positive("radius of a disc", self.radius),
+            inside=checks.boolean("inside of a disc", self.inside),
+        )
 
-    @property
-    def table(self) -> dict[str, Any]:
-        """Keys and values of the disc in a `[[walls]]` table of a scene file."""
-        return {"kind": self.kind, **asdict(self)}
-
-    @property
-    def area(self) -> float:
-        """Area of the disc [m2]."""
-        return float(np.pi) * self.radius**2
+    def remaining_area(self, area: float) -> float:
+        """Return the part of an area [m2] that the disc leaves to the grains."""
+        own = float(np.pi) * self.radius**2
+        return min(area, own) if self.inside else area - own
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need: center and radius (kernels/disc.py)."""
-        return (*self.center, self.radius)
+        """Numbers that the kernels need (kernels/disc.py)."""
+        return (*self.center, self.radius, float(self.inside))
 
-    def ring(self, thickness: float) -> tuple[float, float, tuple[float, float]]:
-        """Return the inner radius, outer radius and center [m] of the ring that pictures show."""
-        return max(self.radius - thickness, self.radius / 2), self.radius, self.center
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        """Circle within which grains touch the disc [m]: a ring keeps them from all points outside."""
+        return (*self.center, inf if self.inside else self.radius)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Center [m]."""
+        return self.center
+
+    def farthest(self, point: tuple[float, float]) -> float:
+        """Return the distance of the center from a point [m]; a disc that turns about it stays in place."""
+        return dist(self.center, point)
 
     def side(self, position: FloatArray, radius: FloatArray) -> Side:
         """Return normals and gaps of grains at the disc, see `Scene.side`."""
         away = np.array(self.center) - position
         rho = distance(away)
         with np.errstate(invalid="ignore"):
-            return Side(away / rho[:, np.newaxis], rho - (radius + self.radius))
+            normal = away / rho[:, np.newaxis]
+        if self.inside:
+            return Side(-normal, self.radius - rho - radius)
+        return Side(normal, rho - (radius + self.radius))
+
+    def covers(self, position: FloatArray) -> BoolArray:
+        """Return which points are in the disc, or outside of the ring or at its center, shape (n,)."""
+        rho = distance(np.array(self.center) - position)
+        return (rho > self.radius) | (rho == 0.0) if self.inside else rho < self.radius
+
+    def drawn(self, thickness: float) -> Band:
+        """Return the drawing of the disc, a ring outside of the space of the grains."""
+        if self.inside:
+            return ring(self.radius, self.radius + thickness, self.center)
+        return ring(max(self.radius - thickness, self.radius / 2), self.radius, self.center)

@@ -4,7 +4,7 @@ Each is declared once, with its key in scene files, its check, its default, its 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass
 from functools import partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, dataclass_transform
@@ -16,9 +16,10 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import described, described_fields
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.disc import Disc
 from warpgrains.scene.geometry import require_distinct
+from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scheme import SCHEMES
+from warpgrains.scene.wall_kinds import checked_walls
 from warpgrains.scene.walls import Annulus
 
 if TYPE_CHECKING:
@@ -28,7 +29,6 @@ ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")
 UNCONVERGED = ("report", "raise")
-WALL_KINDS = {kind.kind: kind for kind in (Disc,)}
 MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
 
 Kind = TypeVar("Kind")
@@ -49,10 +49,10 @@ if TYPE_CHECKING:
     Array = ConvertedField[FloatArray, ArrayLike]
     OptionalArray = ConvertedField[FloatArray, ArrayLike | None]
     Vector = ConvertedField[tuple[float, float], Sequence[float] | FloatArray]
-    Walls = ConvertedField[tuple[Disc, ...], Sequence[Disc | Mapping[str, Any]]]
+    Walls = ConvertedField[tuple[Obstacle, ...], Sequence[Obstacle | Mapping[str, Any]]]
 else:
     Array, OptionalArray, Vector = FloatArray, FloatArray | None, tuple[float, float]
-    Walls = tuple[Disc, ...]
+    Walls = tuple[Obstacle, ...]
 
 
 def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = MISSING) -> Any:
@@ -110,9 +110,9 @@ class SceneFields:
         default=0.0,
     )
     walls: Walls = _key(
-        'Obstacles inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
-        " `Disc(center, radius)`: fixed discs that grains touch from outside.",
-        check=lambda field, value: checked_walls(field, value),
+        'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
+        " `Disc(center, radius)` and `Segment(start, end)`.",
+        check=checked_walls,
         default=(),
     )
     gravity: Vector = _key(
@@ -199,33 +199,6 @@ _SETTINGS = {
 }
 
 
-def checked_walls(field: str, value: Any) -> tuple[Disc, ...]:
-    """Return walls, each given as an object or by the keys of a `[[walls]]` table."""
-    if not isinstance(value, Sequence) or isinstance(value, str):
-        raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
-    return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
-
-
-def _checked_wall(field: str, value: Any) -> Disc:
-    if isinstance(value, Disc):
-        return value
-    if not isinstance(value, Mapping):
-        raise InputError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
-    own = dict(value)
-    kind = WALL_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WALL_KINDS)]
-    keys = [one.name for one in fields(kind)]
-    for key in own:
-        if key not in keys:
-            raise checks.unknown(f"key of {field}", key, ("kind", *keys))
-    for key in keys:
-        if key not in own:
-            raise InputError(f"{field}.{key} is missing: a {kind.kind} needs it")
-    try:
-        return kind(**own)
-    except InputError as error:
-        raise InputError(f"{field}: {error}") from None
-
-
 def checked_settings(scene: SceneFields, names: Iterable[str] = _SETTINGS) -> dict[str, Any]:
     """Return the named fields, none of grains or walls, in the form in which a scene keeps them.
 
@@ -268,9 +241,9 @@ def require_valid_positions(scene: "Scene") -> None:
     _require_size(scene)
     scene.annulus.require_inside(scene.position, scene.radius)
     for k, wall in enumerate(scene.walls):
-        inside = wall.side(scene.position, scene.radius).gap < -scene.radius
-        if inside.any():
-            grain = checks.of_grain("position", scene.position, inside)
+        covered = wall.covers(scene.position)
+        if covered.any():
+            grain = checks.of_grain("position", scene.position, covered)
             raise InputError(f"{grain}: its center is inside walls[{k}], {wall}")
     require_distinct("position", scene.position)
 
@@ -290,11 +263,24 @@ def _require_size(scene: "Scene") -> None:
 def require_compatible_settings(scene: "Scene") -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
+    _require_slow_walls(scene)
     _require_friction(scene)
     if scene.method == "exact" and scene.has_friction:
         raise InputError("method is 'exact': it solves steps without friction only; use 'accelerated'")
     if scene.method == "exact" and scene.stop == "zeta":
         raise InputError("stop is 'zeta': method 'exact' stops on the residual")
+
+
+def _require_slow_walls(scene: "Scene") -> None:
+    """Raise InputError unless no wall can pass the center of a grain within a step."""
+    smallest = scene.smallest_radius
+    for k, wall in enumerate(scene.walls):
+        path = wall.speed * scene.dt
+        if not path < smallest:
+            raise InputError(
+                f"velocity of walls[{k}]: the {wall.kind} moves by {path:.3g} m in a step of {scene.dt} s;"
+                f" it must be less than the smallest radius, {smallest} m"
+            )
 
 
 def _require_friction(scene: "Scene") -> None:

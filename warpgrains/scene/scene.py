@@ -15,6 +15,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.disc import Disc
 from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import (
     FIELDS,
@@ -25,7 +26,8 @@ from warpgrains.scene.fields import (
     require_compatible_settings,
     require_valid_positions,
 )
-from warpgrains.scene.geometry import overlapping_pairs
+from warpgrains.scene.geometry import left_of, overlapping_pairs
+from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
 from warpgrains.shown import Shown
@@ -174,20 +176,50 @@ class Scene(SceneFields, Shown):
     @property
     def has_friction(self) -> bool:
         """True if contacts have friction, so that grains rotate."""
-        return self.friction > 0.0 or self.friction_at_walls > 0.0
+        return self.friction > 0.0 or any(coefficient > 0.0 for coefficient in self.wall_frictions)
 
     @property
     def friction_at_walls(self) -> float:
-        """Coefficient of friction between grains and walls."""
+        """Coefficient of friction between grains and walls that have none of their own."""
         return self.friction if self.wall_friction is None else self.wall_friction
 
+    @property
+    def wall_frictions(self) -> list[float]:
+        """Coefficients of friction of the walls 0, 1, 2, ..."""
+        common = self.friction_at_walls
+        own = [common if wall.friction is None else wall.friction for wall in self.walls]
+        return [common, common, *own]
+
+    @property
+    def has_moving_walls(self) -> bool:
+        """True if a wall inside the annulus moves."""
+        return any(wall.moves for wall in self.walls)
+
     def surface_speed(self, wall: int) -> float:
-        """Return the speed of a wall's surface along the tangent of its contacts [m/s] (MODEL.md, eq. 23)."""
+        """Return the speed of a circle's surface along the tangent of contacts [m/s] (MODEL.md, eq. 23)."""
         speeds = {
             OUTER: self.radius_out * self.angular_velocity_out,
             INNER: -self.radius_in * self.angular_velocity_in,
         }
         return speeds.get(wall, 0.0)
+
+    def wall_speeds(self, position: FloatArray, wall: NDArray[np.integer[Any]], time: float) -> FloatArray:
+        """Return how fast walls move along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
+
+        The contacts have shape (m, 2). `position` holds the centers of all grains at the start of the step
+        [m], shape (n, 2), and `time` is that of its end [s].
+        """
+        normal, gap = self.wall_frames(position, wall, time=time)
+        found = np.zeros(wall.shape)
+        for number in np.unique(wall[:, 1]).tolist():
+            own = wall[:, 1] == number
+            found[own, 1] = self.surface_speed(number)
+            if number > INNER:
+                grain, n = wall[own, 0], normal[own]
+                foot = position[grain] + (self.radius[grain] + gap[own])[:, np.newaxis] * n
+                velocity = self.walls[number - INNER - 1].motion.velocities(foot, time, self.dt)
+                found[own] = np.stack([(velocity * along).sum(axis=1) for along in (n, left_of(n))], axis=1)
+        return found
 
     @property
     def spin_at_start(self) -> FloatArray:
@@ -198,6 +230,12 @@ class Scene(SceneFields, Shown):
     def has_two_circles(self) -> bool:
         """True if the circles are two bodies on the device, as with friction, instead of one."""
         return self.has_friction and self.radius_in > 0.0
+
+    @property
+    def bodies_inside(self) -> tuple[Obstacle, ...]:
+        """The walls inside the annulus on the device, among them the inner circle where it is a body."""
+        circle = (Disc((0.0, 0.0), self.radius_in),) if self.has_two_circles else ()
+        return circle + self.walls
 
     @property
     def kernel_kind(self) -> tuple[str, bool]:
@@ -242,38 +280,52 @@ class Scene(SceneFields, Shown):
     @property
     def area(self) -> float:
         """Area between the walls [m2]."""
-        return self.annulus.area - sum(disc.area for disc in self.walls)
+        area = self.annulus.area
+        for wall in self.walls:
+            area = wall.remaining_area(area)
+        return area
 
     @property
     def wall_numbers(self) -> list[int]:
-        """Numbers of the walls: 0 the outer, 1 the inner circle (if any), 2, 3, ... the discs of `walls`."""
+        """Numbers of the walls: 0 the outer, 1 the inner circle (if any), 2, 3, ... those of `walls`."""
         inner = [INNER] if self.radius_in > 0.0 else []
         return [OUTER, *inner, *range(INNER + 1, INNER + 1 + len(self.walls))]
 
     def side(
-        self, number: int, position: FloatArray, radius: FloatArray, move: FloatArray | None = None
+        self,
+        number: int,
+        position: FloatArray,
+        radius: FloatArray,
+        move: FloatArray | None = None,
+        time: float = 0.0,
     ) -> Side:
         """Return normals and gaps of grains at one wall from positions [m], shape (k, 2), and radii [m].
 
-        With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18.
+        With the displacements `move` of a step [m], shape (k, 2), a round wall has the gaps of eq. 18. A wall
+        that moves is where it is at a time [s].
         """
         if number > INNER:
-            return self.walls[number - INNER - 1].side(position, radius)
+            return self.walls[number - INNER - 1].side_at(time, position, radius)
         return self.annulus.side(number, position, radius, move)
 
     def wall_frames(
-        self, position: FloatArray, wall: NDArray[np.integer[Any]], move: FloatArray | None = None
+        self,
+        position: FloatArray,
+        wall: NDArray[np.integer[Any]],
+        move: FloatArray | None = None,
+        time: float = 0.0,
     ) -> tuple[FloatArray, FloatArray]:
         """Return normals and gaps [m], shapes (m, 2) and (m,), of wall contacts (grain, wall), shape (m, 2).
 
-        `position` holds the centers of all grains [m], shape (n, 2); for `move`, see `side`.
+        `position` holds the centers of all grains [m], shape (n, 2); for `move` and `time`, see `side`.
         """
         normal, gap = np.zeros(wall.shape), np.zeros(len(wall))
         for number in np.unique(wall[:, 1]).tolist():
             at_wall = wall[:, 1] == number
             grain = wall[at_wall, 0]
             own = None if move is None else move[grain]
-            normal[at_wall], gap[at_wall] = self.side(number, position[grain], self.radius[grain], own)
+            side = self.side(number, position[grain], self.radius[grain], own, time)
+            normal[at_wall], gap[at_wall] = side
         return normal, gap
 
     @property

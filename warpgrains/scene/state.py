@@ -33,7 +33,7 @@ class Corrections:
     pair_correction : ndarray
         Corrections dv_c of these pairs [m/s], shape (m,).
     wall : ndarray
-        Grain and wall (0 outer, 1 inner, 2, 3, ... the discs of `Scene.walls`) of the wall contacts that
+        Grain and wall (0 outer, 1 inner, 2, 3, ... those of `Scene.walls`) of the wall contacts that
         carry a correction, in lexicographic order, shape (k, 2).
     wall_correction : ndarray
         Corrections of the wall contacts, > 0 [m/s], shape (k,).

@@ -1,8 +1,8 @@
-"""Walls of a scene on the host: an annulus about the origin, and fixed discs inside it.
+"""Walls of a scene on the host: an annulus about the origin, and others inside it (obstacle.py).
 
 Wall 0 is the outer circle, wall 1 the inner one (the number is reserved even if there is none), and walls
 2, 3, ... are those of `Scene.walls`. On the device both circles are one body with two sides, followed by the
-discs (kernels/walls.py). With friction the inner circle is a separate body, a disc at the origin
+others (kernels/walls.py). With friction the inner circle is a separate body, a disc at the origin
 (`Scene.has_two_circles`). Where a contact names two bodies, wall w is the negative number -1 - w.
 """
 

@@ -185,7 +185,8 @@ def _write_outputs(
     if recorder is not None and statistics.steps == recorder.times.step(statistics.frames):
         contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
         spin, angle = simulation.spin, simulation.angle
-        recorder.record(simulation.position, simulation.velocity, *contacts, spin=spin, angle=angle)
+        position, velocity, time = simulation.position, simulation.velocity, simulation.time
+        recorder.record(position, velocity, *contacts, spin=spin, angle=angle, time=time)
         statistics.frames += 1
     checkpoint = options.checkpoint_after(statistics.steps)
     if checkpoint is not None:

@@ -160,8 +160,8 @@ class Stepper(Shown):
         with self._use.exclusive():
             state = self.state()
             scene = self.scene.replace(**fields)
-            if scene.has_two_circles != self.scene.has_two_circles:
-                state = replace(state, lists=None)  # they name other walls
+            if not _has_walls_of(scene, self.scene):
+                state = replace(state, lists=None)  # they hold for other walls
             require_state(state, scene)
             self._begin(scene, state)
 
@@ -226,7 +226,7 @@ class Stepper(Shown):
     def wall_contacts(self) -> WallContacts:
         """Return the wall contacts of the last step that carry a correction."""
         last_position = self._engine.grains(0, "last_position")
-        return wall_contacts(self.scene, last_position, self._engine.corrections(0))
+        return wall_contacts(self.scene, last_position, self._engine.corrections(0), self.time)
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
@@ -245,6 +245,12 @@ class Stepper(Shown):
         with self._use.exclusive():
             self._stepped = False
             self._engine.load(0, state)
+
+
+def _has_walls_of(scene: Scene, other: Scene) -> bool:
+    """Return whether the walls of two scenes are the same bodies in the same places at all times."""
+    one, two = ((of.annulus, of.has_two_circles, of.walls) for of in (scene, other))
+    return one == two and (scene.dt == other.dt or not scene.has_moving_walls)
 
 
 def continued(

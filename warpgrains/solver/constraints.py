@@ -34,6 +34,8 @@ class StepConstraints:
         Unit normals n from i to j or into the wall, shape (m, 2).
     gap_rate : ndarray
         b = gap / dt [m/s], shape (m,).
+    time : float
+        Time of the end of the step [s], at which walls that move are taken.
     """
 
     scene: Scene
@@ -43,15 +45,17 @@ class StepConstraints:
     second: Grains
     normal: FloatArray
     gap_rate: FloatArray
+    time: float
 
     @classmethod
-    def at(cls, scene: Scene, position: FloatArray, pair: Grains, wall: Grains) -> Self:
+    def at(cls, scene: Scene, position: FloatArray, pair: Grains, wall: Grains, time: float) -> Self:
         """Return the constraints of pairs, shape (k, 2), and of contacts (grain, wall), shape (m - k, 2).
 
-        `position` holds the centers of all grains [m], shape (n, 2).
+        `position` holds the centers of all grains at the start of the step [m], shape (n, 2), and `time` is
+        that of its end [s].
         """
         (i, j), (grain, _) = pair.T, wall.T
-        normal, gap = scene.wall_frames(position, wall)
+        normal, gap = scene.wall_frames(position, wall, time=time)
         return cls(
             scene=scene,
             position=position,
@@ -60,11 +64,12 @@ class StepConstraints:
             second=j,
             normal=np.concatenate([pair_normals(position, i, j), normal]),
             gap_rate=np.concatenate([pair_gaps(position, scene.radius, i, j), gap]) / scene.dt,
+            time=time,
         )
 
     def sliding(self, move: FloatArray) -> Self:
         """Return the constraints with round-wall gaps for displacements [m], shape (n, 2) (eq. 18)."""
-        _, gap = self.scene.wall_frames(self.position, self.wall, move)
+        _, gap = self.scene.wall_frames(self.position, self.wall, move, self.time)
         return replace(self, gap_rate=np.append(self.gap_rate[: len(self.second)], gap / self.scene.dt))
 
     def only(self, at_walls: BoolArray) -> Self:

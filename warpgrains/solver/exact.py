@@ -100,7 +100,8 @@ class FrozenContacts:
         grain = np.concatenate([listed[own, 0] for _, own in sides])
         wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
         self._sign = np.where(wall[:, 1] == INNER, -1.0, 1.0)
-        self._constraints = StepConstraints.at(scene, memory.array("grains.position"), pair, wall)
+        time = (memory.steps + 1) * scene.dt
+        self._constraints = StepConstraints.at(scene, memory.array("grains.position"), pair, wall, time)
         self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))
 
     def problem_at(self, q: FloatArray) -> Projection:

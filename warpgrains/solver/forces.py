@@ -70,7 +70,7 @@ class WallContacts(Tabular):
     normal: FloatArray
     """Unit normals from the grain into the wall, shape (m, 2)."""
     gap: FloatArray
-    """Gaps at the start of the step [m], shape (m,)."""
+    """Gaps at the start of the step [m], shape (m,), to walls that move as they are at its end."""
     correction: FloatArray
     """Accumulated corrections [m/s], shape (m,), > 0."""
     force: FloatArray
@@ -99,9 +99,14 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
     )
 
 
-def wall_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> WallContacts:
-    """Return the contacts with the walls, of grains whose centers were at `position` [m], shape (n, 2)."""
-    normal, gap = scene.wall_frames(position, corrections.wall)
+def wall_contacts(
+    scene: Scene, position: FloatArray, corrections: Corrections, time: float = 0.0
+) -> WallContacts:
+    """Return the contacts with the walls of the step that ended at a time [s].
+
+    The centers of the grains were at `position` [m], shape (n, 2).
+    """
+    normal, gap = scene.wall_frames(position, corrections.wall, time=time)
     mass = scene.contact_mass[corrections.wall[:, 0]]
     dv, dvt = corrections.wall_correction, _tangential(corrections.wall_friction, corrections.wall_correction)
     return WallContacts(
@@ -111,7 +116,7 @@ def wall_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
         correction=dv,
         force=mass * dv / scene.dt,
         tangential_force=mass * dvt / scene.dt,
-        slides=_slides(scene.friction_at_walls, dv, dvt),
+        slides=_slides(np.array(scene.wall_frictions)[corrections.wall[:, 1]], dv, dvt),
     )
 
 
@@ -120,7 +125,7 @@ def _tangential(dvt: FloatArray | None, dv: FloatArray) -> FloatArray:
     return np.zeros_like(dv) if dvt is None else dvt
 
 
-def _slides(friction: float, dv: FloatArray, dvt: FloatArray) -> BoolArray:
+def _slides(friction: float | FloatArray, dv: FloatArray, dvt: FloatArray) -> BoolArray:
     """Return which contacts have reached Coulomb's bound, to rounding, shape (m,)."""
     slides: BoolArray = np.abs(dvt) >= (1.0 - _ROUNDING) * (friction * dv)
     return slides

@@ -66,10 +66,13 @@ class UnilateralConstraints(StepConstraints):
     """J v <= b of the contacts that carry a correction and of the walls that grains overlap."""
 
     @classmethod
-    def of(cls, scene: Scene, position: FloatArray, corrections: Corrections) -> Self:
-        """Collect the constraints for grains at these positions [m], shape (n, 2)."""
+    def of(cls, scene: Scene, position: FloatArray, corrections: Corrections, time: float = 0.0) -> Self:
+        """Collect the constraints for grains at these positions [m], shape (n, 2).
+
+        Walls that move are where they are at a time [s].
+        """
         wall, key = every_wall(scene, np.arange(scene.n)), np.array([len(scene.walls) + 2, 1])
-        every = cls.at(scene, position, corrections.pair, wall)
+        every = cls.at(scene, position, corrections.pair, wall, time)
         carry = np.isin(wall @ key, (corrections.wall @ key)[corrections.wall_correction > 0.0])
         return every.only(carry | (every.gap_rate[len(every.second) :] < 0.0))
 
@@ -123,7 +126,7 @@ def iterations_worth_a_search(grains: int) -> int:
 
 
 def find_infeasibility_proof(
-    scene: Scene, position: FloatArray, velocity: FloatArray, corrections: Corrections
+    scene: Scene, position: FloatArray, velocity: FloatArray, corrections: Corrections, time: float = 0.0
 ) -> InfeasibilityProof | None:
     """Search for a proof that a step has no solution. None is no evidence of a solution.
 
@@ -136,8 +139,10 @@ def find_infeasibility_proof(
         Velocities after the contact iteration [m/s], shape (n, 2).
     corrections : Corrections
         Corrections after the contact iteration.
+    time : float
+        Time of the end of the step [s].
     """
-    contacts = UnilateralConstraints.of(scene, position, corrections)
+    contacts = UnilateralConstraints.of(scene, position, corrections, time)
     if not (contacts.gap_rate < 0.0).any():
         return None  # velocities of zero meet every demand
     too_fast = scene.annulus.diameter / scene.dt

@@ -16,7 +16,6 @@ from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.types import VerletNumbers
-from warpgrains.scene.disc import Disc
 from warpgrains.scene.walls import INNER, OUTER, wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
@@ -124,23 +123,21 @@ class SceneRecords:
         host["grid"]["width"] = grid_width(sizes.grains)
         for k, scene in enumerate(scenes):
             if sizes.walls[k] > 1:
-                self._write_shapes(self.array(k, "walls.shape"), scene)
+                self.array(k, "walls.shape")[:] = [wall.shape for wall in scene.bodies_inside]
+            if scene.has_moving_walls:
+                motions = [(*np.hstack(wall.motion), wall.speed) for wall in scene.bodies_inside]
+                self.array(k, "walls.motion")[:] = motions
             if scene.has_friction:
                 self._write_surfaces(self.array(k, "walls.surface"), scene)
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated
 
     @staticmethod
-    def _write_shapes(shape: FloatArray, scene: Scene) -> None:
-        """Write kind and numbers of the walls inside the annulus."""
-        circle = [Disc((0.0, 0.0), scene.radius_in)] if scene.has_two_circles else []
-        for row, wall in zip(shape, [*circle, *scene.walls], strict=True):
-            row[: 1 + len(wall.numbers)] = (wall.kind_number, *wall.numbers)
-
-    @staticmethod
     def _write_surfaces(surface: FloatArray, scene: Scene) -> None:
         """Write the friction of the walls and the speed of each along its tangent (kernels/friction.py)."""
-        surface[:] = scene.friction_at_walls, 0.0
+        frictions = scene.wall_frictions
+        surface[:, 0] = frictions if scene.has_two_circles else [frictions[0], *frictions[2:]]
+        surface[:, 1] = 0.0
         surface[:2, 1] = [scene.surface_speed(wall) for wall in (OUTER, INNER)][: len(surface)]
 
     def begin(self) -> bool:

@@ -53,6 +53,11 @@ class SceneMemory:
         count = self.record["contacts"]["count"]
         return int(count["pairs"] + count["walls"])
 
+    @property
+    def steps(self) -> int:
+        """Steps counted since the start."""
+        return int(self.record["steps"])
+
     def _listed(self) -> tuple[IntArray, IntArray]:
         """Return grain and other body of the listed contacts in lexicographic order, and their indices."""
         first = np.repeat(np.arange(self._scene.n, dtype=np.int32), np.diff(self.array("neighbors.start")))
@@ -138,6 +143,7 @@ class SceneMemory:
         record["control"] = 0
         record["control"]["unordered"] = lists is not None
         record["scheme"]["staggered"] = state.staggered
+        record["steps"] = state.steps
 
     def _forget_list(self) -> None:
         """Invalidate the list, so that the next step requests a new one."""

@@ -85,7 +85,7 @@ class Service:
 
     def look_for_proof(self, k: int, step: int) -> None:
         """Search for the grains of scene k that cannot fit, after step number `step` did not converge."""
-        proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity")
+        proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity", 0)
         wait = 0 if proof else iterations_worth_a_search(self._scenes[k].n)
         self._memory[k].record["to_search"] = wait
         if proof:
@@ -131,7 +131,7 @@ def _excess(scene: Scene, velocity: list[float]) -> str:
 
 
 def _not_converged(scene: Scene, memory: SceneMemory) -> str:
-    proof = _find_proof(scene, memory, "position", "next_velocity")
+    proof = _find_proof(scene, memory, "position", "next_velocity", 1)
     grains = "" if proof is None else f": {named(proof.grains)} cannot fit, {proof}"
     iterations, zeta, residual = (
         memory.record["step"][name].item() for name in ("iterations", "zeta", "residual")
@@ -142,7 +142,13 @@ def _not_converged(scene: Scene, memory: SceneMemory) -> str:
     )
 
 
-def _find_proof(scene: Scene, memory: SceneMemory, position: str, velocity: str) -> InfeasibilityProof | None:
-    """Search for a proof that the step has no solution, from the arrays of these names."""
+def _find_proof(
+    scene: Scene, memory: SceneMemory, position: str, velocity: str, ahead: int
+) -> InfeasibilityProof | None:
+    """Search for a proof that the step has no solution, from the arrays of these names.
+
+    The step ends `ahead` steps after the last one that is counted.
+    """
     where, how = memory.array(f"grains.{position}"), memory.array(f"grains.{velocity}")
-    return find_infeasibility_proof(scene, where, how, memory.corrections())
+    time = (memory.steps + ahead) * scene.dt
+    return find_infeasibility_proof(scene, where, how, memory.corrections(), time)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 Counts = NDArray[np.int64]
+MANY_WALLS = 8  # number of walls above which a list begins with a capacity for fewer contacts a grain
 FEW = 40  # number of grains up to which all pairs are tested, without a grid
 
 
@@ -36,6 +37,8 @@ class Sizes:
         Number of grains, and capacity of the list of contacts.
     walls : ndarray
         Number of wall bodies (kernels/walls.py).
+    moving : ndarray
+        1 if a wall inside the annulus moves, else 0.
     weighted : ndarray
         0 if grains take equal shares of corrections (`Scene.has_equal_shares`), else 1.
     accelerated, friction : int
@@ -51,6 +54,7 @@ class Sizes:
     grains: Counts
     contacts: Counts
     walls: Counts
+    moving: Counts
     weighted: Counts
     accelerated: int
     friction: int
@@ -64,11 +68,12 @@ class Sizes:
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([not scene.has_equal_shares for scene in scenes], np.int64)
-        walls = np.array([1 + scene.has_two_circles + len(scene.walls) for scene in scenes])
+        walls = np.array([1 + len(scene.bodies_inside) for scene in scenes])
         return cls(
             n,
-            first_pairs(n) + n * walls,
+            first_pairs(n) + n * np.minimum(walls, MANY_WALLS),
             walls,
+            np.array([scene.has_moving_walls for scene in scenes], np.int64),
             weighted,
             int(scenes[0].method != "gauss-seidel"),
             int(scenes[0].has_friction),
@@ -84,7 +89,8 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        one_of = {name: getattr(self, name)[one] for name in ("grains", "contacts", "walls", "weighted")}
+        names = ("grains", "contacts", "walls", "moving", "weighted")
+        one_of = {name: getattr(self, name)[one] for name in names}
         return replace(self, **one_of)
 
 
@@ -102,6 +108,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
     friction = size.friction
     ahead, dealt = size.accelerated, int(size.is_dealt)
     threads = size.team * dealt
+    at_walls = np.minimum(n * size.walls, contacts)
     parts = contacts + contacts // CHUNK + 2 + size.walls
     return {
         "grains": {
@@ -116,10 +123,15 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("dvt", "dvt_start"), friction * contacts),
             "weights": contacts * size.weighted,
             "rim_weights": friction * contacts * size.weighted,
-            "limits": n * size.walls,
+            "limits": at_walls,
+            "wall_speed": friction * size.moving * at_walls,
             "set_start": contacts + 2 + size.walls,
         },
-        "walls": {"shape": size.walls - 1, "surface": friction * size.walls},
+        "walls": {
+            "shape": size.walls - 1,
+            **dict.fromkeys(("motion", "pose"), size.moving * (size.walls - 1)),
+            "surface": friction * size.walls,
+        },
         "verlet": {
             **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
             **dict.fromkeys(("reference_position", "reference_velocity"), n),
@@ -135,7 +147,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),
             **dict.fromkeys(("dvt", "last_dvt"), ahead * friction * contacts),
             "weights": ahead * contacts * size.weighted,
-            "limits": ahead * n * size.walls,
+            "limits": ahead * at_walls,
             "range": ahead * parts,
         },
         "grid": {

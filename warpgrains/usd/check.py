@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from warpgrains.usd.forces import FORCES, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, quaternions
 from warpgrains.usd.reader import Values, open_recording, refusing_untrusted_content, values_of
+from warpgrains.usd.stage import WALLS
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
 
@@ -47,6 +48,7 @@ def _problems(stage: Usd.Stage) -> list[str]:
     grains = GrainsInspector(prim)
     codes = grains.position.GetTimeSamples()
     problems += [*_code_problems(stage, codes), *grains.static_problems()]
+    problems += _wall_problems(stage, codes)
     drawn: list[GrainsInspector | ForcesInspector] = [grains]
     if stage.GetPrimAtPath(FORCES):
         drawn.append(ForcesInspector(stage.GetPrimAtPath(FORCES)))
@@ -85,6 +87,17 @@ def _code_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
     if (start, end) != (codes[0], codes[-1]):
         frames = f"{codes[0]:g} to {codes[-1]:g}"
         yield f"startTimeCode and endTimeCode are {start:g} and {end:g}, but the frames are {frames}"
+
+
+def _wall_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
+    """Yield the walls that move at other times than the grains, or to places that are not finite."""
+    for wall in stage.GetPrimAtPath(WALLS).GetChildren():
+        points = wall.GetAttribute("points")
+        samples = points.GetTimeSamples()
+        if samples and samples != codes:
+            yield f"{wall.GetName()}.points has other time codes than the grains' positions"
+        for code in samples or [0.0]:
+            yield from _finite_problems(points, code)
 
 
 def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float]) -> Iterator[str]:

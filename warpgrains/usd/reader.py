@@ -12,6 +12,7 @@ from pxr import Tf, Usd, UsdGeom
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale
 from warpgrains.drawing.colors import ColorScale, encoded
+from warpgrains.drawing.shapes import Band
 from warpgrains.errors import InputError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
@@ -38,8 +39,8 @@ class RecordingReader:
         Frames per second [1/s].
     radius : ndarray
         Radii of the grains [m], shape (n,).
-    walls : list of Ring
-        Walls as drawn.
+    walls : list of Band
+        Walls as drawn; those that move are those of the first frame.
     scale : ColorScale or None
         Range of values that the colors represent; None for the palette.
     chain_scale : ChainScale or None
@@ -70,7 +71,7 @@ class RecordingReader:
             else _values(prim.GetAttribute("scales"))[:, 0]
         )
         self.radius = np.broadcast_to(radius, (len(self.position(0)),))
-        self.walls = read_walls(self._stage)
+        self.walls = list(read_walls(self._stage).values())
         scales = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
         self.scale = ColorScale.read(scales["colors"]) if "colors" in scales else None
         has_forces = bool(self._stage.GetPrimAtPath(FORCES))
@@ -83,6 +84,10 @@ class RecordingReader:
     def velocity(self, frame: int) -> FloatArray:
         """Return the velocities of the grains [m/s], shape (n, 2)."""
         return _values(self._prim.GetAttribute("velocities"), self._codes[frame])[:, :2]
+
+    def moved_walls(self, frame: int) -> dict[int, Band]:
+        """Return the walls that move as drawn in a frame, by their index in `walls`."""
+        return read_walls(self._stage, self._codes[frame], only_moving=True)
 
     @property
     def has_rotation(self) -> bool:

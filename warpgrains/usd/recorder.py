@@ -20,7 +20,7 @@ from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.output import SUFFIXES, lock_output, log_of
-from warpgrains.usd.stage import Drawing, static_layer
+from warpgrains.usd.stage import Drawing, MovingWalls, static_layer
 from warpgrains.usd.writer import reopen_log, write_recording
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Recorder:
         self.needs_contacts = forces or color_by in OF_CONTACTS
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
-        self._drawings: list[Drawing] = [grains]
+        self._drawings: list[Drawing] = [grains, MovingWalls(scene)]
         scales: dict[str, dict[str, str | float]] = {}
         if colors.scale is not None:
             scales["colors"] = colors.scale.described()
@@ -143,6 +143,7 @@ class Recorder:
         *,
         spin: FloatArray | None = None,
         angle: FloatArray | None = None,
+        time: float | None = None,
     ) -> None:
         """Append one frame.
 
@@ -154,6 +155,8 @@ class Recorder:
             Results of `Simulation.contacts` and `Simulation.wall_contacts`; used if `needs_contacts`.
         spin, angle : ndarray, optional
             Angular velocities [rad/s] and angles [rad], shape (n,); required with friction, unused without.
+        time : float, optional
+            Time of the step [s], at which walls that move are drawn; by default that since the first frame.
 
         Raises
         ------
@@ -169,7 +172,7 @@ class Recorder:
         for name, value in (("spin", spin), ("angle", angle)):
             if value is not None and np.shape(value) != self._shape[:1]:
                 raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
-        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts, spin, angle)
+        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts, spin, angle, time)
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in self._drawings:
             arrays |= drawing.samples(frame)

@@ -12,7 +12,7 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 import warpgrains
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import Frame, linear, mark_color
-from warpgrains.drawing.shapes import WALL_COLOR, Ring, Shape, rings
+from warpgrains.drawing.shapes import WALL_COLOR, Band, Shape, drawn_walls, moved_walls
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.document import parameters_text
 from warpgrains.usd.output import RECORDED_BY
@@ -78,10 +78,9 @@ def static_layer(
     }
     _define_material(stage)
     _define_lights(stage)
-    _define_camera(stage, _MARGIN * max(ring.outer for ring in rings(scene).values()))
+    _define_camera(stage, _MARGIN * max(wall.reach for wall in drawn_walls(scene).values()))
     for drawing in drawings:
         drawing.define(stage)
-    _define_walls(stage, scene)
     return layer
 
 
@@ -166,20 +165,41 @@ def _define_camera(stage: Usd.Stage, shown: float) -> None:
 def _define_walls(stage: Usd.Stage, scene: Scene) -> None:
     """Author the prims of the walls, which lie outside the space of the grains."""
     set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
-    for name, ring in rings(scene).items():
-        define_mesh(stage, WALLS.AppendChild(name), ring.shape(), np.array(WALL_COLOR))
+    for name, wall in drawn_walls(scene).items():
+        define_mesh(stage, WALLS.AppendChild(name), wall.shape(), np.array(WALL_COLOR))
 
 
-def read_walls(stage: Usd.Stage) -> list[Ring]:
-    """Return the walls as drawn."""
-    walls = stage.GetPrimAtPath(WALLS).GetChildren()
-    return [_read_ring(np.array(wall.GetAttribute("points").Get(), np.float64)[:, :2]) for wall in walls]
+class MovingWalls:
+    """The walls that move: points and extents of their meshes."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._names = scene, list(drawn_walls(scene))
+
+    def define(self, stage: Usd.Stage) -> None:
+        """Author the walls, and those that do not move completely."""
+        _define_walls(stage, self._scene)
+
+    def samples(self, frame: Frame) -> Arrays:
+        """Return the values of the animated attributes for a frame."""
+        values: dict[str, NDArray[Any]] = {}
+        for k, wall in moved_walls(self._scene, frame.time).items():
+            shown, path = wall.shape().points.astype(np.float32), WALLS.AppendChild(self._names[k])
+            values[f"{path}.points"] = shown
+            values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))
+        return values
 
 
-def _read_ring(points: NDArray[np.float64]) -> Ring:
-    x, y = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
-    rho = np.hypot(*(points - (x, y)).T)
-    return Ring(float(rho.min()), float(rho.max()), (x, y))
+def read_walls(stage: Usd.Stage, code: float = 0.0, *, only_moving: bool = False) -> dict[int, Band]:
+    """Return the walls as drawn at a time code, or only those that move, by their index among all."""
+    prims = enumerate(stage.GetPrimAtPath(WALLS).GetChildren())
+    moving = (lambda prim: prim.GetAttribute("points").GetNumTimeSamples() > 0) if only_moving else bool
+    return {k: _read_wall(prim, code) for k, prim in prims if moving(prim)}
+
+
+def _read_wall(wall: Usd.Prim, code: float) -> Band:
+    points, counts = (np.array(wall.GetAttribute(name).Get(code)) for name in ("points", "faceVertexCounts"))
+    first, second = np.split(points[:, :2].astype(np.float64), 2)
+    return Band(first, second, is_closed=len(counts) == len(first))
 
 
 def triples(values: NDArray[Any]) -> NDArray[np.float32]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.shapes import rings
+from warpgrains.drawing.shapes import drawn_walls
 from warpgrains.grade.probes import start_of
 from warpgrains.grade.sandbox import Answer, Child, EndedError
 from warpgrains.pictures.shots import Setting, Shot
@@ -41,7 +41,7 @@ class Homework:
 
     def __init__(self, scene: Scene, start: Callable[[], tuple[Child, Child]], name: str) -> None:
         self._scene, self._start, self.name = scene, start, name
-        self.setting = Setting(scene.radius, list(rings(scene).values()), None, None)
+        self.setting = Setting(scene.radius, list(drawn_walls(scene).values()), None, None)
         self._children: tuple[Child, ...] = ()
         self.restart()
 

@@ -96,7 +96,7 @@ class Live:
         """
         first = self._first
         at_walls = friction if first.wall_friction is None else first.wall_friction
-        rotates = friction > 0.0 or at_walls > 0.0
+        rotates = friction > 0.0 or at_walls > 0.0 or any(wall.friction for wall in first.walls)
         self.change(
             friction=friction,
             angular_velocity_out=out if at_walls > 0.0 else 0.0,

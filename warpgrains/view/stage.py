@@ -6,7 +6,7 @@ import viser
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import linear, mark_color
-from warpgrains.drawing.shapes import WALL_COLOR, mark
+from warpgrains.drawing.shapes import WALL_COLOR, Band, mark
 from warpgrains.pictures.shots import Setting, Shot
 
 _SEGMENTS = 48  # of a circle
@@ -28,9 +28,8 @@ class Stage:
         self._scene.configure_default_lights(False)
         self._scene.configure_environment_map(None)
         self._scene.add_light_ambient("/light", intensity=np.pi)  # shows colors unchanged
-        for number, ring in enumerate(setting.walls):
-            wall = ring.shape()
-            self._add_mesh(f"/walls/{number}", wall.points, wall.corners, WALL_COLOR)
+        for number, wall in enumerate(setting.walls):
+            self._add_wall(number, wall)
         self._radius, self._reach = setting.radius, setting.reach
         self._grains = self._add_instances("/grains", _circle())
         self._marks: viser.BatchedMeshHandle | None = None
@@ -38,6 +37,8 @@ class Stage:
 
     def show(self, shot: Shot) -> None:
         """Draw a shot in the place of the last one."""
+        for number, wall in shot.walls.items():
+            self._add_wall(number, wall)
         _place(self._grains, shot.position, 0.0, shot.color)
         if shot.angle is not None:
             if self._marks is None:
@@ -57,6 +58,11 @@ class Stage:
         elif self._has_chains:
             self._scene.remove_by_name(_CHAINS)
             self._has_chains = False
+
+    def _add_wall(self, number: int, wall: Band) -> None:
+        """Add a wall, or replace it where it is now."""
+        mesh = wall.shape()
+        self._add_mesh(f"/walls/{number}", mesh.points, mesh.corners, WALL_COLOR)
 
     def _add_instances(self, name: str, outline: FloatArray) -> viser.BatchedMeshHandle:
         """Add a convex shape of each grain, whose outline has the corners of shape (k, 2) at radius 1."""

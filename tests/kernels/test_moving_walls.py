@@ -1,0 +1,275 @@
+"""Walls that move as given in advance: against the C reference, closed forms, and runs that are continued."""
+
+from dataclasses import replace
+from math import cos, cosh, inf, sin
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from same_bits import contents
+from swept_order import full_order
+
+from warpgrains import Batch, Disc, InputError, Recording, Scene, Segment, Simulation, analysis
+from warpgrains.accuracy import certify
+from warpgrains.reference.reference import Reference, build
+from warpgrains.scene.obstacle import Obstacle
+from warpgrains.usd.check import report_on_recording
+
+PISTON = Segment((-0.95, -0.5), (-0.3, -0.5), velocity=(0.1, 0.3), from_time=0.1, to_time=0.8)
+BLADE = Segment((0.1, 0.0), (0.5, -0.1), angular_velocity=2.0, pivot=(0.1, 0.1), friction=0.9)
+ROLLER = Disc((0.4, -0.6), 0.15, angular_velocity=-3.0, from_time=0.2)
+STONE = Disc((0.1, -0.7), 0.1, velocity=(0.0, 0.1), angular_velocity=0.5, pivot=(0.0, 0.0))
+RING = Disc((0.02, -0.05), 0.93, inside=True, friction=0.0)
+ROUGH_WALLS = (PISTON, BLADE, ROLLER, STONE, RING)
+WALLS = tuple(replace(wall, friction=None) for wall in ROUGH_WALLS)
+ROUGH: dict[str, Any] = {
+    "friction": 0.4,
+    "wall_friction": 0.6,
+    "angular_velocity_out": 0.5,
+    "walls": ROUGH_WALLS,
+}
+
+
+def stirred(n: int = 140, seed: int = 1, walls: tuple[Obstacle, ...] = WALLS, **changes: object) -> Scene:
+    """Return a scene of grains of many sizes that fall on walls that move."""
+    rng = np.random.default_rng(seed)
+    angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), np.sqrt(rng.uniform(0.0, 0.85, n))
+    position = distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    for wall in walls:
+        position = position[~wall.covers(position)]
+    fields: dict[str, object] = {
+        "position": position,
+        "radius": rng.uniform(0.02, 0.05, len(position)),
+        "mass": rng.uniform(0.1, 1.0, len(position)),
+        "radius_out": 1.0,
+        "walls": walls,
+        "dt": 5e-3,
+        "drag": 0.1,
+        "tolerance": 1e-6,
+        "max_iterations": 300,
+    }
+    return Scene(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "friction", [{}, ROUGH, {**ROUGH, "radius_in": 0.05}], ids=["smooth", "rough", "two"]
+)
+@pytest.mark.parametrize(("scheme", "order"), [("text", "sequential"), ("leapfrog", "color")])
+def test_bits_of_the_reference(tmp_path: Path, scheme: str, order: str, friction: dict[str, Any]) -> None:
+    scene = stirred(scheme=scheme, order=order, **friction)
+    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene)
+    touched: set[int] = set()
+    for step in range(200):
+        report = simulation.step()
+        in_order = full_order(simulation) if order == "color" else None
+        assert report.iterations == reference.step(in_order)[0]
+        assert np.array_equal(simulation.position, reference.position)
+        assert np.array_equal(simulation.velocity, reference.velocity)
+        assert np.array_equal(simulation.angle, reference.angle)
+        touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
+        if step == 100:
+            state = simulation.state()
+            simulation = Simulation(scene)
+            simulation.restore(state)
+            reference = Reference(build(tmp_path), scene, state)
+    assert touched >= {2, 3, 4, 5, 6}
+
+
+def alone(position: tuple[float, float], wall: Disc | Segment, **changes: object) -> Simulation:
+    """Return the simulation of a grain of radius 0.1 m at a wall."""
+    fields = {"dt": 1e-3, "scheme": "leapfrog", "tolerance": 1e-12, "radius_out": 3.0}
+    scene = Scene(position=[position], radius=0.1, mass=2.0, walls=[wall], **(fields | changes))  # type: ignore[arg-type]
+    return Simulation(scene)
+
+
+def test_a_lift_carries_a_grain() -> None:
+    lift = Segment((-1.0, 0.0), (1.0, 0.0), velocity=(0.0, 0.5), from_time=0.1, to_time=0.6)
+    simulation = alone((0.0, 0.1), lift)
+    simulation.advance(600)
+    assert simulation.position[0] == pytest.approx((0.0, 0.1 + 0.5 * 0.5), abs=1e-12)
+    simulation.step()  # it is thrown off where the lift stops
+    assert simulation.velocity[0, 1] == pytest.approx(0.5 - 9.81e-3)
+    simulation.advance(400)
+    assert simulation.position[0] == pytest.approx((0.0, 0.35), abs=1e-12)
+    assert simulation.wall_contacts().force == pytest.approx([2.0 * 9.81])
+
+
+def test_a_turning_rod_drives_a_grain_outwards() -> None:
+    """On a rod that turns about its end without friction or gravity, its way along the rod is s cosh(w t)."""
+    rod = Segment((0.0, 0.0), (2.5, 0.0), angular_velocity=1.0, pivot=(0.0, 0.0))
+    simulation = alone((0.5, 0.1), rod, gravity=(0.0, 0.0), velocity=[(-0.1, 0.5)])
+    simulation.advance(1000)
+    along, up = np.array([cos(1.0), sin(1.0)]), np.array([-sin(1.0), cos(1.0)])
+    assert simulation.position[0] @ up == pytest.approx(0.1, abs=1e-6)
+    assert simulation.position[0] @ along == pytest.approx(0.5 * cosh(1.0), abs=2e-3)  # of first order in dt
+
+
+def test_a_belt_drives_a_grain_until_it_rolls() -> None:
+    """A disc at rest on a belt of speed V ends at V / 3, with the speed of its rim 2 V / 3."""
+    belt = Segment((-2.0, 0.0), (2.0, 0.0), velocity=(1.5, 0.0), friction=0.3)
+    simulation = alone((0.0, 0.1), belt)
+    simulation.advance(100)
+    assert simulation.velocity[0, 0] == pytest.approx(0.3 * 9.81 * 0.1, rel=0.01)  # half a step behind
+    simulation.advance(200)
+    assert simulation.velocity[0, 0] == pytest.approx(0.5, abs=1e-9)
+    assert 0.1 * simulation.spin[0] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
+def test_energy_balance_closes(friction: dict[str, Any]) -> None:
+    simulation = Simulation(stirred(60, **friction))
+    before = analysis.kinetic_energy(simulation)
+    balance = analysis.energy_balance(simulation, steps=100)
+    gained = balance.gravity_work + balance.wall_work - balance.drag_loss - balance.contact_loss
+    assert analysis.kinetic_energy(simulation) - before == pytest.approx(gained, abs=1e-9)
+    assert balance.wall_work > 0.0
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])
+def test_all_methods_find_the_exact_step(method: str) -> None:
+    scene = stirred(60, method=method, stop="residual", tolerance=1e-8, max_iterations=20_000)
+    simulation = Simulation(scene)
+    simulation.advance(60)
+    assert simulation.step().converged
+    assert certify(simulation).at_most < 1e-5
+
+
+def test_accelerated_friction_meets_the_tolerance() -> None:
+    simulation = Simulation(stirred(60, method="accelerated", max_iterations=20_000, **ROUGH))
+    assert simulation.advance(100).unconverged == 0
+
+
+def random_walls(rng: np.random.Generator) -> list[Disc | Segment]:
+    """Draw walls that move through each other and through the annulus."""
+    walls: list[Disc | Segment] = []
+    for _ in range(rng.integers(1, 5)):
+        motion = {
+            "velocity": tuple(rng.uniform(-0.5, 0.5, 2)),
+            "angular_velocity": rng.uniform(-2.0, 2.0),
+            "pivot": tuple(rng.uniform(-0.5, 0.5, 2)),
+            "from_time": rng.uniform(0.0, 0.1),
+            "to_time": rng.uniform(0.1, 0.3),
+        }
+        center = rng.uniform(-0.6, 0.6, 2)
+        if rng.random() < 0.3:
+            walls.append(Disc(tuple(center), rng.uniform(0.02, 0.2), **motion))
+        else:
+            walls.append(Segment(tuple(center), tuple(center + rng.uniform(-0.5, 0.5, 2)), **motion))
+    return walls
+
+
+def hold_off_walls(seed: int) -> None:
+    """Hold the overlaps of a random scene after each converged step against dt eta (12)."""
+    rng = np.random.default_rng(seed)
+    walls = tuple(random_walls(rng))
+    scene = stirred(
+        30, seed, walls, radius_out=2.0, method="accelerated", tolerance=1e-7, max_iterations=2000
+    )
+    simulation = Simulation(scene)
+    for _ in range(60):
+        report = simulation.step()
+        if not report.converged:
+            continue
+        sides = [wall.side_at(simulation.time, simulation.position, scene.radius) for wall in walls]
+        assert min(side.gap.min() for side in sides) >= -scene.dt * report.residual - 1e-14
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_no_overlap_exceeds_dt_eta(seed: int) -> None:
+    hold_off_walls(seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, 1000, 50))
+def test_no_overlap_exceeds_dt_eta_in_many_scenes(first: int) -> None:
+    for seed in range(first, first + 50):
+        hold_off_walls(seed)
+
+
+@pytest.mark.parametrize("order", ["sequential", "color"])
+def test_runs_that_are_continued_have_the_same_bits(tmp_path: Path, order: str) -> None:
+    scene = stirred(order=order, **ROUGH)
+    whole, other = Simulation(scene), Simulation(scene)
+    whole.advance(90)
+    other.advance(31)
+    other.save(tmp_path / "state.npz")
+    continued = Simulation.load(tmp_path / "state.npz")
+    assert continued.scene.walls == scene.walls
+    continued.advance(59)
+    batch = Batch([scene, stirred(60, **{**ROUGH, "walls": ()}), scene])
+    batch.run(90)
+    expected = contents(whole.state())
+    assert contents(continued.state()) == contents(batch.state(2)) == expected
+
+
+def test_a_change_of_walls_needs_another_list(tmp_path: Path) -> None:
+    """A list that was made for other walls would leave out contacts."""
+    simulation = Simulation(stirred(60, gravity=(0.0, 0.0), walls=()))
+    simulation.advance(10)
+    simulation.change(walls=[Segment((-2.0, -0.3), (2.0, -0.3), velocity=(0.0, 3.0))])
+    reference = Reference(build(tmp_path), simulation.scene, simulation.state())
+    for _ in range(40):
+        simulation.step()
+        reference.step()
+        assert np.array_equal(simulation.position, reference.position)
+
+
+def test_grains_that_a_piston_crushes_are_named() -> None:
+    """Between a piston and the outer wall, a column of three grains fits until the piston comes down."""
+    piston = Segment((-0.5, 0.31), (0.5, 0.31), velocity=(0.0, -0.5))
+    scene = Scene(
+        position=[(0.0, -0.9), (0.0, -0.7), (0.0, -0.5), (0.0, 0.6)],
+        radius=0.1,
+        mass=1.0,
+        radius_out=1.0,
+        walls=[piston],
+        max_iterations=100_000,
+        wall="tangent",
+    )
+    simulation = Simulation(scene)
+    statistics = simulation.advance(180)
+    assert statistics.infeasible > 0
+    assert statistics.infeasible_grains == (0, 1, 2)
+
+
+def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
+    scene = stirred(20, walls=(PISTON, BLADE, RING))
+    simulation = Simulation(scene)
+    simulation.run(duration=0.5, record=tmp_path / "run.usdc", forces=True)
+    assert report_on_recording(tmp_path / "run.usdc") == [f"OK: 13 frames, {scene.n} grains"]
+    recording = Recording(tmp_path / "run.usdc")
+    assert recording.scene.walls == scene.walls
+    walls, reader = recording.frame(12).wall, recording._reader
+    assert len(walls)
+    drawn = reader.moved_walls(12)
+    assert sorted(drawn) == [1, 2]
+    pose = PISTON.pose(recording.time[12])
+    assert pose.shift == pytest.approx((0.04, 0.12))
+    assert drawn[1].first.mean(axis=0) == pytest.approx(
+        pose.place(reader.walls[1].first).mean(axis=0), abs=1e-6
+    )
+    simulation.plot(forces=True).save(tmp_path / "end.png")
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        ({"velocity": 1.0}, "walls[1]: velocity of a segment is 1.0: it must be two numbers"),
+        ({"angular_velocity": inf}, "walls[1]: angular_velocity of a segment is inf: it must be finite"),
+        ({"from_time": -1.0}, "walls[1]: from_time of a segment is -1.0: it must be 0 or more"),
+        ({"from_time": 1.0, "to_time": 0.5}, "walls[1]: to_time of a segment is 0.5 s: it must be later"),
+        ({"friction": -0.1}, "walls[1]: friction of a segment is -0.1: it must be 0 or more"),
+        ({"pivot": (1.0,)}, "walls[1]: pivot of a segment is (1.0,): it must be two numbers"),
+        (
+            {"velocity": (0.0, 10.0)},
+            "velocity of walls[1]: the segment moves by 0.1 m in a step of 0.01 s; it must be less than the",
+        ),
+        ({"angular_velocity": 50.0}, "velocity of walls[1]: the segment moves by 0.25 m in a step of 0.01 s"),
+    ],
+)
+def test_bad_motions(motion: dict[str, object], message: str) -> None:
+    walls = [Disc((0.0, 0.0), 0.1), {"kind": "segment", "from": (0, -1), "to": (1, -1), **motion}]
+    with pytest.raises(InputError) as error:
+        Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=walls)  # type: ignore[arg-type]
+    assert str(error.value).startswith(message)

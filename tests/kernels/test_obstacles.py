@@ -1,0 +1,192 @@
+"""Walls inside the annulus: against the C reference, closed forms, and scenes read and written."""
+
+from math import acos, cos, hypot, pi, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from swept_order import full_order
+
+from warpgrains import Disc, InputError, Recording, Scene, Segment, Simulation
+from warpgrains.analysis.vtk import export
+from warpgrains.reference.reference import Reference, build
+from warpgrains.scene.obstacle import Obstacle
+from warpgrains.usd.check import report_on_recording
+
+DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
+SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.75)))
+RING = Disc((0.02, -0.05), 0.93, inside=True)
+WALLS = (*DISCS, *SEGMENTS, RING)
+
+
+def around(n: int = 140, walls: tuple[Obstacle, ...] = WALLS, **changes: object) -> Scene:
+    """Return a scene of grains of many sizes that fall on walls and between them."""
+    rng = np.random.default_rng(1)
+    angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), np.sqrt(rng.uniform(0.1, 0.95, n))
+    position = distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    position = position[~np.any([wall.covers(position) for wall in walls], axis=0)]
+    fields: dict[str, object] = {
+        "position": position,
+        "radius": rng.uniform(0.02, 0.05, len(position)),
+        "mass": rng.uniform(0.1, 1.0, len(position)),
+        "radius_in": 0.2,
+        "radius_out": 1.0,
+        "walls": walls,
+        "dt": 5e-3,
+        "drag": 0.1,
+        "tolerance": 1e-6,
+        "max_iterations": 300,
+    }
+    return Scene(**{**fields, **changes})  # type: ignore[arg-type]
+
+
+ROUGH = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
+
+
+@pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
+@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
+@pytest.mark.parametrize("wall", ["tangent", "round"])
+def test_bits_of_the_reference(tmp_path: Path, scheme: str, wall: str, friction: dict[str, float]) -> None:
+    scene = around(scheme=scheme, wall=wall, **friction)
+    simulation, reference = Simulation(scene, threads=2), Reference(build(tmp_path), scene)
+    touched: set[int] = set()
+    for step in range(100):
+        report = simulation.step()
+        assert report.iterations == reference.step()[0]
+        assert np.array_equal(simulation.position, reference.position)
+        assert np.array_equal(simulation.velocity, reference.velocity)
+        assert np.array_equal(simulation.angle, reference.angle)
+        touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
+        if step == 50:
+            state = simulation.state()
+            simulation = Simulation(scene)
+            simulation.restore(state)
+            reference = Reference(build(tmp_path), scene, state)
+    assert touched >= {2, 3, 4, 5, 6}
+
+
+@pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
+def test_bits_of_the_reference_in_order_of_colors(tmp_path: Path, friction: dict[str, float]) -> None:
+    scene = around(order="color", **friction)
+    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene)
+    for _ in range(60):
+        iterations = simulation.step().iterations
+        assert iterations == reference.step(full_order(simulation))[0]
+        assert np.array_equal(simulation.position, reference.position)
+        assert np.array_equal(simulation.velocity, reference.velocity)
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])
+@pytest.mark.parametrize("order", ["sequential", "color"])
+def test_all_methods_keep_grains_off_walls(method: str, order: str) -> None:
+    walls = (*DISCS, *SEGMENTS)
+    scene = around(method=method, order=order, stop="residual", max_iterations=10_000, walls=walls)
+    simulation = Simulation(scene)
+    statistics = simulation.advance(60)
+    gaps = [wall.side(simulation.position, scene.radius).gap.min() for wall in walls]
+    assert statistics.unconverged == 0
+    assert min(gaps) >= -scene.dt * scene.tolerance - 1e-12  # (12) bounds gaps by dt eta after one step
+
+
+def alone(position: tuple[float, float], walls: list[object], **changes: object) -> Simulation:
+    """Return the simulation of a grain of radius 0.1 m, in fine steps of second order."""
+    fields = {"dt": 1e-4, "scheme": "leapfrog", "tolerance": 1e-12, "radius_out": 3.0}
+    scene = Scene(position=[position], radius=0.1, mass=1.0, walls=walls, **(fields | changes))  # type: ignore[arg-type]
+    return Simulation(scene)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_grain_slides_down_a_segment(side: float) -> None:
+    """Its acceleration is g sin(theta), on either side of it: below it, gravity points upwards."""
+    theta, seconds = 0.5, 0.5
+    along, up = np.array([cos(theta), -sin(theta)]), np.array([sin(theta), cos(theta)])
+    slope = Segment(tuple(-1.5 * along), tuple(1.5 * along))
+    start = -side * 1.0 * along + side * 0.1 * up
+    simulation = alone(tuple(start), [slope], gravity=(0.0, -9.81 * side))
+    simulation.advance(round(seconds / simulation.scene.dt))
+    path = 0.5 * side * 9.81 * sin(theta) * seconds**2
+    assert simulation.position[0] == pytest.approx(start + path * along, abs=1e-7)
+
+
+def test_a_grain_rolls_round_an_end() -> None:
+    """It leaves the end of a segment at cos(theta) = 2/3 of that at the start, as it leaves a disc."""
+    start = 0.1 * np.array([sin(0.05), cos(0.05)])
+    simulation = alone(tuple(start), [Segment((-1.0, 0.0), (0.0, 0.0))], dt=1e-5)
+    while simulation.step().contacts or simulation.steps < 10:
+        pass
+    x, y = simulation.position[0]
+    # within a step before it leaves it moves by |v| dt: 8e-6 m at 0.8 m/s, an angle of 8e-5
+    assert np.arctan2(x, y) == pytest.approx(acos(2.0 / 3.0 * cos(0.05)), abs=1e-3)
+    assert hypot(x, y) == pytest.approx(0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("bowl", [Disc((0.5, 0.0), 1.0, inside=True)])
+def test_a_grain_in_a_bowl_swings_as_a_pendulum(bowl: Obstacle) -> None:
+    """The period of small swings is 2 pi sqrt((R - r) / g)."""
+    simulation = alone((0.51, -0.9), [bowl], dt=1e-3)
+    period = 2.0 * pi * sqrt(0.9 / 9.81)
+    simulation.advance(round(0.5 * period / simulation.scene.dt))
+    x, _ = simulation.position[0]
+    assert x == pytest.approx(0.49, abs=1e-4)
+
+
+def test_a_grain_slides_off_where_the_closed_form_says() -> None:
+    """It leaves a sphere without friction at cos(theta) = 2/3 of that at the start."""
+    start = np.array([1e-3, 1.1]) / np.hypot(1e-3, 1.1) * 1.1
+    simulation = alone(tuple(start), [{"kind": "disc", "center": (0.0, 0.0), "radius": 1.0}])
+    while simulation.step().contacts or simulation.steps < 10:
+        pass
+    x, y = simulation.position[0]
+    # within a step before it leaves it moves by |v| dt: 3.8e-4 m at 2.7 m/s, an angle of 2.4e-4
+    assert np.arctan2(x, y) == pytest.approx(acos(2.0 / 3.0 * start[1] / 1.1), abs=1e-3)
+
+
+def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
+    file = tmp_path / "walls.toml"
+    file.write_text(
+        "[domain]\nradius_out = 1.0\n[grains]\nposition = [[0.0, 0.5]]\nradius = 0.1\nmass = 1.0\n"
+        '[[walls]]\nkind = "disc"\ncenter = [0.0, -0.5]\nradius = 0.15\n'
+        '[[walls]]\nkind = "segment"\nfrom = [-0.7, -0.2]\nto = [-0.2, -0.6]\n'
+    )
+    scene = Scene.load(file)
+    assert scene.walls == (DISCS[0], SEGMENTS[0])
+    simulation = Simulation(scene)
+    simulation.run(duration=0.5, record=tmp_path / "run.usdc", forces=True)
+    assert Recording(tmp_path / "run.usdc").scene.walls == scene.walls
+    simulation.save(tmp_path / "state.npz")
+    assert Simulation.load(tmp_path / "state.npz").scene.walls == scene.walls
+    assert report_on_recording(tmp_path / "run.usdc") == ["OK: 13 frames, 1 grains"]
+    assert export(tmp_path / "run.usdc", tmp_path / "run.vtkhdf") == 13
+
+
+@pytest.mark.parametrize(
+    ("walls", "message"),
+    [
+        (3, "walls is 3: it must be a list of walls"),
+        ([7], "walls[0] is 7: it must be a wall, or a table of its keys"),
+        ([{"kind": "disk"}], "unknown walls[0].kind 'disk': did you mean 'disc'?"),
+        ([{"kind": "disc", "center": (0, 0)}], "walls[0].radius is missing: a disc needs it"),
+        ([{"kind": "disc", "center": (0, 0), "radius": -1.0}], "walls[0]: radius of a disc is -1.0"),
+        ([{"kind": "disc", "center": (0, 0), "radius": 1.0, "inside": 1}], "walls[0]: inside of a disc is 1"),
+        ([{"kind": "segment", "from": (0, 0)}], "walls[0].to is missing: a segment needs it"),
+        ([{"kind": "segment", "from": (0, 0), "to": 1}], "walls[0]: to of a segment is 1: it must be two"),
+        (
+            [DISCS[0], {"kind": "segment", "from": (0, 0), "to": (0, 0)}],
+            "walls[1]: to of a segment is (0.0, 0.0): it must be another point than from",
+        ),
+        (
+            [{"kind": "disc", "middle": (0, 0), "radius": 1.0}],
+            "unknown key of walls[0] 'middle'",
+        ),
+        ([Disc((0.0, 0.5), 0.2)], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
+        ([Segment((-1, 0), (1, 1))], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
+        (
+            [Disc((0, 0), 0.4, inside=True)],
+            "position of grain 0 is (0.0, 0.5): its center is inside walls[0]",
+        ),
+    ],
+)
+def test_bad_walls(walls: object, message: str) -> None:
+    with pytest.raises(InputError) as error:
+        Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=walls)  # type: ignore[arg-type]
+    assert str(error.value).startswith(message)

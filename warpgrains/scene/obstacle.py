@@ -1,0 +1,193 @@
+"""Walls inside the annulus: what all kinds have in common. A kind is a file such as disc.py."""
+
+from dataclasses import MISSING, Field, dataclass
+from functools import cached_property
+from math import inf
+from typing import Any, ClassVar, TypeVar, dataclass_transform
+
+import numpy as np
+
+from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.described import described, described_fields, documented
+from warpgrains.drawing.shapes import Band
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import distance
+from warpgrains.scene.motion import Motion, Pose
+from warpgrains.scene.walls import Side
+
+Kind = TypeVar("Kind")
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Obstacle:
+    """A wall inside the annulus, with the keys of its `[[walls]]` table as fields.
+
+    A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
+    below that raise NotImplementedError, for the wall before it moves.
+    """
+
+    kind: ClassVar[str]
+    kind_number: ClassVar[int]
+    """Number of the kind on the device (kernels/walls.py)."""
+    velocity: tuple[float, float] = described(
+        "Velocity at which the wall moves [m/s], two components.", default=(0.0, 0.0)
+    )
+    angular_velocity: float = described(
+        "Angular velocity at which the wall turns about the pivot, counterclockwise [rad/s].", default=0.0
+    )
+    pivot: tuple[float, float] | None = described(
+        "Point about which the wall turns, which moves with it [m]; by default its middle.", default=None
+    )
+    from_time: float = described("Time at which the wall begins to move [s].", default=0.0)
+    to_time: float | None = described(
+        "Time at which the wall stops [s]; by default it moves until the end.", default=None
+    )
+    friction: float | None = described(
+        "Coefficient of friction of the wall; by default that of the scene at walls.", default=None
+    )
+
+    def __post_init__(self) -> None:
+        self._check(
+            velocity=checks.vector(f"velocity of a {self.kind}", self.velocity),
+            angular_velocity=checks.number(f"angular_velocity of a {self.kind}", self.angular_velocity),
+            from_time=checks.not_negative(f"from_time of a {self.kind}", self.from_time),
+        )
+        if self.pivot is not None:
+            self._check(pivot=checks.vector(f"pivot of a {self.kind}", self.pivot))
+        if self.friction is not None:
+            self._check(friction=checks.not_negative(f"friction of a {self.kind}", self.friction))
+        if self.to_time is not None:
+            self._check(to_time=checks.number(f"to_time of a {self.kind}", self.to_time))
+            if self.to_time <= self.from_time:
+                raise InputError(
+                    f"to_time of a {self.kind} is {self.to_time} s: it must be later than from_time,"
+                    f" {self.from_time} s"
+                )
+
+    @classmethod
+    def keys(cls) -> dict[str, Field[Any]]:
+        """Return the fields of the kind by their keys in a scene file."""
+        return {own.metadata.get("key", own.name): own for own in _own_first(cls)}
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys and values of the wall in a `[[walls]]` table of a scene file, without defaults."""
+        values = {key: (getattr(self, own.name), own.default) for key, own in self.keys().items()}
+        return {"kind": self.kind} | {
+            key: value for key, (value, default) in values.items() if value != default
+        }
+
+    def __repr__(self) -> str:
+        given = [own for own in self.keys().values() if getattr(self, own.name) != own.default]
+        values = ", ".join(f"{own.name}={getattr(self, own.name)!r}" for own in given)
+        return f"{type(self).__name__}({values})"
+
+    def _check(self, **checked: Any) -> None:
+        """Replace fields by their checked values."""
+        vars(self).update(checked)
+
+    def remaining_area(self, area: float) -> float:
+        """Return the part of an area [m2] that the wall leaves to the grains."""
+        return area
+
+    @property
+    def moves(self) -> bool:
+        """True if the wall moves at some time."""
+        return self.velocity != (0.0, 0.0) or self.angular_velocity != 0.0
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion of the wall."""
+        pivot = self.middle if self.pivot is None else self.pivot
+        to_time = inf if self.to_time is None else self.to_time
+        return Motion(pivot, self.velocity, self.angular_velocity, self.from_time, to_time)
+
+    @property
+    def speed(self) -> float:
+        """Largest speed at which a point of the wall moves across its place [m/s]."""
+        return self.motion.largest_speed(self.farthest(self.motion.pivot))
+
+    def pose(self, time: float) -> Pose:
+        """Return the place of the wall at a time [s]."""
+        return self.motion.pose(time)
+
+    def side_at(self, time: float, position: FloatArray, radius: FloatArray) -> Side:
+        """Return normals and gaps of grains at the wall as it is at a time [s], see `Scene.side`."""
+        if not self.moves:
+            return self.side(position, radius)
+        pose = self.pose(time)
+        normal, gap = self.side(pose.to_frame(position), radius)
+        return Side(pose.turn(normal), gap)
+
+    @property
+    def shape(self) -> tuple[float, ...]:
+        """Kind, numbers and circle as the kernels keep them, ten numbers (kernels/types.py)."""
+        return (float(self.kind_number), *self.numbers, *[0.0] * (6 - len(self.numbers)), *self.circle)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers that the kernels need, at most six (kernels/walls.py)."""
+        raise NotImplementedError
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        """Center and radius of a circle about all points at which grains touch the wall [m]."""
+        raise NotImplementedError
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Point about which the wall turns by default [m]."""
+        raise NotImplementedError
+
+    def farthest(self, point: tuple[float, float]) -> float:
+        """Return the largest distance of a point [m] from those that change their place when it turns."""
+        raise NotImplementedError
+
+    def side(self, position: FloatArray, radius: FloatArray) -> Side:
+        """Return normals and gaps of grains at the wall, see `Scene.side`."""
+        raise NotImplementedError
+
+    def covers(self, position: FloatArray) -> BoolArray:
+        """Return which points are in the wall, or where its normal is undefined, shape (n,)."""
+        raise NotImplementedError
+
+    def drawn(self, thickness: float) -> Band:
+        """Return the drawing of the wall, with this thickness [m]."""
+        raise NotImplementedError
+
+
+class ThinWall(Obstacle):
+    """A wall without thickness, which grains touch at the nearest point."""
+
+    def away(self, position: FloatArray) -> FloatArray:
+        """Return the ways from points to the nearest points of the wall [m], shape (n, 2)."""
+        raise NotImplementedError
+
+    def side(self, position: FloatArray, radius: FloatArray) -> Side:
+        """Return normals and gaps of grains at the wall, see `Scene.side`."""
+        away = self.away(position)
+        rho = distance(away)
+        with np.errstate(invalid="ignore"):
+            return Side(away / rho[:, np.newaxis], rho - radius)
+
+    def covers(self, position: FloatArray) -> BoolArray:
+        """Return which points are on the wall, or have no nearest point on it, shape (n,)."""
+        return ~(distance(self.away(position)) > 0.0)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(described,))
+def kind_of_wall(kind: type[Kind]) -> type[Kind]:
+    """Make a class of described fields a frozen dataclass, with these fields in its docstring."""
+    frozen = dataclass(frozen=True, repr=False)(kind)
+    return documented(_own_first(frozen))(frozen)
+
+
+def _own_first(kind: type) -> list[Field[Any]]:
+    """Return the described fields, those of all kinds last."""
+    return sorted(described_fields(kind).values(), key=lambda own: own.kw_only is True)
+
+
+def is_required(own: Field[Any]) -> bool:
+    """Return whether a field has no default."""
+    return own.default is MISSING

@@ -1,0 +1,81 @@
+"""A straight wall inside the annulus. This is the host's side; kernels/straight_wall.py is the device's."""
+
+from math import dist
+from typing import ClassVar
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.described import described
+from warpgrains.drawing.shapes import Band, bar
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.obstacle import ThinWall, kind_of_wall
+
+
+@kind_of_wall
+class Segment(ThinWall):
+    """A straight wall without thickness that grains touch from both sides and round its ends.
+
+    The keys of its ends in a scene file are `from` and `to`.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid, or both ends are the same point.
+
+    Examples
+    --------
+    >>> slope = wg.Segment(start=(-1.0, 0.5), end=(1.0, -0.5))
+    >>> grain = {"position": [[0.0, 0.5]], "radius": 0.1, "mass": 0.1}
+    >>> wg.Scene(**grain, radius_out=2.0, walls=[slope]).walls
+    (Segment(start=(-1.0, 0.5), end=(1.0, -0.5)),)
+    """
+
+    kind: ClassVar[str] = "segment"
+    kind_number: ClassVar[int] = 2
+    start: tuple[float, float] = described("One end [m], two components.", key="from")
+    end: tuple[float, float] = described("The other end [m], two components.", key="to")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        start, end = (
+            checks.vector("from of a segment", self.start),
+            checks.vector("to of a segment", self.end),
+        )
+        if sum((b - a) ** 2 for a, b in zip(start, end, strict=True)) == 0.0:
+            raise InputError(f"to of a segment is {end}: it must be another point than from")
+        self._check(start=start, end=end)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers that the kernels need (kernels/straight_wall.py)."""
+        return (*self.start, *self.end)
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        """Circle about the segment [m]."""
+        return (*self.middle, self.farthest(self.middle))
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Point half-way between the ends [m]."""
+        return 0.5 * (self.start[0] + self.end[0]), 0.5 * (self.start[1] + self.end[1])
+
+    def farthest(self, point: tuple[float, float]) -> float:
+        """Return the distance of the farther end from a point [m]."""
+        return max(dist(self.start, point), dist(self.end, point))
+
+    def away(self, position: FloatArray) -> FloatArray:
+        """Return the ways from points to the nearest points of the segment [m], shape (n, 2)."""
+        start, along = np.array(self.start), np.subtract(self.end, self.start)
+        share = np.clip((position - start) @ along / (along @ along), 0.0, 1.0)
+        return start + share[:, np.newaxis] * along - position
+
+    def drawn(self, thickness: float) -> Band:
+        """Return the drawing of the segment, half as thick as a circle, because grains touch both sides."""
+        return bar(self.start, self.end, 0.5 * thickness)
