@@ -9,7 +9,7 @@ at the end of the step if it moves (motion.py).
 
 import warp as wp
 
-from . import annulus, disc, straight_wall
+from . import annulus, arc, disc, straight_wall
 from .access import at, checked, put
 from .annulus import Annulus
 from .motion import from_frame, moving_time, pose_at, speed_of_surface, to_frame
@@ -40,6 +40,8 @@ def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
     """Return the free distance between a grain at x and a wall inside the annulus [m]."""
     if shape[0] == straight_wall.KIND:
         return straight_wall.gap(x, radius, shape)
+    if shape[0] == arc.KIND:
+        return arc.gap(x, radius, shape)
     return disc.gap(x, radius, shape)
 
 
@@ -48,6 +50,8 @@ def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
     """Return the unit normal from a grain at x into a wall inside the annulus."""
     if shape[0] == straight_wall.KIND:
         return straight_wall.normal(x, shape)
+    if shape[0] == arc.KIND:
+        return arc.normal(x, shape)
     return disc.normal(x, shape)
 
 

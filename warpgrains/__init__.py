@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
+    from warpgrains.scene.arc import Arc
     from warpgrains.scene.disc import Disc
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.segment import Segment
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from warpgrains.solver.statistics import StepReport, Summary
 
 __all__ = [
+    "Arc",
     "Batch",
     "Disc",
     "InputError",
@@ -48,6 +50,7 @@ __all__ = [
 ]
 
 _HOME = {
+    "Arc": "scene.arc",
     "Batch": "batch.batch",
     "Disc": "scene.disc",
     "InputError": "errors",

@@ -10,7 +10,7 @@ import pytest
 from same_bits import contents
 from swept_order import full_order
 
-from warpgrains import Batch, Disc, InputError, Recording, Scene, Segment, Simulation, analysis
+from warpgrains import Arc, Batch, Disc, InputError, Recording, Scene, Segment, Simulation, analysis
 from warpgrains.accuracy import certify
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.obstacle import Obstacle
@@ -21,7 +21,8 @@ BLADE = Segment((0.1, 0.0), (0.5, -0.1), angular_velocity=2.0, pivot=(0.1, 0.1),
 ROLLER = Disc((0.4, -0.6), 0.15, angular_velocity=-3.0, from_time=0.2)
 STONE = Disc((0.1, -0.7), 0.1, velocity=(0.0, 0.1), angular_velocity=0.5, pivot=(0.0, 0.0))
 RING = Disc((0.02, -0.05), 0.93, inside=True, friction=0.0)
-ROUGH_WALLS = (PISTON, BLADE, ROLLER, STONE, RING)
+SCOOP = Arc((-0.3, 0.2), 0.2, 3.0, 5.5, angular_velocity=1.0, velocity=(0.1, -0.1), to_time=0.7)
+ROUGH_WALLS = (PISTON, BLADE, ROLLER, STONE, RING, SCOOP)
 WALLS = tuple(replace(wall, friction=None) for wall in ROUGH_WALLS)
 ROUGH: dict[str, Any] = {
     "friction": 0.4,
@@ -73,7 +74,7 @@ def test_bits_of_the_reference(tmp_path: Path, scheme: str, order: str, friction
             simulation = Simulation(scene)
             simulation.restore(state)
             reference = Reference(build(tmp_path), scene, state)
-    assert touched >= {2, 3, 4, 5, 6}
+    assert touched >= {2, 3, 4, 5, 6, 7}
 
 
 def alone(position: tuple[float, float], wall: Disc | Segment, **changes: object) -> Simulation:

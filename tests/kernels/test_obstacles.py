@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from swept_order import full_order
 
-from warpgrains import Disc, InputError, Recording, Scene, Segment, Simulation
+from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation
 from warpgrains.analysis.vtk import export
 from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.obstacle import Obstacle
@@ -16,7 +16,8 @@ from warpgrains.usd.check import report_on_recording
 DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
 SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.75)))
 RING = Disc((0.02, -0.05), 0.93, inside=True)
-WALLS = (*DISCS, *SEGMENTS, RING)
+ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
+WALLS = (*DISCS, *SEGMENTS, RING, ARC)
 
 
 def around(n: int = 140, walls: tuple[Obstacle, ...] = WALLS, **changes: object) -> Scene:
@@ -62,7 +63,7 @@ def test_bits_of_the_reference(tmp_path: Path, scheme: str, wall: str, friction:
             simulation = Simulation(scene)
             simulation.restore(state)
             reference = Reference(build(tmp_path), scene, state)
-    assert touched >= {2, 3, 4, 5, 6}
+    assert touched >= {2, 3, 4, 5, 6, 7}
 
 
 @pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
@@ -120,7 +121,7 @@ def test_a_grain_rolls_round_an_end() -> None:
     assert hypot(x, y) == pytest.approx(0.1, abs=1e-6)
 
 
-@pytest.mark.parametrize("bowl", [Disc((0.5, 0.0), 1.0, inside=True)])
+@pytest.mark.parametrize("bowl", [Disc((0.5, 0.0), 1.0, inside=True), Arc((0.5, 0.0), 1.0, -2.5, -0.5)])
 def test_a_grain_in_a_bowl_swings_as_a_pendulum(bowl: Obstacle) -> None:
     """The period of small swings is 2 pi sqrt((R - r) / g)."""
     simulation = alone((0.51, -0.9), [bowl], dt=1e-3)
@@ -147,9 +148,10 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
         "[domain]\nradius_out = 1.0\n[grains]\nposition = [[0.0, 0.5]]\nradius = 0.1\nmass = 1.0\n"
         '[[walls]]\nkind = "disc"\ncenter = [0.0, -0.5]\nradius = 0.15\n'
         '[[walls]]\nkind = "segment"\nfrom = [-0.7, -0.2]\nto = [-0.2, -0.6]\n'
+        '[[walls]]\nkind = "arc"\ncenter = [0.5, -0.1]\nradius = 0.3\nfrom_angle = -2.5\nto_angle = -0.3\n'
     )
     scene = Scene.load(file)
-    assert scene.walls == (DISCS[0], SEGMENTS[0])
+    assert scene.walls == (DISCS[0], SEGMENTS[0], ARC)
     simulation = Simulation(scene)
     simulation.run(duration=0.5, record=tmp_path / "run.usdc", forces=True)
     assert Recording(tmp_path / "run.usdc").scene.walls == scene.walls
@@ -168,6 +170,14 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
         ([{"kind": "disc", "center": (0, 0)}], "walls[0].radius is missing: a disc needs it"),
         ([{"kind": "disc", "center": (0, 0), "radius": -1.0}], "walls[0]: radius of a disc is -1.0"),
         ([{"kind": "disc", "center": (0, 0), "radius": 1.0, "inside": 1}], "walls[0]: inside of a disc is 1"),
+        (
+            [{"kind": "arc", "center": (0, 0), "radius": 1.0, "from_angle": 1.0, "to_angle": 0.5}],
+            "walls[0]: to_angle of an arc is 0.5 rad: it must be less than a turn above from_angle, 1.0 rad",
+        ),
+        (
+            [Arc((0.0, 0.5), 1.0, 0.0, 1.0)],
+            "position of grain 0 is (0.0, 0.5): its center is inside walls[0]",
+        ),
         ([{"kind": "segment", "from": (0, 0)}], "walls[0].to is missing: a segment needs it"),
         ([{"kind": "segment", "from": (0, 0), "to": 1}], "walls[0]: to of a segment is 1: it must be two"),
         (

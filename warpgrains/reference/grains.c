@@ -160,7 +160,8 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
 }
 
 /* Gap of a grain at (x, y), and the normal into a wall inside the annulus: 1, center, radius, whether grains
- * are inside; or 2 and both ends of a segment. */
+ * are inside; or 2 and both ends of a segment; or 3, center, radius, direction of the middle, and cosine of half an
+ * arc. */
 static double wallGap(const double *wall, double x, double y, double r, double *nx, double *ny) {
     double px = wall[1], py = wall[2];
     if (wall[0] == 2.0) {
@@ -169,6 +170,14 @@ static double wallGap(const double *wall, double x, double y, double r, double *
         double share = fmin(fmax(along, 0.0), 1.0);
         px = wall[1] + share * dx;
         py = wall[2] + share * dy;
+    }
+    if (wall[0] == 3.0) {
+        double dx = x - wall[1], dy = y - wall[2], mx = wall[4], my = wall[5], c = wall[6];
+        double rho = sqrt(dx * dx + dy * dy);
+        double s = mx * dy - my * dx < 0.0 ? -sqrt(1.0 - c * c) : sqrt(1.0 - c * c);
+        int onArc = dx * mx + dy * my >= rho * c;
+        px = onArc ? wall[1] + dx * (wall[3] / rho) : wall[1] + wall[3] * (c * mx - s * my);
+        py = onArc ? wall[2] + dy * (wall[3] / rho) : wall[2] + wall[3] * (c * my + s * mx);
     }
     double dx = px - x, dy = py - y;
     double distance = sqrt(dx * dx + dy * dy);

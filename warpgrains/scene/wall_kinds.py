@@ -5,11 +5,12 @@ from typing import Any
 
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.arc import Arc
 from warpgrains.scene.disc import Disc
 from warpgrains.scene.obstacle import Obstacle, is_required
 from warpgrains.scene.segment import Segment
 
-WALL_KINDS: dict[str, type[Obstacle]] = {kind.kind: kind for kind in (Disc, Segment)}
+WALL_KINDS: dict[str, type[Obstacle]] = {kind.kind: kind for kind in (Disc, Segment, Arc)}
 """The kinds by the name that `[[walls]]` tables give."""
 
 

@@ -1,0 +1,35 @@
+"""An arc inside the annulus: a part of a circle that grains touch from both sides, and round its ends."""
+
+import warp as wp
+
+from . import law
+from .types import Shape
+
+f64 = wp.float64
+KIND = wp.constant(f64(3.0))
+
+
+@wp.func
+def nearest(x: wp.vec2d, arc: Shape) -> wp.vec2d:
+    """Return the point of an arc nearest to x [m]; it has the numbers of `Arc.numbers`."""
+    center, mx, my, c = wp.vec2d(arc[1], arc[2]), arc[4], arc[5], arc[6]
+    dx, dy, rho = x[0] - arc[1], x[1] - arc[2], law.distance(center, x)
+    if dx * mx + dy * my >= rho * c:
+        return wp.vec2d(arc[1] + dx * (arc[3] / rho), arc[2] + dy * (arc[3] / rho))
+    s = wp.sqrt(f64(1.0) - c * c)
+    if mx * dy - my * dx < f64(0.0):
+        s = -s
+    return wp.vec2d(arc[1] + arc[3] * (c * mx - s * my), arc[2] + arc[3] * (c * my + s * mx))
+
+
+@wp.func
+def gap(x: wp.vec2d, radius: f64, arc: Shape) -> f64:
+    """Return the free distance between a grain at x and an arc [m]."""
+    return law.distance(x, nearest(x, arc)) - radius
+
+
+@wp.func
+def normal(x: wp.vec2d, arc: Shape) -> wp.vec2d:
+    """Return the unit normal from a grain at x into an arc."""
+    n, _ = law.normal(x, nearest(x, arc))
+    return n

@@ -1,0 +1,97 @@
+"""An arc inside the annulus. This is the host's side; kernels/arc.py is the device's."""
+
+from math import cos, dist, pi, sin
+from typing import ClassVar
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.described import described
+from warpgrains.drawing.shapes import Band, strip
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import distance
+from warpgrains.scene.obstacle import ThinWall, kind_of_wall
+
+_POINTS = 64  # of an arc as it is drawn
+
+
+@kind_of_wall
+class Arc(ThinWall):
+    """A part of a circle that grains touch from both sides and round its ends.
+
+    Parameters
+    ----------
+    {fields}
+
+    Raises
+    ------
+    InputError
+        A value is invalid.
+
+    Examples
+    --------
+    >>> bowl = wg.Arc(center=(0.0, 0.0), radius=1.0, from_angle=-2.5, to_angle=-0.5)
+    >>> grain = {"position": [[0.3, 0.0]], "radius": 0.1, "mass": 0.1}
+    >>> wg.Scene(**grain, radius_out=2.0, walls=[bowl]).walls
+    (Arc(center=(0.0, 0.0), radius=1.0, from_angle=-2.5, to_angle=-0.5),)
+    """
+
+    kind: ClassVar[str] = "arc"
+    kind_number: ClassVar[int] = 3
+    center: tuple[float, float] = described("Center [m], two components.")
+    radius: float = described("Radius [m].")
+    from_angle: float = described("Angle from the x axis at which it begins [rad].")
+    to_angle: float = described("Angle at which it ends, counterclockwise [rad].")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        begin = checks.number("from_angle of an arc", self.from_angle)
+        end = checks.number("to_angle of an arc", self.to_angle)
+        if not begin < end < begin + 2.0 * pi:
+            raise InputError(
+                f"to_angle of an arc is {end} rad: it must be less than a turn above from_angle, {begin} rad"
+            )
+        self._check(
+            center=checks.vector("center of an arc", self.center),
+            radius=checks.positive("radius of an arc", self.radius),
+            from_angle=begin,
+            to_angle=end,
+        )
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Numbers that the kernels need (kernels/arc.py)."""
+        middle, half = 0.5 * (self.from_angle + self.to_angle), 0.5 * (self.to_angle - self.from_angle)
+        return (*self.center, self.radius, cos(middle), sin(middle), cos(half))
+
+    @property
+    def circle(self) -> tuple[float, float, float]:
+        """The whole circle."""
+        return (*self.center, self.radius)
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Center [m]."""
+        return self.center
+
+    def farthest(self, point: tuple[float, float]) -> float:
+        """Return the distance of the farthest point of the circle from a point [m]."""
+        return dist(self.center, point) + self.radius
+
+    def away(self, position: FloatArray) -> FloatArray:
+        """Return the ways from points to the nearest points of the arc [m], shape (n, 2)."""
+        _, _, _, mx, my, c = self.numbers
+        away, s = position - self.center, np.sqrt(1.0 - c * c)
+        rho, across = distance(away), np.copysign(s, mx * away[:, 1] - my * away[:, 0])
+        end = np.stack([c * mx - across * my, c * my + across * mx], axis=1)
+        on_arc = away @ (mx, my) >= rho * c
+        with np.errstate(invalid="ignore"):
+            foot = np.where(on_arc[:, np.newaxis], away / rho[:, np.newaxis], end)
+        return self.radius * foot - away
+
+    def drawn(self, thickness: float) -> Band:
+        """Return the drawing of the arc, half as thick as a circle, because grains touch both sides."""
+        angle = np.linspace(self.from_angle, self.to_angle, _POINTS)
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return strip(self.center + self.radius * circle, 0.5 * thickness)
