@@ -6,58 +6,20 @@ python -m warpgrains.scenes.gallery -o gallery [NAME ...]
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.scenes import bowl, closed_forms, drum
-from warpgrains.scenes.exhibits import Numbers, draw_exhibits
+from warpgrains.scenes import bowl, closed_forms, drum, straight_walls
+from warpgrains.scenes.exhibits import Numbers, Row, draw_exhibits, moments
 from warpgrains.scenes.style import WIDTH
-from warpgrains.solver.statistics import RunStatistics
 
 COUNT = 1000
 """Scenes of the batch."""
 BIN = 0.01
 """Side of the squares in which it counts centers [m]."""
-
-
-class Row:
-    """Moments side by side."""
-
-    def __init__(self, path: Path, panels: int) -> None:
-        from matplotlib.figure import Figure
-
-        self._path = path
-        self._figure = Figure(figsize=(3.0 * panels + 0.7, 3.0), layout="constrained")
-        self._axes = self._figure.subplots(1, panels, squeeze=False)[0]
-        self._shown = 0
-
-    def show(self, simulation: wg.Simulation, color_by: str = "speed", largest: float | None = None) -> None:
-        """Draw the present state in the next panel; `largest` is that of `Painter`."""
-        from warpgrains.pictures.shots import Painter
-        from warpgrains.pictures.still import FrameArtists, add_color_bar
-
-        painter = Painter(simulation.scene, color_by, forces=True, largest=largest)
-        FrameArtists(self._axes[self._shown], painter.setting).show(painter.shot_of(simulation))
-        self._shown += 1
-        if self._shown == len(self._axes):
-            if painter.setting.scale is not None:
-                add_color_bar(self._figure, self._axes, painter.setting.scale)
-            self._figure.savefig(self._path)
-
-
-def moments(
-    path: Path, scene: wg.Scene, times: Sequence[float], color_by: str = "speed"
-) -> tuple[wg.Simulation, wg.Summary]:
-    """Draw a scene at some times [s]; return it at the last, with what was done."""
-    simulation, done, row = wg.Simulation(scene), RunStatistics(), Row(path, len(times))
-    for begin, end in pairwise([0, *(scene.steps_in(time) for time in times)]):
-        done.add(simulation.advance(end - begin))
-        row.show(simulation, color_by)
-    return simulation, done.summary(None)
 
 
 def shipped(name: str, *times: float, path: Path, color_by: str = "speed") -> Numbers:
@@ -205,6 +167,9 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "heap": closed_forms.draw_heap,
     "rotating_drum": lambda path: shipped("rotating_drum", 1.0, 2.0, 4.0, path=path),
     "couette": lambda path: shipped("couette", 0.5, 4.0, path=path, color_by="spin"),
+    "slope": straight_walls.draw_slope,
+    "hopper": straight_walls.draw_hopper,
+    "collapse": straight_walls.draw_collapse,
     "jam": jam,
     "batch": batch,
 }

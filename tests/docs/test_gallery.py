@@ -108,6 +108,25 @@ def test_grains_of_two_sizes_have_as_many_contacts_as_forces_need(numbers):
     assert found["contacts, equal"] > 2 * 200 - 1
 
 
+def test_grains_on_slopes_follow_closed_forms(numbers):
+    found = list(numbers("slope").values())
+    assert found[0::2] == pytest.approx(found[1::2], rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_hopper_flows_at_a_constant_rate(numbers):
+    left = np.array([0, *numbers("hopper").values()])
+    rate = np.diff(left)[1:4]  # each half second, once it flows
+    assert rate.min() > 0.6 * rate.max() > 0
+
+
+@pytest.mark.slow
+def test_a_column_collapses(numbers):
+    height, run_out, rest = numbers("collapse").values()
+    assert 1.0 < 0.6 * height < run_out < 2.5 * height
+    assert rest < 0.7 * height
+
+
 def test_a_jam_names_its_grains(numbers):
     found = numbers("jam")
     assert found["grains that cannot fit"] == 5
