@@ -5,7 +5,8 @@ rejected. Without that safeguard, momentum with beta near 1 diverges, and over-r
 sweeps do not go too far here, beta is capped, and momentum stops where the change of a sweep, squared and
 summed in the mass metric, has grown: of 80 states of 300 and 1,000 grains with mu from 0.1 to 1, none was
 left with more than 1.5 times the residual of 200 plain sweeps, and half with less than 1 / 2.3 of it. It
-still stops where it points uphill, in the mass metric of both corrections.
+still stops where it points uphill, in the mass metric of both corrections. Steps that momentum keeps from
+converging get on by plain sweeps, so that the cap falls after 500 sweeps.
 """
 
 import warp as wp
@@ -24,6 +25,7 @@ from .threads import Team
 f64 = wp.float64
 GROWTH = wp.constant(f64(1.2))  # of that change, above which momentum stops
 CAP = wp.constant(f64(0.85))
+FADE = wp.constant(f64(500.0))  # sweeps after which the cap falls, as one over their number
 
 
 @wp.func
@@ -223,6 +225,7 @@ def end_capped_sweep(s: Scene):
         back_off(s)
     else:
         take_t_on(s, zeta)
-        s.momentum.state.beta = wp.min(CAP, s.momentum.state.beta)
+        cap = CAP * wp.min(f64(1.0), FADE / f64(s.step.iterations + 1))
+        s.momentum.state.beta = wp.min(cap, s.momentum.state.beta)
     count_iteration(s, zeta)
     s.control.phase = phase_after_sweep(s)
