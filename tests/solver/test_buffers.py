@@ -20,7 +20,8 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
     return Sizes(
         GRAINS,
         np.full_like(GRAINS, CONTACTS),
-        np.ones_like(GRAINS),
+        np.array([1, 3, 2, 1]),
+        np.array([0, 1, 0, 1]),
         np.array([0, 1, 0, 1]),
         accelerated,
         friction,
@@ -47,4 +48,5 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
     assert (length["momentum.last_dv"] == CONTACTS * sizes.accelerated).all()
     assert (length["grains.spin"] == GRAINS * sizes.friction).all()
     assert (length["contacts.rim_weights"] == CONTACTS * sizes.weighted * sizes.friction).all()
+    assert (length["walls.motion"] == [0, 2, 0, 0]).all()
     assert (length["dealt.last"] == GRAINS * sizes.is_dealt).all()
