@@ -111,18 +111,22 @@ def keys(layout: str | None) -> Iterator[Key]:
 
 
 def wall_keys() -> Iterator[Key]:
-    """Yield the keys of `[[walls]]`: those of each kind, then those of all."""
+    """Yield the keys of `[[walls]]`: those of some kinds, then those of all."""
     yield Key("walls", "kind", REQUIRED, f"Kind of a wall inside the annulus: {', '.join(WALL_KINDS)}.")
-    of_all: dict[str, Key] = {}
-    for kind, wall in WALL_KINDS.items():
-        for name, field in wall.keys().items():
-            default = REQUIRED if field.default is MISSING else field.default
-            meaning = field.metadata["meaning"]
-            if field.kw_only:
-                of_all[name] = Key("walls", name, default, meaning)
-            else:
-                yield Key("walls", name, default, f"Of a {kind}: {meaning}")
-    yield from of_all.values()
+    found = {name: field for wall in WALL_KINDS.values() for name, field in wall.keys().items()}
+    for name, field in sorted(found.items(), key=lambda item: item[1].kw_only is True):
+        default = REQUIRED if field.default is MISSING else field.default
+        meaning = field.metadata["meaning"]
+        if not field.kw_only:
+            meaning = (
+                f"{', '.join(kind for kind, wall in WALL_KINDS.items() if name in wall.keys())}: {meaning}"
+            )
+        yield Key("walls", name, default, meaning)
+
+
+def kinds_with(key: str) -> list[str]:
+    """Return the kinds of walls that have a key."""
+    return [kind for kind, wall in WALL_KINDS.items() if key in [*wall.keys()]]
 
 
 def commented(document: Table) -> str:
@@ -138,12 +142,11 @@ def commented(document: Table) -> str:
         else:
             value = "..." if key.default in (None, REQUIRED) else key.shown_default
             lines.append(f"# {key.name} = {value}")
-    walls = [{key.name: key for key in wall_keys()}, *document.get("walls", [])]
     lines.append("\n# A table [[walls]] is a wall inside the annulus.")
-    for key in walls[0].values():
+    for key in wall_keys():
         text = f"{key.name}: {key.meaning}"
         lines += textwrap.wrap(text, 98, initial_indent="# ", subsequent_indent="#     ")
-    for wall in walls[1:]:
+    for wall in document.get("walls", []):
         lines.append("\n[[walls]]")
         lines += [f"{name} = {toml_value(value)}" for name, value in wall.items()]
     return "\n".join(lines) + "\n"

@@ -48,20 +48,21 @@ class Obstacle:
     )
 
     def __post_init__(self) -> None:
+        whose = f"of a{'n' * (self.kind[0] in 'aeiou')} {self.kind}"
         self._check(
-            velocity=checks.vector(f"velocity of a {self.kind}", self.velocity),
-            angular_velocity=checks.number(f"angular_velocity of a {self.kind}", self.angular_velocity),
-            from_time=checks.not_negative(f"from_time of a {self.kind}", self.from_time),
+            velocity=checks.vector(f"velocity {whose}", self.velocity),
+            angular_velocity=checks.number(f"angular_velocity {whose}", self.angular_velocity),
+            from_time=checks.not_negative(f"from_time {whose}", self.from_time),
         )
         if self.pivot is not None:
-            self._check(pivot=checks.vector(f"pivot of a {self.kind}", self.pivot))
+            self._check(pivot=checks.vector(f"pivot {whose}", self.pivot))
         if self.friction is not None:
-            self._check(friction=checks.not_negative(f"friction of a {self.kind}", self.friction))
+            self._check(friction=checks.not_negative(f"friction {whose}", self.friction))
         if self.to_time is not None:
-            self._check(to_time=checks.number(f"to_time of a {self.kind}", self.to_time))
+            self._check(to_time=checks.number(f"to_time {whose}", self.to_time))
             if self.to_time <= self.from_time:
                 raise InputError(
-                    f"to_time of a {self.kind} is {self.to_time} s: it must be later than from_time,"
+                    f"to_time {whose} is {self.to_time} s: it must be later than from_time,"
                     f" {self.from_time} s"
                 )
 
@@ -73,15 +74,15 @@ class Obstacle:
     @property
     def table(self) -> dict[str, Any]:
         """Keys and values of the wall in a `[[walls]]` table of a scene file, without defaults."""
-        values = {key: (getattr(self, own.name), own.default) for key, own in self.keys().items()}
-        return {"kind": self.kind} | {
-            key: value for key, (value, default) in values.items() if value != default
-        }
+        return {"kind": self.kind} | {key: getattr(self, own.name) for key, own in self._given()}
 
     def __repr__(self) -> str:
-        given = [own for own in self.keys().values() if getattr(self, own.name) != own.default]
-        values = ", ".join(f"{own.name}={getattr(self, own.name)!r}" for own in given)
+        values = ", ".join(f"{own.name}={getattr(self, own.name)!r}" for _, own in self._given())
         return f"{type(self).__name__}({values})"
+
+    def _given(self) -> list[tuple[str, Field[Any]]]:
+        """Return key and field of every value that is not the default."""
+        return [(key, own) for key, own in self.keys().items() if getattr(self, own.name) != own.default]
 
     def _check(self, **checked: Any) -> None:
         """Replace fields by their checked values."""
