@@ -116,17 +116,14 @@ def wall_keys() -> Iterator[Key]:
     found = {name: field for wall in WALL_KINDS.values() for name, field in wall.keys().items()}
     for name, field in sorted(found.items(), key=lambda item: item[1].kw_only is True):
         default = REQUIRED if field.default is MISSING else field.default
-        meaning = field.metadata["meaning"]
-        if not field.kw_only:
-            meaning = (
-                f"{', '.join(kind for kind, wall in WALL_KINDS.items() if name in wall.keys())}: {meaning}"
-            )
-        yield Key("walls", name, default, meaning)
+        kinds = "" if field.kw_only else ", ".join(kinds_with(name)) + ": "
+        yield Key("walls", name, default, kinds + field.metadata["meaning"])
 
 
 def kinds_with(key: str) -> list[str]:
     """Return the kinds of walls that have a key."""
-    return [kind for kind, wall in WALL_KINDS.items() if key in [*wall.keys()]]
+    keys_of = {kind: wall.keys() for kind, wall in WALL_KINDS.items()}
+    return [kind for kind, own in keys_of.items() if key in own]
 
 
 def commented(document: Table) -> str:
