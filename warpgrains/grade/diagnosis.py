@@ -82,10 +82,12 @@ def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
     }
 
 
-def hint_of(first: Difference, is_iteration: bool) -> Hint:
-    """Return the hint for the equation of the first wrong value."""
-    entry = first.quantity.partition("[")[0]
-    if is_iteration and first.iteration == 0:
+def hint_of(first: Difference | None, is_iteration: bool) -> Hint:
+    """Return the hint for the equation of the first wrong value, or for indices beyond `dvContacts`."""
+    entry = first.quantity.partition("[")[0] if first else "index"
+    if first is None:
+        pass
+    elif is_iteration and first.iteration == 0:
         entry = "iter"
     elif is_iteration and entry in ("vx", "vy") and "wall" in (first.contact or ""):
         entry = "wall"
@@ -129,8 +131,8 @@ class _Answer(ctypes.Structure):
 
 class _Found(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("count", "wrongs", "end")),
-        ("wrong", ctypes.POINTER(ctypes.c_int)),
+        *((name, ctypes.c_int) for name in ("count", "wrongs", "ended")),
+        *((name, ctypes.POINTER(ctypes.c_int)) for name in ("wrong", "ends")),
         ("probes", ctypes.POINTER(_Probe)),
         *((name, ctypes.POINTER(_Answer)) for name in ("answers", "right")),
     )
@@ -195,7 +197,7 @@ class Model:
         probes: Sequence[Probe],
         found: Sequence[Answer],
         wrong: Sequence[int],
-        how: int = -1,
+        ends: Sequence[int] = (),
     ) -> Explanation:
         """Find the one or two mistakes of a function that explain all answers.
 
@@ -203,11 +205,11 @@ class Model:
         ----------
         function : str
         probes, found : sequence
-            Calls of the homework and its answers, possibly to the first calls only.
+            Calls of the homework, and its answers, which may lack those to the last calls.
         wrong : sequence of int
             Indices of the wrong answers.
-        how : int
-            How the homework ended after the last answer, as in `EndedError`; -1 if it did not.
+        ends : sequence of int
+            How the homework ended instead of answering the last probes, as in `EndedError`.
         """
         chosen = [k for k, mistake in enumerate(self.mistakes) if mistake.function == function]
         variants = (ctypes.c_void_p * len(chosen))(*(self._variants[k].ctypes.data for k in chosen))
@@ -216,7 +218,7 @@ class Model:
         first = _most_telling(wrong, probes)
         right = [each for k in first[:_LOOKED_AT] if (each := self.answer([], probes[k].call))]
         rights = (_Answer * len(right))(*(_found(answer) for answer in right))
-        numbers = (len(found), len(first), how, (ctypes.c_int * len(first))(*first))
+        numbers = (len(found), len(first), len(ends), _integers(first), _integers(ends))
         facts = _Found(*numbers, asked, answers, rights)
         room = _answer_arrays(max(probe.call.n for probe in probes))
         own = _answer(*room)
@@ -273,6 +275,10 @@ def _probe(call: Call) -> _Probe:
     gravity = (ctypes.c_double * 2)(*call.gravity)
     numbers = (call.dt, call.tolerance, call.max_iterations, call.radius_in, call.radius_out)
     return _Probe(call.n, call.iteration, *numbers, gravity, call.drag, call.state.ctypes.data_as(_Numbers))
+
+
+def _integers(numbers: Sequence[int]) -> Any:
+    return (ctypes.c_int * len(numbers))(*numbers)
 
 
 def _pointer(array: np.ndarray) -> Any:

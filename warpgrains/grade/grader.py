@@ -233,16 +233,17 @@ class Grader:
         if first is None and (not ended or ended[1].how == -1):
             return part if ended else replace(part, remark=Words("it differs by rounding only"))
         found = [k for k, each in enumerate(near) if each]
-        last = [asked[ended[0]]] if ended else []
-        how = ended[1].how if ended else -1
-        mistakes, is_complete = self.model.explain(function, [*probes, *last], answers, found, how)
+        probes += [asked[k] for k, _ in ends.values()]
+        hows = [error.how for _, error in ends.values()]
+        mistakes, is_complete = self.model.explain(function, probes, answers, found, hows)
         if is_complete:
             return replace(part, mistakes=mistakes)
         if mistakes:
             remark = Words("there is another mistake, which has no name")
             return replace(part, mistakes=mistakes, remark=remark)
         if first is None:
-            return part
+            is_index = any(error.how >= 0 for _, error in ends.values())
+            return replace(part, hint=hint_of(None, True)) if is_index else part
         is_float = not ended and not any(_differences(probes, expected, answers, FLOAT))
         remark = Words("it differs as if float were used: use double" if is_float else _UNKNOWN)
         return replace(part, hint=hint_of(first, function == CONTACT), remark=remark)

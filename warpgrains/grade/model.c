@@ -45,7 +45,7 @@ typedef struct {
 typedef struct {
     int i, j;
     double size, masses, first, dt; /* sums of radii and masses; size if all radii are that of grain 0 */
-    double ri, rj, r;
+    double ri, rj, r, rIn, rOut;
 } Contact;
 
 /* The correction that one side needs, from the distance between centers or to a wall now and at the end of the step. */
@@ -57,11 +57,12 @@ static double needed(const int *variant, int side, const Contact *c, double dist
     return CLAMPED(side, fmax(0.0, inside));
 }
 
-static void visit(const int *variant, int kind, femGrains *g, int i, int j, int number, double dt, int iter, const Stale *stale,
+/* Solve a contact; returns 1 if its gap is open, plus 2 if it needs no correction. */
+static int visit(const int *variant, int kind, femGrains *g, int i, int j, int number, double dt, int iter, const Stale *stale,
                   double *sum) {
     int n = g->n, isStart = FIRST(kind, iter == 0);
     double *const q[] = {g->x, g->y}, *const v[] = {g->vx, g->vy}, *slot = (kind == PAIR ? g->dvContacts : g->dvBoundary) + number;
-    double d[2], moved[2], normal[2], speed[2], kept = *slot, zeta = *sum;
+    double d[2], moved[2], normal[2], speed[2], one[2], two[2], kept = *slot, zeta = *sum;
     double ri = g->r[i], rj = kind == PAIR ? g->r[j] : 0.0;
     double mi = g->m[i], mj = kind == PAIR ? g->m[j] : 0.0, rIn = WALL_RADIUS(1, g->radiusIn), rOut = WALL_RADIUS(0, g->radiusOut);
     const double *old = OLD_SPEED(kind, 0) == 1 ? stale->iteration : OLD_SPEED(kind, 0) == 2 ? stale->row : NULL;
@@ -72,6 +73,8 @@ static void visit(const int *variant, int kind, femGrains *g, int i, int j, int 
         d[c] = kind == PAIR ? DELTA(c, qj - qi) : qi;
         moved[c] = d[c] + dt * (kind == PAIR ? v[c][j] - v[c][i] : v[c][i]);
         speed[c] = kind == PAIR ? RELATIVE(c, vi - vj) : vi;
+        one[c] = vi;
+        two[c] = vj;
     }
     double a = d[0], b = d[1], size = ri + rj;
     double r = DISTANCE(kind, sqrt(a * a + b * b)), later = sqrt(moved[0] * moved[0] + moved[1] * moved[1]);
@@ -81,7 +84,7 @@ static void visit(const int *variant, int kind, femGrains *g, int i, int j, int 
     }
     double s = speed[0], w = speed[1], nx = normal[0], ny = normal[1];
     double vn = VN(kind, s * nx + w * ny), gap, gapIn, out = 0.0, in = 0.0, value;
-    Contact contact = {i, j, size, mi + mj, kind == PAIR ? 2 * g->r[0] : g->r[0], dt, ri, rj, r};
+    Contact contact = {i, j, size, mi + mj, kind == PAIR ? 2 * g->r[0] : g->r[0], dt, ri, rj, r, rIn, rOut};
     if (kind == PAIR) {
         value = needed(variant, PAIR, &contact, r, later, vn, kept, &gap);
     } else {
@@ -91,20 +94,22 @@ static void visit(const int *variant, int kind, femGrains *g, int i, int j, int 
         value = out - in;
     }
     double dv = isStart ? START(kind, kept) : CHANGE(kind, value - kept);
+    int state = (gap >= 0.0) + 2 * (value == 0.0);
     if (isStart) value = kept;
     double applied = APPLIED(kind, dv);
-    if (SKIPS_ZERO(0, 0) && applied == 0.0) return;
+    if (SKIPS_ZERO(0, 0) && applied == 0.0) return 2;
     for (int grain = kind == PAIR ? 0 : 2; grain < (kind == PAIR ? 2 : 3); grain++) /* i, j; i at a wall */
         for (int c = 0; c < 2; c++) {
             int at = grain == 1 ? j : i, to = 2 * grain + c;
             double ms = g->m[at], mo = grain == 1 ? mi : mj, rs = g->r[at], ro = grain == 1 ? ri : rj;
-            double own = normal[c], other = normal[!c], before = v[c][at];
+            double own = normal[c], other = normal[!c], *changed = &v[c][TARGET(to, at)], before = *changed;
             double push = applied * ALONG(to, own) * SHARE(to, grain == 2 ? 1.0 : mo / (ms + mo));
-            v[c][at] = CHANGED(to, before) + (grain == 1 ? push : -push);
+            *changed = CHANGED(to, before) + (grain == 1 ? push : -push);
         }
     *slot = isStart ? KEPT_AT_START(kind, kept) : KEPT(kind, kept + dv);
     double change = isStart ? fabs(dv) : SIZE(kind, fabs(dv));
     *sum = isStart ? START_ZETA(kind, fmax(zeta, change)) : ZETA(kind, fmax(zeta, change));
+    return state;
 }
 
 static void clear(femGrains *g, int kind) {
@@ -119,7 +124,7 @@ static void copySpeeds(double *copy, const femGrains *g) {
 /* One iteration; `end` becomes an index beyond an array, and the iteration ends. */
 static double iterate(const int *variant, femGrains *g, double dt, int iter, int *end) {
     int n = g->n, k = 0, walls = WALLS_INSIDE(0, 0);
-    double zeta = 0.0, speeds[4 * n];
+    double zeta = ZETA_FROM(0, 0.0), speeds[4 * n];
     Stale stale = {speeds, speeds + 2 * n};
     copySpeeds(stale.iteration, g);
     for (int kind = PAIR; kind <= WALL; kind++)
@@ -149,7 +154,7 @@ static double iterate(const int *variant, femGrains *g, double dt, int iter, int
                         *end = isBeyond ? BEYOND(n) : number;
                         return 0.0;
                     }
-                    visit(variant, PAIR, g, i, j, number, dt, iter, &stale, &zeta);
+                    int state = visit(variant, PAIR, g, i, j, number, dt, iter, &stale, &zeta);
                     k += INDEX_STEP(0, 1);
                     if (walls == 3) visit(variant, WALL, g, i, i, i, dt, iter, &stale, &zeta);
                 }
@@ -214,7 +219,7 @@ static void solve(const int *variant, femGrains *g, const Probe *p, Answer *answ
         answer->calls++;
         if (NEWTON_EACH(0, 0) == 2) newton(variant, g, dt);
         if (MOVE_EACH(0, 0) == 1 || (MOVE_EACH(0, 0) == 2 && iter > 0)) move(variant, g, dt, start, free);
-        iter++;
+        iter += ITER_STEP(0, 1);
         forced = FORCED(0, iter == 1);
         goesOn = TEST(0, zeta > tol);
         isBelow = LIMIT(0, iter <= iterMax);
@@ -296,11 +301,11 @@ static int agree(const Probe *p, const Answer *a, const Answer *b) {
     return same(a->state, b->state, 2 * n, length) && same(a->state + 2 * n, b->state + 2 * n, 5 * n + all - n, speed);
 }
 
-/* The answers of a homework, to `count` of the probes; which are wrong, those of small scenes first; the right answers to
- * the first of these; and how the homework ended instead of the next answer. */
+/* The answers of a homework, to `count` of the probes; which are wrong, the most telling first; the right answers to the
+ * first of these; and how it ended instead of answering further probes. */
 typedef struct {
-    int count, wrongs, end;
-    const int *wrong;
+    int count, wrongs, ended;
+    const int *wrong, *ends;
     const Probe *probes;
     const Answer *answers, *right;
 } Found;
@@ -317,9 +322,11 @@ static int explains(Variants variants, const Found *found, Answer *own) {
         if (!fits(variants, found, found->wrong[k], own)) return 0;
     for (int k = 0; k < found->count; k++)
         if (!fits(variants, found, k, own)) return 0;
-    if (found->end == NONE) return 1;
-    answer(variants[0], variants[1], found->probes + found->count, own);
-    return own->end == found->end;
+    for (int k = 0; k < found->ended; k++) {
+        answer(variants[0], variants[1], found->probes + found->count + k, own);
+        if (own->end != found->ends[k]) return 0;
+    }
+    return 1;
 }
 
 /* Put a mistake into the variants of iteration 0 (when & 1) and the others (when & 2); 0: a term is wrong already. */
@@ -344,7 +351,7 @@ static char effectOf(const int *mistake, int when, const Found *found, Answer *o
     put(variants, mistake, when);
     if (!found->wrongs) {
         answer(variants[0], variants[1], found->probes + found->count, own);
-        return own->end == found->end ? FITTING : 0;
+        return own->end == found->ends[0] ? FITTING : 0;
     }
     for (int k = 0; k < LOOKED_AT && k < found->wrongs; k++) {
         int at = found->wrong[k];
