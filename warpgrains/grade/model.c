@@ -209,6 +209,7 @@ static void solve(const int *variant, femGrains *g, const Probe *p, Answer *answ
     do {
         double *call = answer->record + 3 * answer->calls;
         if (NEWTON_EACH(0, 0) == 1 || (NEWTON_EACH(0, 0) == 3 && iter > 0)) newton(variant, g, dt);
+        if (MOVE_EACH(0, 0) == 3) move(variant, g, dt, start, free);
         if (answer->calls == 0) memcpy(answer->before, g->x, 4 * g->n * sizeof(double)); /* x, y, vx, vy in a row */
         call[0] = PASSED_ITER(0, iter);
         call[1] = PASSED_DT(0, dt);

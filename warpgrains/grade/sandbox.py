@@ -1,4 +1,4 @@
-"""The sandbox: a process (child.c) that executes a homework and answers one call after the other.
+"""The sandbox: a process (sandbox.c) that executes a homework and answers one call after the other.
 
 The child returns numbers only, and the parent judges them. The sandbox contains no expected result except
 those of the reference function that it calls. It is limited by `Limits`, to a megabyte of output, and has no
@@ -285,7 +285,7 @@ class Child:
         return self._printed.read(2000).decode(errors="replace")
 
     def _receive_header(self) -> tuple[int, int, float]:
-        """Return `what`, `calls` and `zeta` of child.h. Raises EndedError unless they form an answer."""
+        """Return `what`, `calls` and `zeta` of an answer (sandbox.c). Raises EndedError if it is none."""
         kind, what, where, calls, zeta = _HEADER.unpack(self._receive(_HEADER.size))
         if kind == _CALLED:
             known = 0 <= what < len(_FORBIDDEN)
