@@ -12,6 +12,8 @@ to phi; restart.py accepts or rejects it, and chooses the momentum of the next o
 Only the working set is swept (working_set.py).
 """
 
+from collections.abc import Callable
+
 import warp as wp
 
 from . import law
@@ -97,8 +99,27 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
     return sweep
 
 
-sweep_four, sweep_one = sweeping(FOUR, False), sweeping(1, False)
-sweep_four_weighted, sweep_one_weighted = sweeping(FOUR, True), sweeping(1, True)
+def in_fours(sweeping: Callable[[int, bool], wp.Function]) -> wp.Function:
+    """Return the function that corrects pairs by those of `sweeping`: four at a time, then those left."""
+    sweep_four, sweep_one = sweeping(FOUR, False), sweeping(1, False)
+    sweep_four_weighted, sweep_one_weighted = sweeping(FOUR, True), sweeping(1, True)
+
+    @wp.func
+    def sweep_pairs(s: Scene, begin: int, end: int) -> wp.vec3d:
+        rest = end_of_fours(begin, end)
+        four, one = wp.vec3d(), wp.vec3d()
+        if s.working.weights.shape[0] > 0:
+            four = sweep_four_weighted(s, begin, rest)
+            one = sweep_one_weighted(s, rest, end)
+        else:
+            four = sweep_four(s, begin, rest)
+            one = sweep_one(s, rest, end)
+        return wp.vec3d(larger(four[0], one[0]), four[1] + one[1], four[2] + one[2])
+
+    return sweep_pairs
+
+
+sweep_pairs = in_fours(sweeping)
 
 
 @wp.func
@@ -133,40 +154,35 @@ def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
     return total
 
 
-@wp.func
-def sweep_pairs(s: Scene, begin: int, end: int) -> wp.vec3d:
-    """Correct pairs, four at a time and then those that are left. Returns what `sweeping` does."""
-    rest = end_of_fours(begin, end)
-    four, one = wp.vec3d(), wp.vec3d()
-    if s.working.weights.shape[0] > 0:
-        four = sweep_four_weighted(s, begin, rest)
-        one = sweep_one_weighted(s, rest, end)
-    else:
-        four = sweep_four(s, begin, rest)
-        one = sweep_one(s, rest, end)
-    return wp.vec3d(larger(four[0], one[0]), four[1] + one[1], four[2] + one[2])
+def correcting_working_sets(sweep_pairs: wp.Function, sweep_walls: wp.Function) -> wp.Function:
+    """Return the function `(team, scene, set)` that corrects the contacts of a set that are swept."""
+
+    @wp.func
+    def correct_working_set(team: Team, s: Scene, k: int):
+        zeta = f64(0.0)
+        begin, end, _, part = chunks_of_set(s, k)
+        first, last = thread_range(team, begin, end)
+        for chunk in range(first, last):
+            bounds = at(s.working.range, part + chunk)
+            total = wp.vec3d()
+            if is_wall_set(s, k):
+                total = sweep_walls(s, bounds[0], bounds[1])
+            else:
+                total = sweep_pairs(s, bounds[0], bounds[1])
+            put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
+            zeta = larger(zeta, total[0])
+        update_max(team, s.partial.zeta, zeta)
+
+    return correct_working_set
 
 
-@wp.func
-def sweep_part(s: Scene, begin: int, end: int, at_wall: bool) -> wp.vec3d:
-    """Correct a part of the working set. Returns what `sweeping` does."""
-    if at_wall:
-        return sweep_walls(s, begin, end)
-    return sweep_pairs(s, begin, end)
+correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls)
 
 
 @wp.func
 def sweep_ahead(team: Team, s: Scene, k: int):
     """Correct the contacts of a set that are in the working set."""
-    zeta = f64(0.0)
-    begin, end, _, part = chunks_of_set(s, k)
-    first, last = thread_range(team, begin, end)
-    for chunk in range(first, last):
-        bounds = at(s.working.range, part + chunk)
-        total = sweep_part(s, bounds[0], bounds[1], is_wall_set(s, k))
-        put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
-        zeta = larger(zeta, total[0])
-    update_max(team, s.partial.zeta, zeta)
+    correct_working_set(team, s, k)
 
 
 @wp.func

@@ -5,24 +5,27 @@ rejected. Without that safeguard, momentum with beta near 1 diverges, and over-r
 sweeps do not go too far here, beta is capped, and momentum stops where the change of a sweep, squared and
 summed in the mass metric, has grown: of 80 states of 300 and 1,000 grains with mu from 0.1 to 1, none was
 left with more than 1.5 times the residual of 200 plain sweeps, and half with less than 1 / 2.3 of it. It
-still stops where it points uphill, in the mass metric of both corrections.
+still stops where it points uphill, in the mass metric of both corrections. Steps that momentum keeps from
+converging get on by plain sweeps, so that the cap falls after 500 sweeps.
 """
 
 import warp as wp
 
 from . import law
-from .accelerated import mass_in_phi
+from .accelerated import correcting_working_sets, in_fours, mass_in_phi
 from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
-from .contacts import chunks_of_set, is_wall_set, part_count
-from .friction import rim_weights
+from .contacts import part_count
+from .friction import THIRD, rim_weights
+from .lanes import lanes
 from .record import Scene, grain_count, pair_count
 from .restart import back_off, take_t_on
 from .stopping import count_iteration, phase_after_sweep, reduce_max
-from .threads import Team, thread_range, update_max
+from .threads import Team
 
 f64 = wp.float64
 GROWTH = wp.constant(f64(1.2))  # of that change, above which momentum stops
 CAP = wp.constant(f64(0.85))
+FADE = wp.constant(f64(500.0))  # sweeps after which the cap falls, as one over their number
 
 
 @wp.func
@@ -79,91 +82,134 @@ def extrapolate_rim(s: Scene, i: int):
     put(s.momentum.last_rim, i, u)
 
 
-def sweeping(at_wall: bool) -> wp.Function:
-    """Return the function that corrects contacts of the working set from y, in place.
+def sweeping(count: int, weighted: bool) -> wp.Function:
+    """Return the function that corrects pairs of the working set from y, in place, `count` at a time.
 
-    It takes `(scene, begin, end)` and returns the largest change of a correction, and how steeply momentum
-    points downhill.
+    It takes `(scene, begin, end)` and returns the largest change of a correction, the changes squared and
+    summed, and the slope.
     """
+    several = lanes(count)
+    vector, numbers_at, set_numbers = several.vector, several.numbers_at, several.set_numbers
+    sum_of, product_of, larger_of = several.sum_of, several.product_of, several.larger_of
+    approach, slip, push_and_turn = several.approach, several.slip, several.push_and_turn
 
     @wp.func
-    def sweep(s: Scene, begin: int, end: int) -> wp.vec3d:
-        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
-        rim = s.grains.next_rim
-        working = s.working
-        grains = s.grains
-        contacts = s.contacts
-        surfaces = s.walls.surface
-        between = f64(s.friction)
-        beta, n, first_wall = f64(s.momentum.state.beta), grain_count(s), pair_count(s)
-        zeta, slope, size = f64(0.0), f64(0.0), f64(0.0)
+    def weights_of(s: Scene, c: int):
+        """Return the parts that grains and rims of i and j take, 1 / W, W and mu_c."""
+        share_i, share_j, mu = vector(), vector(), vector()
+        rim_i, rim_j, narrow, wide = vector(), vector(), vector(), vector()
+        for k in range(wp.static(count)):
+            weight = at(s.working.weights, c + k)
+            share_i[k] = weight[0]
+            share_j[k] = weight[1]
+            mu[k] = weight[2]
+            part = at(s.contacts.rim_weights, at(s.working.index, c + k))
+            narrow[k] = part[0]
+            wide[k] = f64(1.0) / part[0]
+            rim_i[k] = part[1]
+            rim_j[k] = part[2]
+        return share_i, share_j, rim_i, rim_j, narrow, wide, mu
+
+    @wp.func
+    def sweep(s: Scene, begin: int, end: int):
+        grains, working = s.grains, s.working
+        beta, friction = s.momentum.state.beta, f64(s.friction)
+        half, one = f64(0.5), f64(1.0)
+        share_i, share_j, mu = vector(half), vector(half), vector(half)  # by unit mass where all are equal
+        rim_i, rim_j, narrow, wide = vector(one), vector(one), vector(THIRD), vector(f64(3.0))
+        zeta, size, slope = vector(), vector(), vector()
         c = int(begin)
         while c < end:
-            i, j = working_first_of(working.contact, c), working_second_of(working.contact, c)
-            normal = working_normal_of(working.contact, c)
-            t = law.tangent(normal)
-            x, xt = at(working.dv, c), at(working.dvt, c)
-            y = x + beta * (x - at(working.last_dv, c))
-            yt = xt + beta * (xt - at(working.last_dvt, c))
-            vi, ui, gap = at(velocity, i), at(rim, i), at(working.gap_rate, c)
-            part = rim_weights(s, at(working.index, c), wp.static(at_wall))
-            weight, friction = wp.vec2d(f64(1.0), f64(0.0)), between
-            mu, approach, slip = mass_in_phi(grains, contacts, i), vi, ui
-            if wp.static(at_wall):
-                surface = at(surfaces, j - n)
-                gap = law.round_gap_rate(
-                    gap, law.speed_along(vi, normal), at(working.limits, c - first_wall)[1]
-                )
-                friction, slip = surface[0], ui - surface[1]
-            else:
-                weight = wp.vec2d(f64(0.5), f64(0.5))
-                if working.weights.shape[0] > 0:
-                    shares = at(working.weights, c)
-                    weight = wp.vec2d(shares[0], shares[1])
-                mu = mu * weight[0]
-                approach, slip = vi - at(velocity, j), ui + at(rim, j)
-            dv = law.pair_correction(wp.dot(approach, normal), y, gap)
-            vt = wp.dot(approach, t) + slip
-            dvt = law.friction_correction(part[0] * vt, yt, friction * (y + dv))
-            push = dv * normal + dvt * t
-            put(velocity, i, vi - push * weight[0])
-            put(rim, i, ui - dvt * part[1])
-            if wp.static(not at_wall):
-                put(velocity, j, at(velocity, j) + push * weight[1])
-                put(rim, j, at(rim, j) - dvt * part[2])
-            put(working.last_dv, c, x)
-            put(working.last_dvt, c, xt)
-            put(working.dv, c, y + dv)
-            put(working.dvt, c, yt + dvt)
-            zeta = larger(zeta, larger(wp.abs(dv), wp.abs(dvt)))
-            wide = f64(1.0) / part[0]
-            slope = slope + mu * (dv * (y + dv - x) + wide * dvt * (yt + dvt - xt))
-            size = size + mu * (dv * dv + wide * dvt * dvt)
-            c += 1
-        return wp.vec3d(zeta, size, slope)
+            if wp.static(weighted):
+                share_i, share_j, rim_i, rim_j, narrow, wide, mu = weights_of(s, c)
+            x, xt = numbers_at(working.dv, c), numbers_at(working.dvt, c)
+            ahead = beta * (x - numbers_at(working.last_dv, c))
+            ahead_t = beta * (xt - numbers_at(working.last_dvt, c))
+            y, yt = x + ahead, xt + ahead_t
+            excess = approach(grains.next_velocity, working.contact, c) - numbers_at(working.gap_rate, c)
+            vt = slip(grains.next_velocity, grains.next_rim, working.contact, c)
+            dv, dvt = vector(), vector()
+            for k in range(wp.static(count)):
+                dv[k] = law.pair_correction(excess[k], y[k], f64(0.0))
+            for k in range(wp.static(count)):
+                dvt[k] = law.friction_correction(narrow[k] * vt[k], yt[k], friction * (y[k] + dv[k]))
+            push_and_turn(
+                grains.next_velocity,
+                grains.next_rim,
+                working.contact,
+                c,
+                dv,
+                dvt,
+                share_i,
+                share_j,
+                rim_i,
+                rim_j,
+            )
+            set_numbers(working.last_dv, c, x)
+            set_numbers(working.last_dvt, c, xt)
+            set_numbers(working.dv, c, y + dv)
+            set_numbers(working.dvt, c, yt + dvt)
+            zeta = larger_of(zeta, larger_of(larger_of(dv, -dv), larger_of(dvt, -dvt)))
+            wide_dvt = product_of(wide, dvt)
+            downhill = sum_of(product_of(dv, ahead + dv), product_of(wide_dvt, ahead_t + dvt))
+            slope = sum_of(slope, product_of(mu, downhill))
+            size = sum_of(size, product_of(mu, sum_of(product_of(dv, dv), product_of(wide_dvt, dvt))))
+            c += wp.static(count)
+        total = wp.vec3d()
+        for k in range(wp.static(count)):
+            total = wp.vec3d(larger(total[0], zeta[k]), total[1] + size[k], total[2] - slope[k])
+        return total
 
     return sweep
 
 
-sweep_pairs, sweep_walls = sweeping(False), sweeping(True)
+sweep_pairs = in_fours(sweeping)
+
+
+@wp.func
+def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
+    """Correct contacts with walls from y, in place. Returns what `sweeping` does."""
+    velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
+    rim = s.grains.next_rim
+    working = s.working
+    beta = s.momentum.state.beta
+    n, first_wall = grain_count(s), pair_count(s)
+    total = wp.vec3d()
+    c = int(begin)
+    while c < end:
+        i, normal = working_first_of(working.contact, c), working_normal_of(working.contact, c)
+        surface = at(s.walls.surface, working_second_of(working.contact, c) - n)
+        part = rim_weights(s, at(working.index, c), True)
+        v, u, t = at(velocity, i), at(rim, i), law.tangent(normal)
+        x, xt = at(working.dv, c), at(working.dvt, c)
+        y = x + beta * (x - at(working.last_dv, c))
+        yt = xt + beta * (xt - at(working.last_dvt, c))
+        limit = at(working.limits, c - first_wall)[1]
+        gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, normal), limit)
+        dv = law.pair_correction(wp.dot(v, normal), y, gap)
+        vt = wp.dot(v, t) + (u - surface[1])
+        dvt = law.friction_correction(part[0] * vt, yt, surface[0] * (y + dv))
+        put(velocity, i, v - (dv * normal + dvt * t))
+        put(rim, i, u - dvt * part[1])
+        put(working.last_dv, c, x)
+        put(working.last_dvt, c, xt)
+        put(working.dv, c, y + dv)
+        put(working.dvt, c, yt + dvt)
+        mu, wide_dvt = mass_in_phi(s.grains, s.contacts, i), dvt / part[0]
+        zeta = larger(total[0], larger(wp.abs(dv), wp.abs(dvt)))
+        size = total[1] + mu * (dv * dv + wide_dvt * dvt)
+        total = wp.vec3d(zeta, size, total[2] - mu * (dv * (y + dv - x) + wide_dvt * (yt + dvt - xt)))
+        c += 1
+    return total
+
+
+correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls)
 
 
 @wp.func
 def sweep_ahead_with_friction(team: Team, s: Scene, k: int):
     """Correct the contacts of a set that are in the working set."""
-    zeta = f64(0.0)
-    begin, end, _, part = chunks_of_set(s, k)
-    first, last = thread_range(team, begin, end)
-    for chunk in range(first, last):
-        bounds = at(s.working.range, part + chunk)
-        found = wp.vec3d()
-        if is_wall_set(s, k):
-            found = sweep_walls(s, bounds[0], bounds[1])
-        else:
-            found = sweep_pairs(s, bounds[0], bounds[1])
-        put(s.momentum.contact_part, part + chunk, wp.vec2d(found[1], -found[2]))
-        zeta = larger(zeta, found[0])
-    update_max(team, s.partial.zeta, zeta)
+    correct_working_set(team, s, k)
 
 
 @wp.func
@@ -179,6 +225,7 @@ def end_capped_sweep(s: Scene):
         back_off(s)
     else:
         take_t_on(s, zeta)
-        s.momentum.state.beta = wp.min(CAP, s.momentum.state.beta)
+        cap = CAP * wp.min(f64(1.0), FADE / f64(s.step.iterations + 1))
+        s.momentum.state.beta = wp.min(cap, s.momentum.state.beta)
     count_iteration(s, zeta)
     s.control.phase = phase_after_sweep(s)

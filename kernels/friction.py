@@ -294,6 +294,6 @@ def widen_row_sum(s: Scene):
 
 
 @wp.func
-def keep_correction(s: Scene, c: int):
-    """Let the next step start with what a contact carries."""
+def keep_tangential(s: Scene, c: int):
+    """Let the next step start with the tangential correction of a contact."""
     put(s.contacts.dvt_start, c, at(s.contacts.dvt, c))

@@ -34,6 +34,11 @@ class Lanes:
         Velocities at which working pairs close their gaps, `(velocity, pairs, c)` [m/s].
     push_apart : wp.Function
         Share changes of corrections out to grains, `(velocity, pairs, c, dv, share_i, share_j)`.
+    slip : wp.Function
+        Velocities at which the surfaces of working pairs slip, `(velocity, rim, pairs, c)` [m/s].
+    push_and_turn : wp.Function
+        Share changes of normal and tangential corrections out to grains and their rims,
+        `(velocity, rim, pairs, c, dv, dvt, share_i, share_j, rim_i, rim_j)`.
     """
 
     vector: Any
@@ -44,6 +49,8 @@ class Lanes:
     larger_of: wp.Function
     approach: wp.Function
     push_apart: wp.Function
+    slip: wp.Function
+    push_and_turn: wp.Function
 
 
 @wp.func
@@ -138,4 +145,56 @@ def lanes(count: int) -> Lanes:
     )
     def push_apart(velocity: Vectors, pairs: Pairs, c: int, dv: vector, share_i: vector, share_j: vector): ...
 
-    return Lanes(vector, numbers_at, set_numbers, sum_of, product_of, larger_of, approach, push_apart)
+    @wp.func_native(
+        checked(f"""{VELOCITIES}
+        wp::vec_t<{count}, double> vt;
+        for (int k = 0; k < {count}; k++) {{
+            const unsigned i = pairs.data[c + k].i, j = pairs.data[c + k].j;
+            const couple difference = *velocity_at(i) - *velocity_at(j);
+            const auto n = pairs.data[c + k].n;
+            vt.c[k] = difference[1] * n[0] - difference[0] * n[1] + rim.data[i / 2] + rim.data[j / 2];
+        }}
+        return vt;
+    """)
+    )
+    def slip(velocity: Vectors, rim: Floats, pairs: Pairs, c: int) -> vector: ...
+
+    @wp.func_native(
+        checked(f"""{VELOCITIES}
+        for (int k = 0; k < {count}; k++) {{
+            const unsigned i = pairs.data[c + k].i, j = pairs.data[c + k].j;
+            const auto n = pairs.data[c + k].n;
+            const wp::vec_t<2, double> t(-n[1], n[0]);
+            const couple push = *(const couple *)&n * dv.c[k] + *(const couple *)&t * dvt.c[k];
+            *velocity_at(i) = *velocity_at(i) - push * share_i.c[k];
+            *velocity_at(j) = *velocity_at(j) + push * share_j.c[k];
+            rim.data[i / 2] = rim.data[i / 2] - dvt.c[k] * rim_i.c[k];
+            rim.data[j / 2] = rim.data[j / 2] - dvt.c[k] * rim_j.c[k];
+        }}
+    """)
+    )
+    def push_and_turn(
+        velocity: Vectors,
+        rim: Floats,
+        pairs: Pairs,
+        c: int,
+        dv: vector,
+        dvt: vector,
+        share_i: vector,
+        share_j: vector,
+        rim_i: vector,
+        rim_j: vector,
+    ): ...
+
+    return Lanes(
+        vector,
+        numbers_at,
+        set_numbers,
+        sum_of,
+        product_of,
+        larger_of,
+        approach,
+        push_apart,
+        slip,
+        push_and_turn,
+    )

@@ -25,18 +25,13 @@ def overlap_of(s: Scene, c: int) -> f64:
 
 @wp.func
 def overlaps(team: Team, s: Scene):
-    """Find the worst overlap [m] of the listed contacts, and count the active ones; all others stayed silent.
-
-    The next step starts from their corrections.
-    """
+    """Find the worst overlap [m] of the listed contacts, and count the active ones."""
     worst = f64(0.0)
     active = int(0)
     c, end = thread_range(team, 0, contact_count(s))
     while c < end:
         worst = larger(worst, overlap_of(s, c))
-        dv = at(s.contacts.dv, c)
-        put(s.contacts.dv_start, c, dv)
-        active += 1 if dv != f64(0.0) else 0
+        active += 1 if at(s.contacts.dv, c) != f64(0.0) else 0
         c += 1
     update_max(team, s.partial.overlap, worst)
     wp.atomic_add(s.partial.active, partial_index(team, s.partial.active.shape[0]), active)

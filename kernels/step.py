@@ -3,7 +3,8 @@
 A step returns to the host in two cases: the list exceeds its capacity (WITHOUT_ROOM), or sweeps converge too
 slowly and the host solves the step (SLOW). Conditions read the phase of the step (conditions.py); stopping.py
 chooses it. Stages that differ when an attempt resumes with another list test `resuming` themselves.
-A scene without a list begins like one whose list has expired: no skin suffices, so nothing is iterated.
+A scene without a list begins like one whose list has expired: no skin suffices, so its first attempt iterates
+nothing and asks for a list.
 """
 
 from functools import cache
@@ -233,9 +234,9 @@ def finish(has_friction: bool) -> list[Stage]:
     """Move the grains, and report."""
     return [
         Each(grain_count, integrate.move),
-        *only(
-            has_friction, [Each(grain_count, friction.turn), Each(contact_count, friction.keep_correction)]
-        ),
+        *only(has_friction, [Each(grain_count, friction.turn)]),
+        Each(contact_count, warm_start.keep_correction),
+        *only(has_friction, [Each(contact_count, friction.keep_tangential)]),
         Serial(integrate.stagger),
         Each(grain_count, verlet.remember),
         Serial(verlet.shift_frame),

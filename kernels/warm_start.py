@@ -46,3 +46,9 @@ def start(team: Team, s: Scene, k: int):
             put(s.contacts.dv, c, dv)
             apply(s.contacts, s.grains.next_velocity, c, dv * n, at_wall)
         c += 1
+
+
+@wp.func
+def keep_correction(s: Scene, c: int):
+    """Let the next step start with the correction of a contact."""
+    put(s.contacts.dv_start, c, at(s.contacts.dv, c))

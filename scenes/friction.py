@@ -13,7 +13,7 @@ import numpy as np
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
-from warpgrains.scenes import closed_forms, solutions
+from warpgrains.scenes import closed_forms, hard_steps, solutions
 from warpgrains.scenes.exhibits import Numbers, draw_exhibits
 from warpgrains.scenes.style import WIDTH
 
@@ -178,6 +178,7 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "repose": draw_repose,
     "couette": draw_couette,
     "solutions": solutions.draw,
+    "hard_steps": hard_steps.draw,
 }
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from simulate import WAYS, Simulate
+from trimmed import trimmed
 
 from warpgrains import Scene, Simulation
 from warpgrains.reference.reference import Reference, build
@@ -32,6 +33,22 @@ def pytest_configure() -> None:
     """Hear interrupts, also where a shell has started the tests in the background: it has them ignored."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave WARPGRAINS_EXAMPLES cases of each long test, evenly spread, as in CI."""
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("slow"):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    left_out = set()
+    for same in cases.values():
+        count = trimmed(len(same))
+        kept = {k * len(same) // count for k in range(count)}
+        left_out.update(item for k, item in enumerate(same) if k not in kept)
+    if left_out:
+        config.hook.pytest_deselected(items=sorted(left_out, key=lambda item: item.nodeid))
+        items[:] = [item for item in items if item not in left_out]
 
 
 @pytest.fixture

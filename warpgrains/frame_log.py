@@ -157,7 +157,7 @@ class LogReader:
     ----------
     path : Path
     constants : str
-        Constants of the recording as JSON.
+        Constants of the recording, the text of a USD layer.
     kinds : dict
         Type and number of columns of each array by name, such as "f3".
     end : int

@@ -1,4 +1,4 @@
-/* Discs within polygons in Box2D 3.1 or newer: no friction, no rebound, no sleep, one thread. */
+/* Discs within polygons in Box2D 3.1 or newer: no rebound, no sleep, one thread. */
 
 #include <stdlib.h>
 
@@ -7,19 +7,20 @@
 typedef struct {
     b2WorldId world;
     int n;
+    float friction;
     b2BodyId bodies[];
 } Discs;
 
-static b2ShapeDef frictionless(float density) {
+static b2ShapeDef material(float density, float friction) {
     b2ShapeDef shape = b2DefaultShapeDef();
     shape.density = density;
-    shape.material.friction = 0.0f;
+    shape.material.friction = friction;
     shape.material.restitution = 0.0f;
     return shape;
 }
 
 /* A hertz of 0 leaves the stiffness of contacts as it is by default. */
-Discs *create(int n, float gravityX, float gravityY, float hertz) {
+Discs *create(int n, float gravityX, float gravityY, float hertz, float friction) {
     Discs *discs = malloc(sizeof(Discs) + n * sizeof(b2BodyId));
     b2WorldDef world = b2DefaultWorldDef();
     world.gravity = (b2Vec2){gravityX, gravityY};
@@ -28,6 +29,7 @@ Discs *create(int n, float gravityX, float gravityY, float hertz) {
     if (hertz > 0.0f) world.contactHertz = hertz;
     discs->world = b2CreateWorld(&world);
     discs->n = n;
+    discs->friction = friction;
     return discs;
 }
 
@@ -35,7 +37,7 @@ Discs *create(int n, float gravityX, float gravityY, float hertz) {
 void addWall(Discs *discs, int corners, const b2Vec2 *corner) {
     b2BodyDef body = b2DefaultBodyDef();
     b2BodyId wall = b2CreateBody(discs->world, &body);
-    b2ShapeDef shape = frictionless(0.0f);
+    b2ShapeDef shape = material(0.0f, discs->friction);
     for (int k = 0; k < corners; k++) {
         b2Segment side = {corner[k], corner[(k + 1) % corners]};
         b2CreateSegmentShape(wall, &shape, &side);
@@ -50,7 +52,7 @@ void addDiscs(Discs *discs, const b2Vec2 *x, const float *radius, const float *m
         body.position.y = x[i].y;
         body.linearDamping = drag / mass[i];
         discs->bodies[i] = b2CreateBody(discs->world, &body);
-        b2ShapeDef shape = frictionless(mass[i] / (B2_PI * radius[i] * radius[i]));
+        b2ShapeDef shape = material(mass[i] / (B2_PI * radius[i] * radius[i]), discs->friction);
         b2Circle circle = {{0.0f, 0.0f}, radius[i]};
         b2CreateCircleShape(discs->bodies[i], &shape, &circle);
     }

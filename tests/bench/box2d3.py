@@ -28,7 +28,8 @@ class Box2d3:
         self._library, self._steps, self._substeps = _library(source), steps, substeps
         self._n, self._scale = len(scene.radius), 0.5 / float(scene.radius[0])
         gravity = (self._scale * g for g in scene.gravity)
-        self._discs = self._library.create(self._n, *gravity, STIFFEST if stiff else 0.0)
+        hertz = STIFFEST if stiff else 0.0
+        self._discs = self._library.create(self._n, *gravity, hertz, scene.friction)
         for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
             corner = _floats(corners(radius, around) * self._scale)
             self._library.addWall(self._discs, len(corner), corner.ctypes.data)
@@ -69,7 +70,7 @@ def _library(source: Path | None) -> ctypes.CDLL:
         loaded = ctypes.CDLL(str(built))
     whole, number, array = ctypes.c_int, ctypes.c_float, ctypes.c_void_p
     loaded.create.restype = array
-    loaded.create.argtypes = [whole, number, number, number]
+    loaded.create.argtypes = [whole, number, number, number, number]
     loaded.addWall.argtypes = [array, whole, array]
     loaded.addDiscs.argtypes = [array, array, array, array, number]
     loaded.advance.argtypes = [array, whole, number, whole]

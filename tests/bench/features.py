@@ -102,6 +102,9 @@ FEATURES = {
     f"friction, {ITERATIONS} sweeps": Feature(
         lambda _: _swept_by("gauss-seidel"), lambda _: {"friction": 0.5}
     ),
+    f"friction, {ITERATIONS} accelerated sweeps": Feature(
+        lambda _: _swept_by("accelerated"), lambda _: {"friction": 0.5}
+    ),
 }
 
 

@@ -1,6 +1,5 @@
 """The common flowing scene in Newton's Kamino: projected Gauss-Seidel in Warp, in single precision."""
 
-from math import pi
 from typing import Any
 
 import numpy as np
@@ -51,10 +50,10 @@ def enter_plane(
     drag: float,
 ):
     i = wp.tid()
-    x, v = wp.transform_get_translation(q[i]), wp.spatial_top(qd[i])
+    x, v, spin = wp.transform_get_translation(q[i]), wp.spatial_top(qd[i]), wp.spatial_bottom(qd[i])[2]
     v = wp.vec3f(v[0], v[1], 0.0)
     q[i] = wp.transformf(wp.vec3f(x[0], x[1], 0.0), wp.quat_identity(float))
-    qd[i] = wp.spatial_vector(v, wp.vec3f())
+    qd[i] = wp.spatial_vector(v, wp.vec3f(0.0, 0.0, spin))
     force[i] = wp.spatial_vector(-drag * v, wp.vec3f())
 
 
@@ -125,15 +124,17 @@ def _model(newton: Any, scene: Scene) -> Any:
     """Spheres, a body each, and the inner wall, the last shape."""
     radius, mass = float(scene.radius[0]), float(scene.mass[0])
     shape = newton.ModelBuilder.ShapeConfig(
-        density=mass / (4.0 / 3.0 * pi * radius**3),
-        mu=0.0,
+        density=0.0,  # the bodies have the mass, and the moment of inertia of discs
+        mu=scene.friction,
         mu_torsional=0.0,
         mu_rolling=0.0,
         gap=0.5 * radius,
     )
+    inertia = wp.mat33(*(0.5 * mass * radius**2 * np.eye(3)).ravel().tolist())
     builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(*scene.gravity, 0.0))
     for x, y in scene.position.tolist():
-        body = builder.add_body(xform=wp.transform(wp.vec3(x, y, 0.0), wp.quat_identity()))
+        place = wp.transform(wp.vec3(x, y, 0.0), wp.quat_identity())
+        body = builder.add_body(xform=place, mass=mass, inertia=inertia)
         builder.add_shape_sphere(body, radius=radius, cfg=shape)
     builder.add_shape_cylinder(-1, radius=scene.radius_in, half_height=1.0, cfg=shape)
     return builder

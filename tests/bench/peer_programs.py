@@ -1,4 +1,4 @@
-"""The common flowing scene in several programs: masses, walls, gravity, drag, no friction and no rebound.
+"""The common flowing scene in several programs: masses, walls, gravity, drag, friction if any, no rebound.
 
 Each class takes the scene and its own settings; `advance` simulates so many frames of 10 ms in one thread,
 `position` are the centres [m]. What differs there from the scene is as near as the program allows, and said.
@@ -45,15 +45,21 @@ class Pymunk:
         space.iterations, self._substeps = iterations, substeps
         space.gravity = scene.gravity
         space.damping = math.exp(-scene.drag / float(scene.mass[0]))
+        friction = math.sqrt(scene.friction)  # that of a contact is the product of two
         for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
             corner = corners(radius, around)
             for a, b in zip(corner, np.roll(corner, -1, axis=0), strict=True):
-                space.add(pymunk.Segment(space.static_body, tuple(a), tuple(b), 0.0))
+                side = pymunk.Segment(space.static_body, tuple(a), tuple(b), 0.0)
+                side.friction = friction
+                space.add(side)
         self._bodies = []
         for x, radius, mass in zip(scene.position, scene.radius, scene.mass, strict=True):
-            body = pymunk.Body(float(mass), math.inf)
+            moment = 0.5 * mass * radius**2 if scene.has_friction else math.inf
+            body = pymunk.Body(float(mass), float(moment))
             body.position = tuple(x)
-            space.add(body, pymunk.Circle(body, float(radius)))
+            disc = pymunk.Circle(body, float(radius))
+            disc.friction = friction
+            space.add(body, disc)
             self._bodies.append(body)
 
     def advance(self, frames: int) -> None:
@@ -77,19 +83,20 @@ class Box2d:
         gravity = tuple(self._scale * g for g in scene.gravity)
         self._world = Box2D.b2World(gravity=gravity, doSleep=False)
         walls = self._world.CreateStaticBody()
+        surface = {"friction": scene.friction, "restitution": 0.0}
         for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
             corner = (corners(radius, around) * self._scale).tolist()
             for a, b in zip(corner, [*corner[1:], corner[0]], strict=True):
-                walls.CreateEdgeFixture(vertices=[a, b], friction=0.0, restitution=0.0)
+                walls.CreateEdgeFixture(vertices=[a, b], **surface)
         self._bodies = []
         for x, radius, mass in zip(scene.position, scene.radius * self._scale, scene.mass, strict=True):
             body = self._world.CreateDynamicBody(
                 position=(x * self._scale).tolist(),
                 linearDamping=scene.drag / float(mass),
-                fixedRotation=True,
+                fixedRotation=not scene.has_friction,
             )
             density = float(mass) / (math.pi * float(radius) ** 2)
-            body.CreateCircleFixture(radius=float(radius), density=density, friction=0.0, restitution=0.0)
+            body.CreateCircleFixture(radius=float(radius), density=density, **surface)
             self._bodies.append(body)
 
     def advance(self, frames: int) -> None:
@@ -103,7 +110,7 @@ class Box2d:
 
 
 class Lammps:
-    """LAMMPS: spheres in a plane, linear springs and dashpots (granular hooke), no tangential force.
+    """LAMMPS: linear springs and dashpots (granular hooke), with friction also along the tangent.
 
     `overlap` [radii] is what the springs are stiff enough for, where grains meet at 5 m/s; a contact lasts 20
     steps at least, and is damped critically.
@@ -121,6 +128,8 @@ class Lammps:
         steps = math.ceil(FRAME / (math.pi * math.sqrt(0.5 * m / k) / 20.0))
         self._lammps = lmp = lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"])
         hooke = f"hooke {k} 0.0 {gamma} 0.0 0.0 0"
+        if scene.has_friction:
+            hooke = f"hooke/history {k} {2.0 / 7.0 * k} {gamma} {0.5 * gamma} {scene.friction} 1"
         walls = [("out", scene.radius_out, "side in"), ("in", scene.radius_in, "side out")]
         size = scene.radius_out * 1.1
         lmp.commands_string(

@@ -1,6 +1,7 @@
 """The common flowing scene beside other programs: time against overlap, one thread, one run.
 
     python -m tests.bench.peers -o tests/bench/results/peers.csv --picture scenes/peers.png
+    python -m tests.bench.peers --friction 0.5 -o tests/bench/results/peers_friction.csv
 
 CPU time of 10 ms simulated, set-up and compiling apart, and the worst overlaps over 2 s, sampled every 10 ms
 from the true circles. Programs that are not installed (extra `[bench]`), and Box2D 3 where its source is not
@@ -93,9 +94,9 @@ def measure(scene: Scene, make: Callable[[Scene], Any]) -> tuple[float, FloatArr
     return 1e3 * (process_time() - start) / frames, worst
 
 
-def rows(n: int, box2d3: Path | None) -> Iterator[dict[str, str]]:
-    """Measure everything for so many grains."""
-    scene, missing = flowing(n), set()
+def rows(scene: Scene, box2d3: Path | None) -> Iterator[dict[str, str]]:
+    """Measure every program and setting on a scene."""
+    missing = set()
     for name, setting, make in settings(box2d3):
         if name in missing:
             continue
@@ -106,7 +107,7 @@ def rows(n: int, box2d3: Path | None) -> Iterator[dict[str, str]]:
             say(f"{name} is left out: {error}")
             continue
         figures = [f"{value:.3g}" for value in (taken, *worst)]
-        yield dict(zip(COLUMNS, [name, setting, str(n), *figures], strict=True))
+        yield dict(zip(COLUMNS, [name, setting, str(scene.n), *figures], strict=True))
 
 
 def draw(measured: list[dict[str, str]], file: Path) -> None:
@@ -139,6 +140,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
     parser.add_argument("--picture", type=Path, help="PNG file of time against overlap")
     parser.add_argument("--grains", type=int, nargs="+", default=[100, 1000], help="how many grains")
+    parser.add_argument("--friction", type=float, default=0.0, help="coefficient of friction (default: 0)")
     parser.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
     chosen = parser.parse_args(arguments)
     if chosen.box2d3 and not is_source(chosen.box2d3):
@@ -147,7 +149,7 @@ def main(arguments: list[str] | None = None) -> None:
     measured = []
     with open_table(chosen.output, COLUMNS) as table:
         for n in chosen.grains:
-            for cells in rows(n, chosen.box2d3):
+            for cells in rows(flowing(n, friction=chosen.friction), chosen.box2d3):
                 say(", ".join(cells.values()))
                 table.add(cells)
                 measured.append(cells)

@@ -7,7 +7,7 @@ import pytest
 
 from warpgrains import Scene, Simulation
 from warpgrains.analysis import snapshot
-from warpgrains.scenes import closed_forms, friction, solutions
+from warpgrains.scenes import closed_forms, friction, hard_steps, solutions
 
 
 def test_closed_forms_are_met(tmp_path):
@@ -59,3 +59,12 @@ def test_starts_are_within_the_bound_of_coulomb():
     assert start.pair_correction.any()
     found = solutions.solutions(scene, state, rng)
     assert found.shape == (solutions.STARTS, 3 * scene.n)
+
+
+def test_short_steps_are_found_and_solved_again():
+    scene = solutions.falling(0.5, seed=0).replace(tolerance=1e-9, max_iterations=2)
+    count, states = hard_steps.short_steps(scene, 60)
+    assert count > hard_steps.KEPT == len(states)
+    assert [state.steps for state in states] == sorted({state.steps for state in states})
+    few, many = hard_steps.residuals(scene, states[-1], "gauss-seidel")[[0, -1]]
+    assert many < few

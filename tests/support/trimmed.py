@@ -1,4 +1,4 @@
-"""How much a long test does: what it is meant to, or what WARPGRAINS_EXAMPLES leaves of it, as in CI."""
+"""How much a long test does, and how many cases it has: all, or what WARPGRAINS_EXAMPLES leaves, as in CI."""
 
 import os
 

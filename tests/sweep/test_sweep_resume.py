@@ -14,7 +14,7 @@ from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import folder as sweep_folder
 from warpgrains.sweep import short
-from warpgrains.sweep.run import GroupedRun
+from warpgrains.sweep.grouped_run import GroupedRun
 
 DRIVER = """
 import sys

@@ -30,10 +30,6 @@ class Quantity(NamedTuple):
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
     meaning: str = ""
 
-    def of(self, now: Snapshot) -> float:
-        """Return the quantity of one snapshot."""
-        return self.part(self.function(now))
-
 
 def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray], meaning: str) -> Quantity:
     return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs, meaning=meaning)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 from warpgrains.console import in_columns, progress_bar, start_warp, stdout_to_stderr
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
-from warpgrains.simulation.options import DEFAULT_RATE, ExecutionOptions
+from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import rest_bounds
+from warpgrains.sweep.execution import ExecutionOptions
 from warpgrains.sweep.folder import RESULTS, SweepFolder, Tables
 from warpgrains.sweep.results import Columns
 from warpgrains.sweep.sweep import Run, Sweep

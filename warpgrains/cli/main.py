@@ -85,7 +85,7 @@ def _complain(message: str, code: int) -> int:
 
 def _parser() -> ArgumentParser:
     parser = _Parser(
-        prog="warpgrains", description="Rigid frictionless grains in an annulus, on NVIDIA Warp."
+        prog="warpgrains", description="Rigid grains in an annulus, with or without friction, on NVIDIA Warp."
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     parser.set_defaults(command=None)

@@ -142,9 +142,6 @@ def toml_value(value: Any) -> str:
             return f"{{{', '.join(f'{_key(key)} = {toml_value(own)}' for key, own in value.items())}}}"
         case list() | tuple():
             return f"[{', '.join(map(toml_value, value))}]"
-        case dict():
-            pairs = (f"{_key(key)} = {toml_value(item)}" for key, item in value.items())
-            return f"{{{', '.join(pairs)}}}"
     raise InputError(f"{value!r} is a {type(value).__name__}: a scene file cannot hold it")
 
 

@@ -20,9 +20,6 @@ from warpgrains.scene import checks
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-OnProgress = Callable[[float], None]
-"""Called with the progress since the last call, as a fraction of a run."""
-
 DEFAULT_RATE = 24.0
 """Frames per second [1/s] at which Blender plays by default."""
 FILES = ("record", "series")
@@ -201,24 +198,3 @@ FLAGS: dict[str, str] = {
     if (flag := option.metadata.get("flag", f"--{name.replace('_', '-')}")) is not None
 }
 """Flags of these options on the command line."""
-
-
-@dataclass(frozen=True)
-class ExecutionOptions:
-    """Device and threads of runs, and the optional outputs of the runs of a sweep."""
-
-    device: str = "cpu"
-    """A Warp device, "cpu" or "cuda:0"."""
-    threads: int | None = None
-    """OS threads on a CPU; None for as many as there are cores."""
-    fps: float | None = None
-    """Frames per second of simulated time [1/s]; None if runs are not recorded."""
-    folders: bool = False
-    """True if every run of a sweep has a folder, even a short one."""
-    measure_every: int | None = None
-    """Steps between two rows of the series of a run; None without series."""
-
-    @property
-    def needs_folders(self) -> bool:
-        """True if each run of a sweep has a folder."""
-        return self.folders or self.fps is not None or self.measure_every is not None

@@ -12,7 +12,7 @@ import warp as wp
 
 from warpgrains.arrays import IndexArray
 from warpgrains.errors import SimulationError
-from warpgrains.kernels import advance as kernels
+from warpgrains.kernels import advance as advance_kernel
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.gpu import Launcher
 from warpgrains.kernels.record import (
@@ -76,7 +76,7 @@ class Engine:
         self._memory = [SceneMemory(self._records, k, scene) for k, scene in enumerate(scenes)]
         self._service = Service(scenes, self._records, self._memory)
         count = len(scenes)
-        self._queue = kernels.Queue()
+        self._queue = advance_kernel.Queue()
         self._queue.cursor = wp.zeros(1, dtype=wp.int64, device="cpu")
         for name in ("taken", "left", "outcome"):
             setattr(self._queue, name, wp.zeros(count, dtype=wp.int32, device="cpu"))
@@ -95,7 +95,7 @@ class Engine:
         """The kernel that advances the scenes on a CPU."""
         kind, dealt = self.scenes[0].kernel_kind, self._records.sizes.is_dealt
         with BUILDING:
-            return kernels.kernel(_module_name(*kind, "dealt" * dealt), fused_step(kind, dealt))
+            return advance_kernel.kernel(_module_name(*kind, "dealt" * dealt), fused_step(kind, dealt))
 
     @property
     def is_compiled(self) -> bool:

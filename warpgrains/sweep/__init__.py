@@ -1,1 +1,1 @@
-"""Sweeps: many runs, in one process or on many machines, and their results."""
+"""Sweeps, which `warpgrains batch` runs: many runs, in one process or on many machines, and their results."""

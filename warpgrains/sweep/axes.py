@@ -22,10 +22,10 @@ from warpgrains.scene import checks
 
 MOST_VALUES = 1_000_000
 
-Values = list[Any]
+AxisValues = list[Any]
 
 
-def axis_values(name: str, axis: Any) -> Values:
+def axis_values(name: str, axis: Any) -> AxisValues:
     """Return the values of an axis from the entry of the sweep file for a key such as "physics.drag".
 
     Raises
@@ -44,7 +44,7 @@ def axis_values(name: str, axis: Any) -> Values:
     return values
 
 
-def _generated(name: str, axis: dict[str, Any]) -> Values:
+def _generated(name: str, axis: dict[str, Any]) -> AxisValues:
     kind = checks.only_one(f"axes.{name}", axis, _KINDS)
     generate, known = _KINDS[kind]
     for key in axis:
@@ -56,7 +56,7 @@ def _generated(name: str, axis: dict[str, Any]) -> Values:
     return generate(f"axes.{name}", axis)
 
 
-def _range(field: str, axis: dict[str, Any]) -> Values:
+def _range(field: str, axis: dict[str, Any]) -> AxisValues:
     _ends(f"{field}.range", axis["range"])
     first, last = (Fraction(str(end)) for end in axis["range"])
     steps = _count(f"{field}.count", axis["count"]) - 1
@@ -65,7 +65,7 @@ def _range(field: str, axis: dict[str, Any]) -> Values:
     return _as_integers(axis["range"], values)
 
 
-def _log_range(field: str, axis: dict[str, Any]) -> Values:
+def _log_range(field: str, axis: dict[str, Any]) -> AxisValues:
     first, last = _ends(f"{field}.log_range", axis["log_range"])
     if min(first, last) <= 0.0:
         raise InputError(f"{field}.log_range is {axis['log_range']!r}: both ends must be greater than 0")
@@ -74,11 +74,11 @@ def _log_range(field: str, axis: dict[str, Any]) -> Values:
     return _as_integers(axis["log_range"], [first, *between, last])
 
 
-def _seeds(field: str, axis: dict[str, Any]) -> Values:
+def _seeds(field: str, axis: dict[str, Any]) -> AxisValues:
     return list(range(checks.whole_number(f"{field}.seeds", axis["seeds"], most=MOST_VALUES)))
 
 
-_KINDS: dict[str, tuple[Callable[[str, dict[str, Any]], Values], tuple[str, ...]]] = {
+_KINDS: dict[str, tuple[Callable[[str, dict[str, Any]], AxisValues], tuple[str, ...]]] = {
     "range": (_range, ("range", "count")),
     "log_range": (_log_range, ("log_range", "count")),
     "seeds": (_seeds, ("seeds",)),
@@ -96,6 +96,6 @@ def _count(field: str, value: Any) -> int:
     return checks.whole_number(field, value, least=2, most=MOST_VALUES)
 
 
-def _as_integers(ends: list[Any], values: list[float]) -> Values:
+def _as_integers(ends: list[Any], values: list[float]) -> AxisValues:
     whole = all(isinstance(end, int) for end in ends) and all(value.is_integer() for value in values)
     return [int(value) for value in values] if whole else list(values)

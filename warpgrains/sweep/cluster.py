@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from warpgrains.console import exit_on_interrupt, start_warp
 from warpgrains.errors import InputError, missing_extra
-from warpgrains.simulation.options import ExecutionOptions, OnProgress
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.sizes import next_size
 from warpgrains.sweep.sweep import Run
@@ -43,7 +43,7 @@ def finish_on_cluster(
     folder: SweepFolder,
     runs: list[Run],
     execution: ExecutionOptions,
-    on_progress: OnProgress,
+    on_progress: OnFraction,
     client: Client,
 ) -> dict[int, str]:
     """Finish runs on a cluster; return the reasons why some are unfinished, by their numbers.
@@ -75,7 +75,7 @@ def _run_bundles(
     folder: SweepFolder,
     runs: list[Run],
     execution: ExecutionOptions,
-    on_progress: OnProgress,
+    on_progress: OnFraction,
 ) -> list[Run]:
     """Execute bundles, several at a time; return the runs that remain unfinished.
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES
+from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES, quantities
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import InputError
 from warpgrains.files import Row
@@ -51,7 +51,7 @@ SECONDS = "seconds"
 COUNTED = ("steps", "iterations", "iterations_max", "unconverged", "overlap", MET, SECONDS)
 """Fields of `RunStatistics` that results depend on."""
 
-Values = tuple[Any, ...]
+RunResult = tuple[Any, ...]
 """A result without labels, in the order of `Columns.after_labels`, followed by the seconds."""
 
 
@@ -78,7 +78,7 @@ class Columns(NamedTuple):
         return ["run", "scene", *self.axes, *self.after_labels]
 
 
-def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[Values]:
+def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[RunResult]:
     """Return the results of finished runs, without labels.
 
     Parameters
@@ -106,19 +106,19 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[
         numbers[MET] = done[MET].astype(np.int64)
     measured = [name for name in columns if name not in (*UNITS, MET)]
     if measured:
-        states = list(snapshots)
-        numbers |= {name: np.array([QUANTITIES[name].of(state) for state in states]) for name in measured}
+        found = [quantities(state, measured) for state in snapshots]
+        numbers |= {name: np.array([one[name] for one in found]) for name in measured}
     values = [numbers[name].tolist() if name in numbers else repeat("") for name in columns]
     return zip(*values, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
 
 
-def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> Values:
+def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> RunResult:
     """Return the result of a finished run, see `results`."""
     counted = {name: np.array([getattr(done, name)]) for name in COUNTED}
     return next(results(FinalStates(end.grains, np.array([end.scene.dt]), counted), [end], columns))
 
 
-def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> Values:
+def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> RunResult:
     """Return the result of a failed run."""
     return (*("" for _ in columns[:-1]), reason, f"{seconds:.3f}")
 

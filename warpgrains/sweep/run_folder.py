@@ -23,9 +23,10 @@ from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from warpgrains.simulation.options import ExecutionOptions, RunOptions
+from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.sweep.results import MET, SECONDS, Columns, Values, failure, require_result
+from warpgrains.sweep.execution import ExecutionOptions
+from warpgrains.sweep.results import MET, SECONDS, Columns, RunResult, failure, require_result
 from warpgrains.sweep.shards import OTHER_COLUMNS
 from warpgrains.sweep.sweep import Run
 
@@ -172,7 +173,7 @@ class RunFolder:
         self._write_scene()
         write_checkpoint(self.checkpoint, reached)
 
-    def finish(self, values: Values) -> None:
+    def finish(self, values: RunResult) -> None:
         """Save the result of the run, which is finished from then on."""
         self._write_scene()
         names = (*self.columns.after_labels, SECONDS)

@@ -20,11 +20,11 @@ from typing import Any
 
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import SimulationError
-from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction
 from warpgrains.sweep.folder import SweepFolder
-from warpgrains.sweep.run import GroupedRun, ResumePoint
+from warpgrains.sweep.grouped_run import GroupedRun, ResumePoint
 from warpgrains.sweep.short import ShortRuns
 from warpgrains.sweep.sizes import next_size
 from warpgrains.sweep.sweep import Run
@@ -38,7 +38,7 @@ WRITERS = 16
 
 
 def finish_runs(
-    folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnProgress
+    folder: SweepFolder, runs: Iterable[Run], execution: ExecutionOptions, on_progress: OnFraction
 ) -> dict[int, str]:
     """Execute unfinished runs to their ends, each from its last checkpoint.
 
@@ -101,7 +101,7 @@ class FolderRuns:
         Reasons why runs are unfinished, by their numbers.
     """
 
-    def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress):
+    def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
         self.left: dict[int, str] = {}
         self._folder, self._execution, self._on_progress = folder, execution, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)

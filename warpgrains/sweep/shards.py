@@ -14,7 +14,7 @@ from pathlib import Path
 
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, write_atomically
-from warpgrains.sweep.results import Values
+from warpgrains.sweep.results import RunResult
 
 DIGITS = 16  # hexadecimal digits of a shard's hash
 
@@ -44,7 +44,7 @@ class ResultShards:
         self.lines: dict[int, bytes] = {}
         self._read: set[str] = set()
 
-    def write(self, results: Mapping[int, tuple[Row, Values]], writer: str) -> None:
+    def write(self, results: Mapping[int, tuple[Row, RunResult]], writer: str) -> None:
         """Write a shard of the labels and values of runs by number; `writer` identifies this process."""
         if results:
             lines = (_line(*results[number]) for number in sorted(results))
@@ -91,7 +91,7 @@ def _cells(labels: Row) -> bytes:
     return csv_line(labels.values())[:-1]
 
 
-def _line(labels: Row, values: Values) -> bytes:
+def _line(labels: Row, values: RunResult) -> bytes:
     """Return the line of a run in a shard; its values are numbers, which need no quotes."""
     return b"%b,%b\n" % (_cells(labels), ",".join(map(str, values)).encode())
 

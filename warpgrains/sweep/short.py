@@ -18,14 +18,14 @@ from warpgrains.files import Row
 from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
-from warpgrains.simulation.options import ExecutionOptions, OnProgress
 from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction
 from warpgrains.sweep.folder import SweepFolder, writer
-from warpgrains.sweep.results import Values, result, results
-from warpgrains.sweep.run import ResumePoint
+from warpgrains.sweep.grouped_run import ResumePoint
+from warpgrains.sweep.results import RunResult, result, results
 from warpgrains.sweep.run_folder import GRAINS
 from warpgrains.sweep.sweep import BaseScene, Run
 
@@ -71,7 +71,7 @@ class ShortRuns:
     """
 
     def __init__(
-        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnProgress, held: ExitStack
+        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction, held: ExitStack
     ):
         self.left: dict[int, str] = {}
         self.longer: list[ResumePoint] = []
@@ -161,7 +161,7 @@ class ShortRuns:
                 sets.cancel()
 
         endings = [short.ending for short in group.runs if short.ending is not None]
-        ended: dict[int, tuple[Row, Values]] = {}
+        ended: dict[int, tuple[Row, RunResult]] = {}
         waiting = dict(enumerate(group.runs))
         for resident in sets.advance(steps, poll, endings or None):
             for k, values in self._ended(group.runs, resident):
@@ -176,7 +176,7 @@ class ShortRuns:
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
 
-    def _ended(self, runs: list[ShortRun], resident: ResidentSet) -> Iterator[tuple[int, Values]]:
+    def _ended(self, runs: list[ShortRun], resident: ResidentSet) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs with their indices in the group."""
         columns = self._folder.columns.after_labels
         if self._folder.columns.until is not None:

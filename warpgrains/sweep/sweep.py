@@ -42,7 +42,7 @@ from warpgrains.sweep.axes import axis_values
 KEYS = ("scene", "folder", "combine", "set", "axes")
 COMBINATIONS = ("grid", "zip")
 
-Values = dict[str, Any]
+KeyValues = dict[str, Any]
 """Values by key, such as "physics.drag"."""
 
 
@@ -67,7 +67,7 @@ class BaseScene:
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
         return "".join(notes) + toml_text(self.with_values({}, "../grains"))
 
-    def with_values(self, values: Values, copies: str) -> Table:
+    def with_values(self, values: KeyValues, copies: str) -> Table:
         """Return the sections with some values replaced; copies of files of grains are in folder `copies`."""
         sections = _with_values(self.sections, values)
         source = self.grain_files.get(sections.get("grains", {}).get("file"))
@@ -84,7 +84,7 @@ class Run:
     """Index of the run in the sweep, from 0."""
     base: BaseScene
     """Scene from which the run is derived."""
-    values: Values
+    values: KeyValues
     """Values on the axes, by key."""
 
     def labels(self) -> Row:
@@ -149,9 +149,9 @@ def _cell(value: Any) -> str:
     return value if isinstance(value, str) else toml_value(value)
 
 
-def _by_key(document: Table, name: str) -> Values:
+def _by_key(document: Table, name: str) -> KeyValues:
     """Return the entries of a section of a sweep by "section.key". Each must be a key of scene files."""
-    found: Values = {}
+    found: KeyValues = {}
     for section, table in _table(name, document.get(name, {})).items():
         for key, value in _table(f"{name}.{section}", table).items():
             require_key(section, key)
@@ -165,7 +165,7 @@ def _table(name: str, value: Any) -> Table:
     return value
 
 
-def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
+def _combinations(lists: dict[str, list[Any]], combine: str) -> list[KeyValues]:
     if combine == "grid":
         return [dict(zip(lists, row, strict=True)) for row in itertools.product(*lists.values())]
     lengths = {key: len(values) for key, values in lists.items()}
@@ -175,7 +175,9 @@ def _combinations(lists: dict[str, list[Any]], combine: str) -> list[Values]:
     return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)] or [{}]
 
 
-def _bases(document: Table, folder: Path, fixed: Values, lists: dict[str, list[Any]]) -> Iterator[BaseScene]:
+def _bases(
+    document: Table, folder: Path, fixed: KeyValues, lists: dict[str, list[Any]]
+) -> Iterator[BaseScene]:
     for path in _base_paths(document, folder):
         if path.exists() and not path.is_file():
             raise InputError(f"scene '{path}' of the sweep is not a regular file")
@@ -212,7 +214,7 @@ def _grain_file(folder: Path, name: Any) -> Path:
     return folder / name
 
 
-def _with_values(sections: Table, values: Values) -> Table:
+def _with_values(sections: Table, values: KeyValues) -> Table:
     """Return a copy of the sections of a scene with some values replaced."""
     changed = {name: dict(table) if isinstance(table, dict) else table for name, table in sections.items()}
     for name, value in values.items():

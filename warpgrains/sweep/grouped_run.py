@@ -12,10 +12,11 @@ from warpgrains.batch.resident import StepsDone
 from warpgrains.errors import InputError, OutputError
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
-from warpgrains.simulation.options import ExecutionOptions, RunOptions
+from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import open_outputs
 from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics
+from warpgrains.sweep.execution import ExecutionOptions
 from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.results import result
 from warpgrains.sweep.run_folder import HOW_TO_REPEAT, RunFolder

@@ -1,0 +1,28 @@
+"""How the runs of a sweep are executed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+OnFraction = Callable[[float], None]
+"""Called with the progress since the last call, as a fraction of a run."""
+
+
+@dataclass(frozen=True)
+class ExecutionOptions:
+    """Device and threads of runs, and the optional outputs of the runs of a sweep."""
+
+    device: str = "cpu"
+    """A Warp device, "cpu" or "cuda:0"."""
+    threads: int | None = None
+    """OS threads on a CPU; None for as many as there are cores."""
+    fps: float | None = None
+    """Frames per second of simulated time [1/s]; None if runs are not recorded."""
+    folders: bool = False
+    """True if every run of a sweep has a folder, even a short one."""
+    measure_every: int | None = None
+    """Steps between two rows of the series of a run; None without series."""
+
+    @property
+    def needs_folders(self) -> bool:
+        """True if each run of a sweep has a folder."""
+        return self.folders or self.fps is not None or self.measure_every is not None
