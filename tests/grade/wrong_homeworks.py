@@ -90,6 +90,17 @@ WRONG = {
     ),
     (CONTACT, "zeta without absolute value"): (("fmax(zeta, fabs(dv))", "fmax(zeta, dv)"),),
     (CONTACT, "zeta summed instead of the largest"): (("zeta = fmax(zeta, fabs(dv))", "zeta += fabs(dv)"),),
+    (CONTACT, "iteration 1 treated as iteration 0: iter <= 1"): (("iter == 0", "iter <= 1"),),
+    (CONTACT, "kept correction at the walls only of the outer wall"): (
+        ("dvBoundary[i] += dv;", "dvBoundary[i] = dvOut;"),
+    ),
+    (CONTACT, "radius of grain 0 for all grains in the gap at the outer wall"): (
+        ("(rOut - rr - r[i])", "(rOut - rr - r[0])"),
+    ),
+    (UPDATE, "positions moved with an extra dt^2 g / 2"): (
+        ("vx[i] * dt;", "vx[i] * dt + 0.5 * dt * dt * gx;"),
+        ("vy[i] * dt;", "vy[i] * dt + 0.5 * dt * dt * gy;"),
+    ),
     (UPDATE, "gravity missing"): (("m[i] * gx - ", "-"), ("m[i] * gy - ", "-")),
     (UPDATE, "gravity missing in x"): (("m[i] * gx - ", "-"),),
     (UPDATE, "drag missing"): ((" - gamma * vx[i]", ""), (" - gamma * vy[i]", "")),
