@@ -43,11 +43,14 @@ def test_a_wrong_one_as_the_docs_show_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    path = homework(Path("mine/homework.c"), wrong(WRONG[CONTACT, "masses of a pair exchanged"]))
+    path = homework(Path("mine/homework.c"), wrong(WRONG[CONTACT, "masses exchanged in the share of a pair"]))
     assert exit_code("grade", path) == 1
     printed = capfd.readouterr().out
     assert f"{CONTACT}  right{'         wrong' * 3}         right         wrong\n" in printed
-    assert "\n  mistake: masses of a pair exchanged\n  course text: v_i -= dv n m_j / (m_i + m_j)" in printed
+    assert (
+        "\n  mistake: masses exchanged in the share of a pair\n  course text: v_i -= dv n m_j / (m_i + m_j)"
+        in printed
+    )
     assert f"```\n{printed}```\n" in PAGES["course"].read_text()
 
 
@@ -91,7 +94,7 @@ def test_a_folder(tmp_path: Path, capfd: Capture) -> None:
 
 def test_pages_of_a_class(tmp_path: Path, capfd: Capture) -> None:
     folder, output, pages = tmp_path / "all", tmp_path / "grades.csv", tmp_path / "pages"
-    text = wrong(WRONG[CONTACT, "masses of a pair exchanged"])
+    text = wrong(WRONG[CONTACT, "masses exchanged in the share of a pair"])
     for name in ("ada.c", "bob/<b>.c"):
         homework(folder / name, text)
     homework(folder / "eve.c", PLAIN.replace("double zeta", "doubel zeta", 1))
@@ -101,11 +104,11 @@ def test_pages_of_a_class(tmp_path: Path, capfd: Capture) -> None:
     assert f"pages             {pages}\n" in capfd.readouterr().out
     rows = read_table(output)
     assert [row["status"] for row in rows] == ["wrong", "wrong", "does not compile"]
-    assert rows[0]["mistakes"] == "masses d'une paire échangées"
+    assert rows[0]["mistakes"] == "masses échangées dans la part d'une paire"
     assert "vaut" in rows[0]["first"]
     assert "error: unknown type name" in rows[2]["first"]
     index = (pages / "index.html").read_text()
-    assert "masses d&#x27;une paire échangées</td><td>2</td>" in index
+    assert "masses échangées dans la part d&#x27;une paire</td><td>2</td>" in index
     assert '<a href="000_ada.c.html">ada.c</a>, <a href="001_bob__b_.c.html">bob/&lt;b&gt;.c</a>' in index
     page = (pages / "001_bob__b_.c.html").read_text()
     assert "<b>" not in page

@@ -47,8 +47,9 @@ def test_a_wrong_one_is_named(grader: Grader, tmp_path: Path, number: int) -> No
     assert {part.remark for part in verdict.reported_parts()} == {""}
 
 
-def test_two_mistakes_at_random_get_no_false_name(grader: Grader) -> None:
-    random = np.random.default_rng(7)
+@pytest.mark.parametrize("seed", [7, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 12))])
+def test_two_mistakes_at_random_get_no_false_name(grader: Grader, seed: int) -> None:
+    random = np.random.default_rng(seed)
     complete = 0
     for function, count in (("femGrainsContactIterate", 24), ("femGrainsUpdate", 12)):
         mistakes = [mistake for mistake in read_mistakes() if mistake.function == function]
@@ -57,12 +58,16 @@ def test_two_mistakes_at_random_get_no_false_name(grader: Grader) -> None:
             two = [mistakes[k] for k in random.choice(len(mistakes), 2, replace=False)]
             if set(two[0].terms) & set(two[1].terms):
                 continue
-            found = [grader.model.answer(two, probe.call) for probe in probes]
+            found = [own for probe in probes if (own := grader.model.answer(two, probe.call))]
+            if len(found) < len(probes):  # it ends
+                continue
             wrong = [
                 k for k, each in enumerate(zip(probes, expected, found, strict=True)) if difference(*each)
             ]
-            named, is_complete = grader.model.explain(function, probes, found, wrong[0])
-            assert {str(mistake.name) for mistake in named} <= {str(mistake.name) for mistake in two}
+            named, is_complete = grader.model.explain(function, probes, found, wrong)
+            terms = {item for mistake in two for item in mistake.terms.items()}
+            names = {str(mistake.name) for mistake in two}
+            assert all(str(m.name) in names or set(m.terms.items()) <= terms for m in named)
             complete += is_complete
     assert complete > 20
 

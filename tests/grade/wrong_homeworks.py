@@ -11,13 +11,13 @@ _OUT = "double dvOut = fmax(0.0, vn + dvBoundary[i] - (rOut - rr - r[i]) / dt);"
 _MOVE = "        x[i] += vx[i] * dt;\n        y[i] += vy[i] * dt;\n"
 
 WRONG = {
-    (CONTACT, "masses of a pair exchanged"): _MASSES,
-    (CONTACT, "masses ignored: half of dv for each grain"): (
+    (CONTACT, "masses exchanged in the share of a pair"): _MASSES,
+    (CONTACT, "half of dv, without the masses, in the share of a pair"): (
         ("m[j] / (m[i] + m[j])", "/ 2"),
         ("m[i] / (m[i] + m[j])", "/ 2"),
         ("* /", "/"),
     ),
-    (CONTACT, "dv not shared: all of it for each grain"): (
+    (CONTACT, "share of a pair missing: all of dv"): (
         ("m[j] / (m[i] + m[j])", "1"),
         ("m[i] / (m[i] + m[j])", "1"),
     ),
@@ -36,35 +36,35 @@ WRONG = {
         ("dv = dvBoundary[i];", "dv = dvBoundary[i]; dvBoundary[i] += dv;"),
     ),
     (CONTACT, "gap of a pair missing in the max"): ((" - gap / dt", ""),),
-    (CONTACT, "gap of a pair of the wrong sign: (r_i + r_j) - r, or added"): (("- gap / dt", "+ gap / dt"),),
+    (CONTACT, "gap of a pair of the wrong sign, or added"): (("- gap / dt", "+ gap / dt"),),
     (CONTACT, "gap of a pair not divided by dt"): (("- gap / dt", "- gap"),),
-    (CONTACT, "correction added to the velocity at the walls"): (
+    (CONTACT, "velocity at the walls corrected with the wrong sign"): (
         ("vx[i] -= dv * nx;", "vx[i] += dv * nx;"),
         ("vy[i] -= dv * ny;", "vy[i] += dv * ny;"),
     ),
-    (CONTACT, "gap missing at both walls"): (
+    (CONTACT, "gap at both walls missing in the max"): (
         (" - (rOut - rr - r[i]) / dt", ""),
         (" - (rr - rIn - r[i]) / dt", ""),
     ),
-    (CONTACT, "no inner wall"): ((_IN, "double dvIn = 0.0;"),),
-    (CONTACT, "no outer wall"): ((_OUT, "double dvOut = 0.0;"),),
-    (CONTACT, "correction of the inner wall added: out + in"): (("dvOut - dvIn", "dvOut + dvIn"),),
+    (CONTACT, "no correction at the inner wall: the max is 0"): ((_IN, "double dvIn = 0.0;"),),
+    (CONTACT, "no correction at the outer wall: the max is 0"): ((_OUT, "double dvOut = 0.0;"),),
+    (CONTACT, "correction at the inner wall of the wrong sign"): (("dvOut - dvIn", "dvOut + dvIn"),),
     (CONTACT, "walls missing"): (
         ("for (i = 0; i < n; i++) {\n        double rr", "for (i = 0; i < 0; i++) {\n        double rr"),
     ),
-    (CONTACT, "max missing for pairs: grains pull one another"): (
+    (CONTACT, "max missing in the correction of a pair: it pulls"): (
         (
             "dv = fmax(0.0, vn + dvContacts[iContact] - gap / dt) - dvContacts[iContact];",
             "dv = vn - gap / dt;",
         ),
     ),
-    (CONTACT, "kept correction of pairs nowhere in dv: it never decreases"): (
+    (CONTACT, "correction of pairs never decreases: no kept correction in dv, or dv below 0 dropped"): (
         (
             "fmax(0.0, vn + dvContacts[iContact] - gap / dt) - dvContacts[iContact]",
             "fmax(0.0, vn - gap / dt)",
         ),
     ),
-    (CONTACT, "number of the contact counted by columns"): (
+    (CONTACT, "number of the contact counted by columns: (0, 1), (0, 2), (1, 2), (0, 3)"): (
         ("iContact = 0;\n", "\n"),
         (
             "double dv;\n            if (iter == 0) {\n                dv = dvC",
@@ -72,7 +72,7 @@ WRONG = {
             "            if (iter == 0) {\n                dv = dvC",
         ),
     ),
-    (CONTACT, "closing speed of a pair of the wrong sign"): (
+    (CONTACT, "speed vn of pairs of the wrong sign"): (
         (
             "vx[i] * nx + vy[i] * ny - vx[j] * nx - vy[j] * ny",
             "vx[j] * nx + vy[j] * ny - vx[i] * nx - vy[i] * ny",
@@ -90,15 +90,26 @@ WRONG = {
     ),
     (CONTACT, "zeta without absolute value"): (("fmax(zeta, fabs(dv))", "fmax(zeta, dv)"),),
     (CONTACT, "zeta summed instead of the largest"): (("zeta = fmax(zeta, fabs(dv))", "zeta += fabs(dv)"),),
+    (CONTACT, "iteration 1 treated as iteration 0: iter <= 1"): (("iter == 0", "iter <= 1"),),
+    (CONTACT, "kept correction at the walls only of the outer wall"): (
+        ("dvBoundary[i] += dv;", "dvBoundary[i] = dvOut;"),
+    ),
+    (CONTACT, "radius of grain 0 for all grains in the gap at the outer wall"): (
+        ("(rOut - rr - r[i])", "(rOut - rr - r[0])"),
+    ),
+    (UPDATE, "positions moved with an extra dt^2 g / 2"): (
+        ("vx[i] * dt;", "vx[i] * dt + 0.5 * dt * dt * gx;"),
+        ("vy[i] * dt;", "vy[i] * dt + 0.5 * dt * dt * gy;"),
+    ),
     (UPDATE, "gravity missing"): (("m[i] * gx - ", "-"), ("m[i] * gy - ", "-")),
-    (UPDATE, "gravity left out in x"): (("m[i] * gx - ", "-"),),
+    (UPDATE, "gravity missing in x"): (("m[i] * gx - ", "-"),),
     (UPDATE, "drag missing"): ((" - gamma * vx[i]", ""), (" - gamma * vy[i]", "")),
     (UPDATE, "drag not divided by the mass"): (
         ("gamma * vx", "m[i] * gamma * vx"),
         ("gamma * vy", "m[i] * gamma * vy"),
     ),
     (UPDATE, "gravity divided by the mass"): (("m[i] * gx", "gx"), ("m[i] * gy", "gy")),
-    (UPDATE, "iter passed begins with 1: no iteration 0"): (
+    (UPDATE, "iter passed begins with 1, or is always 1: no iteration 0"): (
         ("iter = 0;", "iter = 1;"),
         (" || iter == 1", ""),
     ),

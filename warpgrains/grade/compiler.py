@@ -27,7 +27,6 @@ _FLAGS = ("-O2", "-Wall", "-ffp-contract=off")
 _STRICT = ("-Werror=implicit-function-declaration", "-Werror=incompatible-pointer-types")
 _REFERENCE = f"-I{SOURCE.parent}"
 _HERE = Path(__file__).parent
-_PARTS = [_HERE / name for name in ("child.c", "confine.c", "guarded.c")]
 _INCLUDE = re.compile(rb'^[ \t]*#[ \t]*include[ \t]*"([\w-][\w.-]{0,99}\.h)"', re.MULTILINE)
 _PACKAGE = Path(__file__).resolve().parents[1]
 _PROGRAMS = ("cc", "as", "ld")
@@ -108,7 +107,7 @@ class Compiler:
 
     def compile_child(self, folder: Path) -> Path:
         """Compile the program of the sandboxed process."""
-        create = [*WITHOUT.values(), "-rdynamic", *map(str, _PARTS), str(SOURCE)]
+        create = [*WITHOUT.values(), "-rdynamic", str(_HERE / "sandbox.c"), str(SOURCE)]
         libraries = ["-Wl,--no-as-needed", "-ldl"]  # linked here because a homework cannot load more
         return self._compile(folder / "child", *create, *libraries)
 

@@ -4,6 +4,7 @@ The search tries all mistakes in a model (model.c), an implementation whose term
 """
 
 import ctypes
+import re
 import tomllib
 from collections.abc import Sequence
 from functools import cache
@@ -19,11 +20,14 @@ from warpgrains.grade.sandbox import MOST_CALLS, Answer, Call
 from warpgrains.grade.words import Words
 
 _HERE = Path(__file__).parent
-_MOST = 64  # largest number of explanations that are compared
+_MOST = 256  # largest number of explanations that are compared
+_SLOTS = 6  # of a term
+_LOOKED_AT = 4  # wrong answers that decide which pairs are tried, as in model.c
 _FIRST, _LATER, _ALL = 1, 2, 3  # iterations in which a mistake occurs
 _ALONE = ((_ALL, 0), (_LATER, 0), (_FIRST, 0))
-_TOGETHER = ((_ALL, _ALL), (_ALL, _LATER), (_LATER, _ALL), (_LATER, _LATER))
+_TOGETHER = ((_ALL, _ALL), (_ALL, _LATER), (_LATER, _LATER))
 _SAID = {_FIRST: "{mistake}, in iteration 0", _LATER: "{mistake}, except in iteration 0"}
+_TERM = re.compile(r"([A-Z_]+)(\d*)")
 _Numbers = ctypes.POINTER(ctypes.c_double)
 
 
@@ -35,12 +39,12 @@ class Hint(NamedTuple):
 
 
 class Mistake(NamedTuple):
-    """A mistake of a function, its equation, and the terms of model.c that it changes."""
+    """A mistake of a function, its equation, and the wrong expressions of slots of terms of model.c."""
 
     function: str
     name: Words
     hint: Hint
-    terms: dict[str, str]
+    terms: dict[tuple[str, int], str]
 
 
 class Explanation(NamedTuple):
@@ -51,24 +55,48 @@ class Explanation(NamedTuple):
 
 
 def read_mistakes() -> list[Mistake]:
-    """Return all mistakes of mistakes.toml."""
-    return [
-        Mistake(group["function"], Words(*names), _hint(group), terms)
-        for group in _groups()
-        for *names, terms in group["mistakes"]
-    ]
+    """Return all mistakes of mistakes.toml, one for each of their slots and ways to write them."""
+    mistakes = []
+    for group in _table()["group"]:
+        for english, french, slots, *ways in group["mistakes"]:
+            family, *chosen = slots.split()
+            for slot, *where in _table()["slots"][family]:
+                if chosen and slot not in chosen:
+                    continue
+                name = Words(english, french, where=Words(*where))
+                is_wall = set(slot) <= set(_table()["walls"].get(family, ""))
+                hint = _hint(group["wall"] if is_wall and "wall" in group else group)
+                for terms in ways:
+                    mistakes.append(Mistake(group["function"], name, hint, _in_slots(terms, slot)))
+    return mistakes
 
 
-def hint_of(first: Difference, is_iteration: bool) -> Hint:
-    """Return the hint for the equation of the first wrong value."""
+def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
+    """Return the expressions of each slot; a term with digits names its own slots."""
+    found = ((_TERM.fullmatch(term), expression) for term, expression in terms.items())
+    return {
+        (match[1], int(slot)): expression
+        for match, expression in found
+        if match
+        for slot in match[2] or slots
+    }
+
+
+def hint_of(first: Difference | None, is_iteration: bool) -> Hint:
+    """Return the hint for the equation of the first wrong value, or for indices beyond `dvContacts`."""
+    groups = (each for group in _table()["group"] for each in (group, group.get("wall", {})))
+    entry = _entry(first, is_iteration) if first else "index"
+    return next(_hint(group) for group in groups if entry in group.get("shows", ()))
+
+
+def _entry(first: Difference, is_iteration: bool) -> str:
+    """Return the name of a wrong value in the lists `shows`."""
     entry = first.quantity.partition("[")[0]
-    if is_iteration and first.iteration == 0:
-        entry = "iter"
-    elif is_iteration and entry in ("vx", "vy") and "wall" in (first.contact or ""):
-        entry = "wall"
-    elif not is_iteration:
-        entry = "free" if "before" in first.quantity else "position" if entry in ("x", "y") else "loop"
-    return next(_hint(group) for group in _groups() if entry in group.get("shows", ()))
+    if not is_iteration:
+        return "free" if "before" in first.quantity else "position" if entry in ("x", "y") else "loop"
+    if first.iteration == 0:
+        return "iter"
+    return "wall" if entry in ("vx", "vy") and "wall" in (first.contact or "") else entry
 
 
 def _hint(group: dict[str, Any]) -> Hint:
@@ -81,8 +109,8 @@ def _hint(group: dict[str, Any]) -> Hint:
 
 
 @cache
-def _groups() -> list[dict[str, Any]]:
-    return tomllib.loads((_HERE / "mistakes.toml").read_text())["group"]
+def _table() -> dict[str, Any]:
+    return tomllib.loads((_HERE / "mistakes.toml").read_text())
 
 
 class _Probe(ctypes.Structure):
@@ -97,7 +125,7 @@ class _Probe(ctypes.Structure):
 
 class _Answer(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("calls", "recorded", "outside")),
+        *((name, ctypes.c_int) for name in ("calls", "recorded", "end")),
         ("zeta", ctypes.c_double),
         *((name, _Numbers) for name in ("state", "before", "record")),
     )
@@ -105,9 +133,10 @@ class _Answer(ctypes.Structure):
 
 class _Found(ctypes.Structure):
     _fields_ = (
-        *((name, ctypes.c_int) for name in ("count", "first", "outside")),
+        *((name, ctypes.c_int) for name in ("count", "wrongs", "ended")),
+        *((name, ctypes.POINTER(ctypes.c_int)) for name in ("wrong", "ends")),
         ("probes", ctypes.POINTER(_Probe)),
-        ("answers", ctypes.POINTER(_Answer)),
+        *((name, ctypes.POINTER(_Answer)) for name in ("answers", "right")),
     )
 
 
@@ -125,39 +154,52 @@ class Model:
         self.mistakes = read_mistakes()
         wrong: dict[str, list[str]] = {}
         for mistake in self.mistakes:
-            for term, expression in mistake.terms.items():
+            for (term, _), expression in mistake.terms.items():
                 if expression not in wrong.setdefault(term, []):
                     wrong[term].append(expression)
-        self._variants = np.zeros((len(self.mistakes), len(wrong)), np.int32)
-        for row, mistake in zip(self._variants, self.mistakes, strict=True):
-            for k, (term, expressions) in enumerate(wrong.items()):
-                row[k] = 1 + expressions.index(mistake.terms[term]) if term in mistake.terms else 0
-        lines = [f"#define TERMS {len(wrong)}"]
-        for k, (term, expressions) in enumerate(wrong.items()):
-            choices = "".join(f"variant[{k}] == {c} ? ({e}) : " for c, e in enumerate(expressions, 1))
-            lines.append(f"#define {term}(...) (!variant[{k}] ? (__VA_ARGS__) : {choices}0)")
+        places = {term: _SLOTS * k for k, term in enumerate(wrong)}
+        self._variants = [
+            np.array(
+                [
+                    number
+                    for (term, slot), expression in mistake.terms.items()
+                    for number in (places[term] + slot, 1 + wrong[term].index(expression))
+                ]
+                + [-1],
+                np.int32,
+            )
+            for mistake in self.mistakes
+        ]
+        self._count = _SLOTS * len(wrong)
+        lines = [f"#define TERMS {self._count}"]
+        for term, expressions in wrong.items():
+            variant = f"variant[{places[term]} + (slot)]"
+            choices = "".join(f"{variant} == {c} ? ({e}) : " for c, e in enumerate(expressions, 1))
+            lines.append(f"#define {term}(slot, ...) (!{variant} ? (__VA_ARGS__) : {choices}0)")
         (folder / "mistakes.h").write_text("\n".join(lines) + "\n")
         self._library = ctypes.CDLL(str(compiler.compile_model(_HERE / "model.c", folder)))
 
-    def answer(self, mistakes: Sequence[Mistake], call: Call) -> Answer:
-        """Return the answer of a homework with these mistakes."""
-        variant = np.zeros(self._variants.shape[1], np.int32)
+    def answer(self, mistakes: Sequence[Mistake], call: Call) -> Answer | None:
+        """Return the answer of a homework with these mistakes; None if it ends instead of answering."""
+        variant = np.zeros(self._count, np.int32)
         for mistake in mistakes:
-            variant += self._variants[self.mistakes.index(mistake)]
+            *numbers, _ = self._variants[self.mistakes.index(mistake)]
+            variant[numbers[::2]] = numbers[1::2]
         arrays = _answer_arrays(call.n)
         answer = _answer(*arrays)
         chosen = (_pointer(variant), _pointer(variant))
         self._library.answer(*chosen, ctypes.byref(_probe(call)), ctypes.byref(answer))
         state, before, record = arrays
-        return Answer(answer.zeta, answer.calls, state, before, record[: answer.recorded])
+        found = Answer(answer.zeta, answer.calls, state, before, record[: answer.recorded])
+        return found if answer.end == -1 else None
 
     def explain(
         self,
         function: str,
         probes: Sequence[Probe],
         found: Sequence[Answer],
-        first: int,
-        outside: int = -1,
+        wrong: Sequence[int],
+        ends: Sequence[int] = (),
     ) -> Explanation:
         """Find the one or two mistakes of a function that explain all answers.
 
@@ -165,25 +207,29 @@ class Model:
         ----------
         function : str
         probes, found : sequence
-            Calls of the homework and its answers, possibly to the first calls only.
-        first : int
-            Index of the first wrong answer, or the number of answers.
-        outside : int
-            Index beyond `dvContacts` that ended the homework after the last answer; -1 if there is none.
+            Calls of the homework, and its answers, which may lack those to the last calls.
+        wrong : sequence of int
+            Indices of the wrong answers.
+        ends : sequence of int
+            How the homework ended instead of answering the last probes, as in `EndedError`.
         """
         chosen = [k for k, mistake in enumerate(self.mistakes) if mistake.function == function]
-        variants = np.ascontiguousarray(self._variants[chosen])
+        variants = (ctypes.c_void_p * len(chosen))(*(self._variants[k].ctypes.data for k in chosen))
         asked = (_Probe * len(probes))(*(_probe(probe.call) for probe in probes))
         answers = (_Answer * len(probes))(*(_found(answer) for answer in found))
-        facts = _Found(len(found), first, outside, asked, answers)
+        first = _most_telling(wrong, probes)
+        right = [each for k in first[:_LOOKED_AT] if (each := self.answer([], probes[k].call))]
+        rights = (_Answer * len(right))(*(_found(answer) for answer in right))
+        numbers = (len(found), len(first), len(ends), _integers(first), _integers(ends))
+        facts = _Found(*numbers, asked, answers, rights)
         room = _answer_arrays(max(probe.call.n for probe in probes))
         own = _answer(*room)
         explaining = np.zeros((_MOST, 2), np.int32)
         for when in (*_ALONE, *_TOGETHER) if function == CONTACT else (_ALONE[0], _TOGETHER[0]):
-            given = (_pointer(np.array(when, np.int32)), len(chosen), _pointer(variants), ctypes.byref(facts))
+            given = (_pointer(np.array(when, np.int32)), len(chosen), variants, ctypes.byref(facts))
             hits = self._library.search(*given, ctypes.byref(own), _MOST, _pointer(explaining))
             if hits:
-                return _common([self._named(chosen, row, when) for row in explaining[:hits]])
+                return _simplest([self._named(chosen, row, when) for row in explaining[:hits]])
         return Explanation((), False)
 
     def _named(self, chosen: Sequence[int], row: np.ndarray, when: tuple[int, int]) -> list[Mistake]:
@@ -195,10 +241,19 @@ class Model:
         ]
 
 
-def _common(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
-    """Return the mistakes that all explanations share, by their names."""
-    first = {str(mistake.name): mistake for mistake in explanations[0]}
-    shared = set(first).intersection(*({str(m.name) for m in each} for each in explanations))
+def _most_telling(wrong: Sequence[int], probes: Sequence[Probe]) -> list[int]:
+    """Return wrong answers, the first of each iteration of a scene before all others, small scenes first."""
+    order = sorted(wrong, key=lambda k: probes[k].call.n)
+    firsts = {(probes[k].scene, probes[k].call.iteration): k for k in reversed(order)}
+    return sorted(order, key=lambda k: k not in firsts.values())
+
+
+def _simplest(explanations: Sequence[Sequence[Mistake]]) -> Explanation:
+    """Return the mistakes that all explanations with the fewest wrong slots share, by their names."""
+    sizes = [sum(len(mistake.terms) for mistake in each) for each in explanations]
+    simple = [each for each, size in zip(explanations, sizes, strict=True) if size == min(sizes)]
+    first = {str(mistake.name): mistake for mistake in simple[0]}
+    shared = set(first).intersection(*({str(m.name) for m in each} for each in simple))
     mistakes = tuple(mistake for name, mistake in first.items() if name in shared)
     return Explanation(mistakes, len(mistakes) == len(first))
 
@@ -222,6 +277,10 @@ def _probe(call: Call) -> _Probe:
     gravity = (ctypes.c_double * 2)(*call.gravity)
     numbers = (call.dt, call.tolerance, call.max_iterations, call.radius_in, call.radius_out)
     return _Probe(call.n, call.iteration, *numbers, gravity, call.drag, call.state.ctypes.data_as(_Numbers))
+
+
+def _integers(numbers: Sequence[int]) -> Any:
+    return (ctypes.c_int * len(numbers))(*numbers)
 
 
 def _pointer(array: np.ndarray) -> Any:

@@ -164,46 +164,64 @@ class Grader:
         if not may_run:
             return Part(name, "not run")
         own = {each: Function(libraries[name], each) for each in (UPDATE, CONTACT) if name in (each, BOTH)}
-        answers: list[Answer] = []
+        answers: dict[int, Answer] = {}
         warnings: tuple[Words, ...] = ()
-        ended: EndedError | None = None
+        ends: dict[str, tuple[int, EndedError]] = {}  # the probe at which it ended, by scene
         printed, probes = "", self.probes[function]
-        try:
-            with self._child(own, self._limits, until) as child:
-                try:
-                    warnings = _warnings(child)
-                    if not ((child.updates or name == CONTACT) and (child.iterates or name == UPDATE)):
-                        printed = child.printed.strip()
-                        missing = Words(printed, printed) if printed else None
-                        return Part(name, "missing", ended=missing, warnings=warnings)
-                    for probe in probes:
-                        answers.append(child.ask(probe.call))
-                finally:
-                    printed = child.printed
-        except EndedError as error:
-            ended = error
-        part = self._judged(name, function, answers, ended, printed)
-        values = b"".join(answer.bytes for answer in answers) if part.shown and name != BOTH else b""
+        todo = list(range(len(probes)))
+        while todo:
+            try:
+                with self._child(own, self._limits, until) as child:
+                    try:
+                        warnings = _warnings(child)
+                        if not ((child.updates or name == CONTACT) and (child.iterates or name == UPDATE)):
+                            printed = child.printed.strip()
+                            missing = Words(printed, printed) if printed else None
+                            return Part(name, "missing", ended=missing, warnings=warnings)
+                        while todo:
+                            answers[todo[0]] = child.ask(probes[todo[0]].call)
+                            todo.pop(0)
+                    finally:
+                        printed = child.printed
+            except EndedError as error:
+                ends[probes[todo[0]].scene] = todo[0], error
+                is_index = error.how not in (-1, -2)
+                todo = [k for k in todo if is_index and probes[k].scene not in ends]
+        part = self._judged(name, function, answers, ends, printed)
+        values = b"".join(answer.bytes for answer in answers.values()) if part.shown and name != BOTH else b""
         return replace(part, warnings=warnings, values=values)
 
     def _judged(
-        self, name: str, function: str, answers: Sequence[Answer], ended: EndedError | None, printed: str
+        self,
+        name: str,
+        function: str,
+        answered: Mapping[int, Answer],
+        ends: Mapping[str, tuple[int, EndedError]],
+        printed: str,
     ) -> Part:
-        probes, expected = self.probes[function], self.expected[function]
+        asked = self.probes[function]
+        probes, answers = [asked[k] for k in answered], list(answered.values())
+        expected = [self.expected[function][k] for k in answered]
         eps = 0.0 if self._strict else DOUBLE
         differences = _differences(probes, expected, answers, eps)
-        scenes: dict[str, Words] = {}
-        said = None
-        for probe, first in zip(probes, differences, strict=False):
-            if not scenes.get(probe.scene):
-                scenes[probe.scene] = first.words() if first else NOTHING
-        if ended:
-            last = probes[len(answers)]
-            said = Words("{where}: it {does}", where=_where(last), does=ended.words)
-            scenes[last.scene] = scenes.get(last.scene) or said
-        for probe in probes:
-            scenes.setdefault(probe.scene, Words("not run"))
-        part = Part(name, "wrong" if any(scenes.values()) else "right", scenes, said, printed=printed)
+        wrongs: dict[str, Words] = {}
+        for probe, first in zip(probes, differences, strict=True):
+            if not wrongs.get(probe.scene):
+                wrongs[probe.scene] = first.words() if first else NOTHING
+        said = {
+            scene: Words("{where}: it {does}", where=_where(asked[k]), does=error.words)
+            for scene, (k, error) in ends.items()
+        }
+        wrongs |= {scene: wrongs.get(scene) or words for scene, words in said.items()}
+        scenes = {probe.scene: wrongs.get(probe.scene, Words("not run")) for probe in asked}
+        ended = next(iter(ends.values()), None)
+        part = Part(
+            name,
+            "wrong" if any(scenes.values()) else "right",
+            scenes,
+            next(iter(said.values()), None),
+            printed=printed,
+        )
         wrong = [(probes[k].call.n, k, first) for k, first in enumerate(differences) if first]
         if wrong:
             _, k, smallest = min(wrong)
@@ -211,16 +229,21 @@ class Grader:
         if part.status == "right" or name == BOTH:
             return part
         near = differences if eps else _differences(probes, expected, answers, DOUBLE)
-        k, first = next(((k, each) for k, each in enumerate(near) if each), (len(answers), None))
-        if first is None and (not ended or ended.outside < 0):
+        first = next(filter(None, near), None)
+        if first is None and (not ended or ended[1].how == -1):
             return part if ended else replace(part, remark=Words("it differs by rounding only"))
-        outside = ended.outside if ended else -1
-        mistakes, is_complete = self.model.explain(function, probes, answers, k, outside)
-        if is_complete or first is None:
+        found = [k for k, each in enumerate(near) if each]
+        probes += [asked[k] for k, _ in ends.values()]
+        hows = [error.how for _, error in ends.values()]
+        mistakes, is_complete = self.model.explain(function, probes, answers, found, hows)
+        if is_complete:
             return replace(part, mistakes=mistakes)
         if mistakes:
             remark = Words("there is another mistake, which has no name")
             return replace(part, mistakes=mistakes, remark=remark)
+        if first is None:
+            is_index = any(error.how >= 0 for _, error in ends.values())
+            return replace(part, hint=hint_of(None, True)) if is_index else part
         is_float = not ended and not any(_differences(probes, expected, answers, FLOAT))
         remark = Words("it differs as if float were used: use double" if is_float else _UNKNOWN)
         return replace(part, hint=hint_of(first, function == CONTACT), remark=remark)

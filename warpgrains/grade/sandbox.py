@@ -1,4 +1,4 @@
-"""The sandbox: a process (child.c) that executes a homework and answers one call after the other.
+"""The sandbox: a process (sandbox.c) that executes a homework and answers one call after the other.
 
 The child returns numbers only, and the parent judges them. The sandbox contains no expected result except
 those of the reference function that it calls. It is limited by `Limits`, to a megabyte of output, and has no
@@ -59,11 +59,15 @@ _EXITS = {
 
 
 class EndedError(Exception):
-    """Failure of a homework to answer. `outside` is the index beyond `dvContacts` that it used, or -1."""
+    """Failure of a homework to answer.
 
-    def __init__(self, english: str, outside: int = -1, **values: object):
+    `how` says the same to model.c: an index beyond `dvContacts`, -3 - k for an index k beyond another array,
+    -2 for an endless loop, and otherwise -1.
+    """
+
+    def __init__(self, english: str, how: int = -1, **values: object):
         self.words = Words(english, **values)
-        self.outside = outside
+        self.how = how
         super().__init__(self.words)
 
 
@@ -281,7 +285,7 @@ class Child:
         return self._printed.read(2000).decode(errors="replace")
 
     def _receive_header(self) -> tuple[int, int, float]:
-        """Return `what`, `calls` and `zeta` of child.h. Raises EndedError unless they form an answer."""
+        """Return `what`, `calls` and `zeta` of an answer (sandbox.c). Raises EndedError if it is none."""
         kind, what, where, calls, zeta = _HEADER.unpack(self._receive(_HEADER.size))
         if kind == _CALLED:
             known = 0 <= what < len(_FORBIDDEN)
@@ -293,12 +297,13 @@ class Child:
         if kind == _OUTSIDE:
             name = FIELDS[what] if 0 <= what < len(FIELDS) else "an array"
             said = "reads or writes {name}[{where}], which is outside of the array"
-            raise EndedError(said, where if name == FIELDS[-1] else -1, name=name, where=where)
+            how = -1 if where < 0 else where if name == FIELDS[-1] else -3 - where
+            raise EndedError(said, how, name=name, where=where)
         if kind == _CHANGED:
             raise EndedError("changes n, radiusIn, radiusOut, gravity, gamma or a pointer of the struct")
         if kind == _TOO_LONG:
             raise EndedError(
-                "does not end within {seconds} s: an endless loop", seconds=f"{self._limits.seconds:g}"
+                "does not end within {seconds} s: an endless loop", -2, seconds=f"{self._limits.seconds:g}"
             )
         if kind != _ANSWERED:
             raise EndedError("sends an invalid answer")
