@@ -15,17 +15,10 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
 from warpgrains.scene.disc import Disc
 from warpgrains.scene.document import read_text
-from warpgrains.scene.fields import (
-    FIELDS,
-    SceneFields,
-    checked_grains,
-    checked_settings,
-    frozen,
-    require_compatible_settings,
-    require_valid_positions,
-)
+from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
 from warpgrains.scene.geometry import left_of, overlapping_pairs
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields

@@ -1,0 +1,119 @@
+"""Which scenes are refused: fields that contradict each other, or the grains."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import require_distinct
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+MOST_RADII = 1e12  # radius of the outer wall, in smallest grain radii; beyond it doubles cannot resolve a gap
+
+
+def require_valid_positions(scene: Scene) -> None:
+    """Raise InputError unless grains lie between the walls, do not coincide, and have resolvable gaps."""
+    _require_size(scene)
+    scene.annulus.require_inside(scene.position, scene.radius)
+    for k, wall in enumerate(scene.walls):
+        covered = wall.covers(scene.position)
+        if covered.any():
+            grain = checks.of_grain("position", scene.position, covered)
+            raise InputError(f"{grain}: its center is inside walls[{k}], {wall}")
+    require_distinct("position", scene.position)
+
+
+def _require_size(scene: Scene) -> None:
+    """Raise InputError unless doubles resolve gaps of this size and hold the square of it."""
+    smallest = scene.smallest_radius
+    if scene.radius_out / MOST_RADII >= smallest:
+        raise InputError(
+            f"radius_out is {scene.radius_out} m: it must be less than {MOST_RADII:g} radii of"
+            f" grain {int(np.argmin(scene.radius))}, {smallest} m, because"
+            " float64 positions could not resolve gaps"
+        )
+    scene.annulus.require_size()
+
+
+def require_compatible_settings(scene: Scene) -> None:
+    """Raise InputError unless the settings are compatible with each other and with the grains."""
+    _require_short_step(scene)
+    _require_slow_walls(scene)
+    _require_friction(scene)
+    if scene.method == "exact" and scene.has_friction:
+        raise InputError("method is 'exact': it solves steps without friction only; use 'accelerated'")
+    if scene.method == "exact" and scene.stop == "zeta":
+        raise InputError("stop is 'zeta': method 'exact' stops on the residual")
+
+
+def _require_slow_walls(scene: Scene) -> None:
+    """Raise InputError unless no wall can pass the center of a grain within a step."""
+    smallest = scene.smallest_radius
+    for k, wall in enumerate(scene.walls):
+        path = wall.speed * scene.dt
+        if not path < smallest:
+            raise InputError(
+                f"velocity of walls[{k}]: the {wall.kind} moves by {path:.3g} m in a step of {scene.dt} s;"
+                f" it must be less than the smallest radius, {smallest} m"
+            )
+
+
+def _require_friction(scene: Scene) -> None:
+    """Raise InputError if a field has no effect without friction, or the method does not support friction."""
+    walls = ("angular_velocity_out", "angular_velocity_in")
+    if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
+        raise InputError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
+    for name in walls:
+        if getattr(scene, name) != 0.0 and scene.friction_at_walls == 0.0:
+            raise InputError(
+                f"{name} is {getattr(scene, name)} rad/s: a wall without friction moves no grain; give"
+                " wall_friction"
+            )
+        speed = getattr(scene, name) * scene.radius_out
+        if not isfinite(speed):
+            raise InputError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
+    if scene.has_friction:
+        inertia = 0.5 * scene.mass * scene.radius**2
+        lost = scene.spin_drag * scene.dt / inertia
+        if scene.scheme == "text" and (lost >= 1.0).any():
+            raise InputError(
+                f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
+                f" rotation of grain {int(lost.argmax())}; dt must be less than"
+                f' {float(inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
+            )
+        with np.errstate(over="ignore"):
+            too_fast = ~np.isfinite(scene.spin_at_start * scene.radius)
+        if too_fast.any():
+            grain = checks.of_grain("spin", scene.spin_at_start, too_fast)
+            raise InputError(f"{grain}: the speed of its rim is not finite")
+        return
+    if scene.spin is not None and scene.spin.any():
+        raise InputError(
+            f"{checks.of_grain('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
+        )
+    if scene.spin_drag:
+        raise InputError(f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction")
+
+
+def _require_short_step(scene: Scene) -> None:
+    mass = scene.smallest_mass
+    lost = scene.drag * scene.dt / mass  # fraction of a velocity that one step of the text's scheme removes
+    if lost < 1.0:
+        return
+    lightest = int(np.argmin(scene.mass))
+    if scene.scheme == "text":
+        raise InputError(
+            f"dt is {scene.dt} s: in one step, drag {scene.drag} kg/s would reverse grain {lightest}"
+            f' of mass {mass} kg; dt must be less than {mass / scene.drag} s, or scheme "leapfrog"'
+        )
+    if not isfinite(lost):
+        raise InputError(
+            f"drag is {scene.drag} kg/s: drag dt / m is not finite for dt {scene.dt} s and"
+            f" grain {lightest} of mass {mass} kg"
+        )
