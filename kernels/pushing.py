@@ -2,8 +2,9 @@
 
 import warp as wp
 
-from .annulus import Annulus
+from .access import at
 from .placing import Box
+from .walls import Walls, shape_gap, shape_normal
 
 f64 = wp.float64
 
@@ -11,15 +12,20 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 @wp.func
-def put_inside(x: wp.vec2d, r: f64, walls: Annulus, box: Box) -> wp.vec2d:
-    """Move a disc of radius r between the walls, and into the box."""
+def put_inside(x: wp.vec2d, r: f64, walls: Walls, box: Box) -> wp.vec2d:
+    """Move a disc of radius r off the walls inside the annulus, between its circles, and into the box."""
+    for k in range(walls.shape.shape[0]):
+        shape = at(walls.shape, k)
+        gap = shape_gap(x, r, shape)
+        if gap < f64(0.0):
+            x = x + gap * shape_normal(x, shape)
     x = wp.vec2d(wp.max(x[0], box.low[0] + r), wp.max(x[1], box.low[1] + r))
     x = wp.vec2d(wp.min(x[0], box.high[0] - r), wp.min(x[1], box.high[1] - r))
     rho = wp.length(x)
-    if rho > walls.radius_out - r:
-        x = x * ((walls.radius_out - r) / rho)
-    if walls.radius_in > f64(0.0) and rho > f64(0.0) and rho < walls.radius_in + r:
-        x = x * ((walls.radius_in + r) / rho)
+    if rho > walls.annulus.radius_out - r:
+        x = x * ((walls.annulus.radius_out - r) / rho)
+    if walls.annulus.radius_in > f64(0.0) and rho > f64(0.0) and rho < walls.annulus.radius_in + r:
+        x = x * ((walls.annulus.radius_in + r) / rho)
     return x
 
 
@@ -28,7 +34,7 @@ def push(
     position: wp.array(dtype=wp.vec2d),
     radius: wp.array(dtype=f64),
     pair: wp.array(dtype=wp.vec2i),
-    walls: Annulus,
+    walls: Walls,
     box: Box,
     sweeps: int,
     enough: f64,

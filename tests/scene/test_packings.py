@@ -100,6 +100,37 @@ def test_grains_are_wholly_in_their_region(region, fraction):
 
 
 @pytest.mark.parametrize(
+    ("layout", "keys"),
+    [
+        ("random", "radius = [0.02, 0.04]\ncount = 150"),
+        ("random", "radius = [0.02, 0.04]\npacking_fraction = 0.6"),  # grown and pushed apart
+        ("lattice", "radius = 0.03"),
+    ],
+)
+def test_grains_are_clear_of_walls_inside_the_annulus(tmp_path, layout, keys):
+    walls = """
+    [[walls]]
+    kind = "disc"
+    center = [0.4, 0.5]
+    radius = 0.15
+    [[walls]]
+    kind = "segment"
+    from = [-0.9, 0.1]
+    to = [0.1, -0.5]
+    [[walls]]
+    kind = "disc"
+    inside = true
+    center = [0.0, 0.0]
+    radius = 0.95
+    """
+    path = tmp_path / "mine.toml"
+    path.write_text(SCENE.replace('"random"', f'"{layout}"') + keys + walls)
+    scene = Scene.load(path)
+    assert scene.n >= 150
+    assert scene.count_overlaps() == (0, 0)
+
+
+@pytest.mark.parametrize(
     "region", [None, {"x": [-0.1, 0.95]}, {"y": [0.5, 2.0], "distance": [0.6, 1.0]}, {"x": [0.0, 0.3]}]
 )
 def test_area_of_a_region(region):

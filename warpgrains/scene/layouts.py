@@ -1,10 +1,11 @@
 """Layouts: initial positions and radii of the grains.
 
 Each layout is a function whose keyword parameters are the keys of `[grains]`. Its first argument is the
-annulus. It raises InputError, one line, if a value is invalid or the grains do not fit.
+annulus. A layout that avoids walls inside the annulus takes these as `obstacles`, its second argument. It
+raises InputError, one line, if a value is invalid or the grains do not fit.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import floor, sqrt
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.placing import grow, place_at_random
 from warpgrains.scene.radii import drawn_radii, listed_radii
 from warpgrains.scene.region import Region, region_of
@@ -73,10 +75,17 @@ def rows(
     return np.column_stack([x, y]), np.full(count, radius)
 
 
-def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing: float = 2.02) -> Placement:
+def lattice(
+    walls: Annulus,
+    obstacles: Sequence[Obstacle] = (),
+    *,
+    radius: float,
+    count: int | None = None,
+    spacing: float = 2.02,
+) -> Placement:
     """Place grains on a hexagonal lattice from the bottom up, each row from left to right.
 
-    By default the lattice is filled.
+    Sites that overlap a wall inside the annulus stay empty. By default the lattice is filled.
     """
     radius = _radius(walls, radius)
     pitch = _spacing(spacing) * radius
@@ -91,6 +100,8 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
     y = np.broadcast_to(row * rise - reach, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
     position = position[walls.contains(position, np.full(len(position), radius))]
+    for wall in obstacles:
+        position = position[wall.side(position, np.full(len(position), radius)).gap >= 0.0]
     if count is None:
         count = len(position)
     elif _count(count) > len(position):
@@ -100,6 +111,7 @@ def lattice(walls: Annulus, *, radius: float, count: int | None = None, spacing:
 
 def random(
     walls: Annulus,
+    obstacles: Sequence[Obstacle] = (),
     *,
     radius: Any,
     count: int | None = None,
@@ -119,14 +131,15 @@ def random(
         more, one for each grain; or {file = "radii.csv"}, also .npz; or a table {distribution = ...} with the
         keys of its kind: uniform, normal, lognormal, power or values, see scene/radii.py.
     packing_fraction
-        Fraction of the area of the region that the grains fill, instead of their count.
+        Fraction of the area of the region that the grains fill, instead of their count. Walls inside the
+        annulus are not subtracted from the area.
     region
         Bounds of the grains [m], such as {x = [-1.0, 0.0], y = [-1.0, 0.5], distance = [0.5, 0.9]}, where
         `distance` is from the origin; by default the whole space between the walls.
     seed
         Seed of the random numbers.
     """
-    space = region_of(walls, region)
+    space = region_of(walls, region, obstacles=obstacles)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = _random_radii(radius, count, packing_fraction, space, generator)
     for extreme in (radii.min(), radii.max()):

@@ -78,6 +78,7 @@ class _Discs:
         annulus = self._record["walls"]["annulus"]
         annulus["radius_in"], annulus["radius_out"] = walls[:2]
         self._record["box"]["low"], self._record["box"]["high"] = region.low, region.high
+        self._set("shape", _shapes(region), self._record["walls"])
         _, start, count = np.unique(-np.frexp(radius)[1], return_index=True, return_counts=True)
         cell = np.maximum(2.0 * radius[start], walls.radius_out / np.ceil(np.sqrt(count)))
         width = (2.0 * (walls.radius_out / cell)).astype(np.int32) + 1
@@ -110,13 +111,13 @@ class _Discs:
         record = wp.array(ptr=self._record.ctypes.data, shape=1, dtype=_kernels().DiscsRecord, device="cpu")
         _launch(_kernels().place, [record])
 
-    def _set(self, name: str, array: np.ndarray[Any, Any]) -> None:
-        """Store the address of a NumPy array in the kernel's record.
+    def _set(self, name: str, array: np.ndarray[Any, Any], record: Any = None) -> None:
+        """Store the address of a NumPy array in the kernel's record, or in a part of it.
 
-        Creating eight Warp arrays a scene would take longer than the placing.
+        Creating nine Warp arrays a scene would take longer than the placing.
         """
         self._arrays[name] = array
-        field = self._record[name]
+        field = (self._record if record is None else record)[name]
         field["data"], field["ndim"] = array.ctypes.data, 1
         field["shape"][:, 0], field["strides"][:, 0] = len(array), array.strides[0]
 
@@ -147,6 +148,7 @@ def _clear_share(region: Region, position: FloatArray, radius: FloatArray) -> fl
     i, j = _near(position, radius).T
     sides = (region.ring.side(number, position, radius) for number in (OUTER, INNER))
     to_border = [side.gap + radius for side in sides]
+    to_border += [wall.side(position, radius).gap + radius for wall in region.obstacles]
     to_border += [position - region.low, region.high - position]
     shares = [(one.T / radius).min() for one in to_border]
     shares.append((distance(position[j] - position[i]) / (radius[i] + radius[j])).min(initial=np.inf))
@@ -186,12 +188,19 @@ def _near(position: FloatArray, radius: FloatArray) -> np.ndarray[Any, Any]:
 
 def _limits(region: Region) -> tuple[Any, Any]:
     """Return the walls and the box of a region as kernel arguments."""
-    from warpgrains.kernels.annulus import Annulus
+    from warpgrains.kernels.types import Shape
+    from warpgrains.kernels.walls import Walls
 
-    walls, box = Annulus(), _kernels().Box()
-    walls.radius_in, walls.radius_out = region.ring.radius_in, region.ring.radius_out
+    walls, box = Walls(), _kernels().Box()
+    walls.annulus.radius_in, walls.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
+    walls.shape = _shared(_shapes(region), Shape)
     box.low, box.high = region.low, region.high
     return walls, box
+
+
+def _shapes(region: Region) -> FloatArray:
+    """Return the obstacles as the kernels keep them, before they move, shape (walls, 10)."""
+    return np.array([wall.shape for wall in region.obstacles]).reshape(-1, 10)
 
 
 def _shared(array: np.ndarray[Any, Any], dtype: Any) -> Any:

@@ -17,6 +17,8 @@ from warpgrains.scene.document import Table, override_key, parse_toml
 from warpgrains.scene.fields import SECTIONS
 from warpgrains.scene.grain_file import read_grains, read_radii
 from warpgrains.scene.layouts import LAYOUTS, Placement
+from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.wall_kinds import checked_walls
 from warpgrains.scene.walls import Annulus
 
 SOURCES = {
@@ -67,7 +69,7 @@ def document_fields(document: Table, folder: Path) -> Table:
         A section or a key is unknown or missing, or the grains do not fit.
     """
     document = dict(document)
-    fields: Table = {"walls": document.pop("walls", [])}
+    fields: Table = {"walls": checked_walls("walls", document.pop("walls", []))}
     for section, table in document.items():
         _require_section(section)
         if not isinstance(table, dict):
@@ -81,17 +83,17 @@ def document_fields(document: Table, folder: Path) -> Table:
         raise InputError("section [grains] is missing")
     walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
     walls.require_size()
-    return fields | _grains(document["grains"], walls, folder)
+    return fields | _grains(document["grains"], walls, fields["walls"], folder)
 
 
-def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
+def _grains(table: Table, walls: Annulus, obstacles: tuple[Obstacle, ...], folder: Path) -> Table:
     """Return position, radius, mass and velocity of the grains."""
     source = checks.only_one("[grains]", table, SOURCES)
     own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
     if source == "layout":
         if isinstance(own.get("radius"), dict) and "file" in own["radius"]:
             own["radius"] = read_radii(folder, own["radius"])
-        position, radius = _lay_out(table["layout"], own, walls)
+        position, radius = _lay_out(table["layout"], own, walls, obstacles)
         grains: Table = {"position": position, "radius": radius}
     else:
         _refuse_unknown_keys("grains", own, (source, "radius"), PROPERTIES)
@@ -111,7 +113,7 @@ def _grains(table: Table, walls: Annulus, folder: Path) -> Table:
     return grains
 
 
-def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
+def _lay_out(layout: Any, parameters: Table, walls: Annulus, obstacles: tuple[Obstacle, ...]) -> Placement:
     """Call a layout with those keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = keyword_parameters(function)
@@ -119,7 +121,8 @@ def _lay_out(layout: Any, parameters: Table, walls: Annulus) -> Placement:
     for name, parameter in own.items():
         if parameter.default is parameter.empty and name not in parameters:
             raise InputError(f"grains.{name} is missing: layout {layout!r} needs it")
-    return function(walls, **parameters)
+    avoided = (obstacles,) if "obstacles" in inspect.signature(function).parameters else ()
+    return function(walls, *avoided, **parameters)
 
 
 @cache

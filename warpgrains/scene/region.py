@@ -1,5 +1,6 @@
 """Region for random grains: the space between the walls, or a part of it."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -9,19 +10,22 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import area_in_disc
+from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.walls import Annulus
 
 KEYS = ("x", "y", "distance")
 
 
 class Region(NamedTuple):
-    """A ring about the origin intersected with a box. Discs lie completely inside."""
+    """A ring about the origin intersected with a box. Discs lie completely inside, and clear of obstacles."""
 
     ring: Annulus
     low: tuple[float, float] = (-np.inf, -np.inf)
     """Left and lower edge [m]."""
     high: tuple[float, float] = (np.inf, np.inf)
     """Right and upper edge [m]."""
+    obstacles: tuple[Obstacle, ...] = ()
+    """Walls inside the annulus. They are not subtracted from the area."""
 
     @property
     def box(self) -> FloatArray:
@@ -51,7 +55,9 @@ def _area(region: Region) -> float:
     return float(outer - inner)
 
 
-def region_of(walls: Annulus, given: Any, field: str = "grains.region") -> Region:
+def region_of(
+    walls: Annulus, given: Any, field: str = "grains.region", obstacles: Sequence[Obstacle] = ()
+) -> Region:
     """Return the region that a field such as `grains.region` gives as a table of ranges [m].
 
     All ranges are optional.
@@ -62,7 +68,7 @@ def region_of(walls: Annulus, given: Any, field: str = "grains.region") -> Regio
         The table is invalid, or the region is empty.
     """
     if given is None:
-        return Region(walls)
+        return Region(walls, obstacles=tuple(obstacles))
     if not isinstance(given, dict):
         raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
     for key in given:
@@ -73,7 +79,7 @@ def region_of(walls: Annulus, given: Any, field: str = "grains.region") -> Regio
     if near < walls.radius_in or far > walls.radius_out:
         raise InputError(f"{field}.distance is ({near}, {far}) m: it must be between the walls, {between} m")
     x, y = (ranges.get(key, (-np.inf, np.inf)) for key in ("x", "y"))
-    region = Region(Annulus(near, far), (x[0], y[0]), (x[1], y[1]))
+    region = Region(Annulus(near, far), (x[0], y[0]), (x[1], y[1]), tuple(obstacles))
     if not (region.box[0] < region.box[1]).all() or region.area <= 0.0:
         raise InputError(f"{field} is {given!r}: no point between the walls lies in it")
     return region
