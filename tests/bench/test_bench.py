@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from bench.features import FEATURES
 from bench.mutations import mutants
 
 ROOT = Path(__file__).parents[2]
@@ -72,7 +73,7 @@ def test_benchmark_of_features(tmp_path: Path) -> None:
     command("features", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "-o", file)
     head, *rows = file.read_text().splitlines()
     assert head == "scene,feature,with_us,without_us,ratio_min,ratio_median,ratio_max"
-    assert len(rows) == 3 * 9
+    assert len(rows) == 3 * len(FEATURES)
 
 
 def test_benchmark_of_walls(tmp_path: Path) -> None:

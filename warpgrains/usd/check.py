@@ -91,7 +91,8 @@ def _code_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
 
 def _wall_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
     """Yield the walls that move at other times than the grains, or to places that are not finite."""
-    for wall in stage.GetPrimAtPath(WALLS).GetChildren():
+    walls = stage.GetPrimAtPath(WALLS)
+    for wall in walls.GetChildren() if walls else ():
         points = wall.GetAttribute("points")
         samples = points.GetTimeSamples()
         if samples and samples != codes:
