@@ -1,4 +1,4 @@
-"""Which scenes are refused: fields that contradict each other, or the grains."""
+"""Checks of a whole scene: fields must not contradict each other, or the grains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the runs of a sweep are executed."""
+"""Options by which the runs of a sweep are executed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
