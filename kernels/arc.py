@@ -20,16 +20,3 @@ def nearest(x: wp.vec2d, arc: Shape) -> wp.vec2d:
     if mx * dy - my * dx < f64(0.0):
         s = -s
     return wp.vec2d(arc[1] + arc[3] * (c * mx - s * my), arc[2] + arc[3] * (c * my + s * mx))
-
-
-@wp.func
-def gap(x: wp.vec2d, radius: f64, arc: Shape) -> f64:
-    """Return the free distance between a grain at x and an arc [m]."""
-    return law.distance(x, nearest(x, arc)) - radius
-
-
-@wp.func
-def normal(x: wp.vec2d, arc: Shape) -> wp.vec2d:
-    """Return the unit normal from a grain at x into an arc."""
-    n, _ = law.normal(x, nearest(x, arc))
-    return n

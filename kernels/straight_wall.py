@@ -5,7 +5,6 @@ Its tangent for a step is at right angles to the way from the grain to the neare
 
 import warp as wp
 
-from . import law
 from .types import Shape
 
 f64 = wp.float64
@@ -19,16 +18,3 @@ def nearest(x: wp.vec2d, wall: Shape) -> wp.vec2d:
     along = ((x[0] - wall[1]) * dx + (x[1] - wall[2]) * dy) / (dx * dx + dy * dy)
     share = wp.min(wp.max(along, f64(0.0)), f64(1.0))
     return wp.vec2d(wall[1] + share * dx, wall[2] + share * dy)
-
-
-@wp.func
-def gap(x: wp.vec2d, radius: f64, wall: Shape) -> f64:
-    """Return the free distance between a grain at x and a segment [m]."""
-    return law.distance(x, nearest(x, wall)) - radius
-
-
-@wp.func
-def normal(x: wp.vec2d, wall: Shape) -> wp.vec2d:
-    """Return the unit normal from a grain at x into a segment."""
-    n, _ = law.normal(x, nearest(x, wall))
-    return n

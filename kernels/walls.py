@@ -1,15 +1,15 @@
 """The walls of a scene as bodies that grains touch: which kinds there are, and where each body is.
 
 Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the walls inside
-it, each with a `Shape`. A kind of wall is one file with two functions, the gap of a grain and the normal into
-the wall, between which `shape_gap` and `shape_normal` choose by shape[0]. Everything else treats contacts
-with walls and with grains alike (contacts.py). For a step, a wall is its tangent, at the place where it is
-at the end of the step if it moves (motion.py).
+it, each with a `Shape`. A kind of wall is one file. Of a wall without thickness it has the nearest point, of
+another one the gap of a grain and the normal into the wall. Functions here choose by shape[0]. Everything
+else treats contacts with walls and with grains alike (contacts.py). For a step, a wall is its tangent, at the
+place where it is at the end of the step if it moves (motion.py).
 """
 
 import warp as wp
 
-from . import annulus, arc, disc, straight_wall
+from . import annulus, arc, disc, law, straight_wall
 from .access import at, checked, put
 from .annulus import Annulus
 from .motion import from_frame, moving_time, pose_at, speed_of_surface, to_frame
@@ -36,23 +36,28 @@ def wall_body_count(walls: Walls) -> int:
 
 
 @wp.func
+def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
+    """Return the point nearest to x of a wall without thickness, which grains touch there [m]."""
+    if shape[0] == straight_wall.KIND:
+        return straight_wall.nearest(x, shape)
+    return arc.nearest(x, shape)
+
+
+@wp.func
 def shape_gap(x: wp.vec2d, radius: f64, shape: Shape) -> f64:
     """Return the free distance between a grain at x and a wall inside the annulus [m]."""
-    if shape[0] == straight_wall.KIND:
-        return straight_wall.gap(x, radius, shape)
-    if shape[0] == arc.KIND:
-        return arc.gap(x, radius, shape)
-    return disc.gap(x, radius, shape)
+    if shape[0] == disc.KIND:
+        return disc.gap(x, radius, shape)
+    return law.distance(x, nearest_on(x, shape)) - radius
 
 
 @wp.func
 def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
     """Return the unit normal from a grain at x into a wall inside the annulus."""
-    if shape[0] == straight_wall.KIND:
-        return straight_wall.normal(x, shape)
-    if shape[0] == arc.KIND:
-        return arc.normal(x, shape)
-    return disc.normal(x, shape)
+    if shape[0] == disc.KIND:
+        return disc.normal(x, shape)
+    n, _ = law.normal(x, nearest_on(x, shape))
+    return n
 
 
 @wp.func

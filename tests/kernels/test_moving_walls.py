@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from same_bits import contents
-from swept_order import full_order
+from swept_order import follow_reference
 
 from warpgrains import Arc, Batch, Disc, InputError, Recording, Scene, Segment, Simulation, analysis
 from warpgrains.accuracy import certify
@@ -59,22 +59,7 @@ def stirred(n: int = 140, seed: int = 1, walls: tuple[Obstacle, ...] = WALLS, **
 @pytest.mark.parametrize(("scheme", "order"), [("text", "sequential"), ("leapfrog", "color")])
 def test_bits_of_the_reference(tmp_path: Path, scheme: str, order: str, friction: dict[str, Any]) -> None:
     scene = stirred(scheme=scheme, order=order, **friction)
-    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene)
-    touched: set[int] = set()
-    for step in range(200):
-        report = simulation.step()
-        in_order = full_order(simulation) if order == "color" else None
-        assert report.iterations == reference.step(in_order)[0]
-        assert np.array_equal(simulation.position, reference.position)
-        assert np.array_equal(simulation.velocity, reference.velocity)
-        assert np.array_equal(simulation.angle, reference.angle)
-        touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
-        if step == 100:
-            state = simulation.state()
-            simulation = Simulation(scene)
-            simulation.restore(state)
-            reference = Reference(build(tmp_path), scene, state)
-    assert touched >= {2, 3, 4, 5, 6, 7}
+    assert follow_reference(scene, 200, tmp_path) >= {2, 3, 4, 5, 6, 7}
 
 
 def alone(position: tuple[float, float], wall: Disc | Segment, **changes: object) -> Simulation:

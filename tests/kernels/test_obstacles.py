@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from swept_order import full_order
+from swept_order import follow_reference
 
 from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation
 from warpgrains.analysis.vtk import export
-from warpgrains.reference.reference import Reference, build
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.usd.check import report_on_recording
 
@@ -49,32 +48,12 @@ ROUGH = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
 @pytest.mark.parametrize("wall", ["tangent", "round"])
 def test_bits_of_the_reference(tmp_path: Path, scheme: str, wall: str, friction: dict[str, float]) -> None:
     scene = around(scheme=scheme, wall=wall, **friction)
-    simulation, reference = Simulation(scene, threads=2), Reference(build(tmp_path), scene)
-    touched: set[int] = set()
-    for step in range(100):
-        report = simulation.step()
-        assert report.iterations == reference.step()[0]
-        assert np.array_equal(simulation.position, reference.position)
-        assert np.array_equal(simulation.velocity, reference.velocity)
-        assert np.array_equal(simulation.angle, reference.angle)
-        touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
-        if step == 50:
-            state = simulation.state()
-            simulation = Simulation(scene)
-            simulation.restore(state)
-            reference = Reference(build(tmp_path), scene, state)
-    assert touched >= {2, 3, 4, 5, 6, 7}
+    assert follow_reference(scene, 100, tmp_path, threads=2) >= {2, 3, 4, 5, 6, 7}
 
 
 @pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
 def test_bits_of_the_reference_in_order_of_colors(tmp_path: Path, friction: dict[str, float]) -> None:
-    scene = around(order="color", **friction)
-    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene)
-    for _ in range(60):
-        iterations = simulation.step().iterations
-        assert iterations == reference.step(full_order(simulation))[0]
-        assert np.array_equal(simulation.position, reference.position)
-        assert np.array_equal(simulation.velocity, reference.velocity)
+    follow_reference(around(order="color", **friction), 60, tmp_path)
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])

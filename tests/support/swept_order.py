@@ -1,12 +1,14 @@
 """In which order a simulation sweeps its contacts, and the C reference held against it in that order."""
 
+from pathlib import Path
+
 import numpy as np
 from graphs import complete
 from same_bits import assert_same_bits
 
-from warpgrains import Simulation
+from warpgrains import Scene, Simulation
 from warpgrains.arrays import IntArray
-from warpgrains.reference.reference import Reference, pair_index
+from warpgrains.reference.reference import Reference, build, pair_index
 
 
 def swept_pairs(simulation: Simulation) -> IntArray:
@@ -36,3 +38,26 @@ def step_both(simulation: Simulation, reference: Reference, steps: int) -> None:
         report = simulation.step()
         assert (report.iterations, report.zeta) == reference.step(full_order(simulation))
         assert_same_bits(simulation, reference)
+
+
+def follow_reference(scene: Scene, steps: int, folder: Path, threads: int | None = None) -> set[int]:
+    """Step a simulation and the reference, both restored half-way; return the walls that grains touched.
+
+    Positions, velocities, angles and iterations are held against the reference after each step.
+    """
+    simulation, reference = Simulation(scene, threads=threads), Reference(build(folder), scene)
+    touched: set[int] = set()
+    for step in range(steps):
+        report = simulation.step()
+        in_order = full_order(simulation) if scene.order == "color" else None
+        assert report.iterations == reference.step(in_order)[0]
+        assert np.array_equal(simulation.position, reference.position)
+        assert np.array_equal(simulation.velocity, reference.velocity)
+        assert np.array_equal(simulation.angle, reference.angle)
+        touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
+        if step == steps // 2:
+            state = simulation.state()
+            simulation = Simulation(scene)
+            simulation.restore(state)
+            reference = Reference(build(folder), scene, state)
+    return touched
