@@ -1,25 +1,23 @@
-"""Meshes of a grain of radius 1 m and of walls, which are flat bands."""
+"""Meshes of a grain of radius 1 m and of walls."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.scene.band import Band, ring
 
 if TYPE_CHECKING:
-    from warpgrains.scene.motion import Pose
     from warpgrains.scene.scene import Scene
 
 WALL_COLOR = (0.35, 0.35, 0.35)
 """Color of walls (sRGB)."""
 
 _SEGMENTS = 64  # per circle about z; the polygon lacks 0.16 % of the disc's area
-_WALL_SEGMENTS = 256
-_END_SEGMENTS = 16  # of a half of a round end
 _THICKNESS = 0.02  # thickness of a wall, in radius_out
 _RINGS = 16  # of a sphere, from pole to pole
 _RIM = 0.88  # inner radius of the rim of a disc, in radii
@@ -100,63 +98,13 @@ def marks(position: FloatArray, radius: FloatArray, angle: FloatArray) -> FloatA
     return position[:, np.newaxis] + radius[:, np.newaxis, np.newaxis] * (x * along + y * across)
 
 
-class Band(NamedTuple):
-    """Drawing of a wall: the flat band between two lines of as many points."""
-
-    first: FloatArray
-    """Points of a line [m], shape (k, 2)."""
-    second: FloatArray
-    """Points of the other line [m], shape (k, 2), to the right of the first one."""
-    is_closed: bool
-    """Whether both lines are closed, as those of a ring."""
-
-    def moved(self, pose: Pose) -> Band:
-        """Return the band where its wall is."""
-        return self._replace(first=pose.place(self.first), second=pose.place(self.second))
-
-    @property
-    def reach(self) -> float:
-        """Largest coordinate of a point [m]."""
-        return float(max(np.abs(self.first).max(), np.abs(self.second).max()))
-
-    def shape(self) -> Shape:
-        """Return the mesh in the plane z = 0, facing +z."""
-        points = np.insert(np.concatenate([self.first, self.second]), 2, 0.0, axis=1)
-        bands = _bands(np.arange(len(points)).reshape(2, -1))
-        bands = bands if self.is_closed else bands[:-1]
-        normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-        return Shape(points, np.full(len(bands), 4), bands.ravel(), normals)
-
-    def outlines(self) -> FloatArray:
-        """Return the points of the closed lines that bound the band [m], shape (lines, points, 2)."""
-        if self.is_closed:
-            return np.stack([self.first, self.second[::-1]])
-        return np.concatenate([self.first, self.second[::-1]])[np.newaxis]
-
-
-def ring(inner: float, outer: float, center: tuple[float, float] = (0.0, 0.0)) -> Band:
-    """Return the band between two circles of these radii [m]."""
-    first, second = (_circle(_WALL_SEGMENTS, radius, 0.0)[:, :2] + center for radius in (inner, outer))
-    return Band(first, second, is_closed=True)
-
-
-def bar(start: tuple[float, float], end: tuple[float, float], thickness: float) -> Band:
-    """Return the band of this thickness [m] about a segment, with round ends."""
-    return strip(np.array([start, end]), thickness)
-
-
-def strip(line: FloatArray, thickness: float) -> Band:
-    """Return the band of this thickness [m] about a line of points [m], shape (k, 2), with round ends."""
-    along = np.diff(line, axis=0)
-    along /= np.hypot(*along.T)[:, np.newaxis]
-    along = np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]])
-    along *= 0.5 * thickness / np.hypot(*along.T)[:, np.newaxis]
-    angle = np.linspace(0.0, 0.5, _END_SEGMENTS)[:, np.newaxis] * np.pi
-    ahead, aside = np.sin(angle), np.cos(angle)
-    middle = np.concatenate([line[:1] - ahead[::-1] * along[0], line[1:-1], line[-1:] + ahead * along[-1]])
-    along = np.concatenate([aside[::-1] * along[0], along[1:-1], aside * along[-1]])
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    return Band(middle + across, middle - across, is_closed=False)
+def wall_mesh(band: Band) -> Shape:
+    """Return the mesh of a band in the plane z = 0, facing +z."""
+    points = np.insert(np.concatenate([band.first, band.second]), 2, 0.0, axis=1)
+    bands = _bands(np.arange(len(points)).reshape(2, -1))
+    bands = bands if band.is_closed else bands[:-1]
+    normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    return Shape(points, np.full(len(bands), 4), bands.ravel(), normals)
 
 
 def drawn_walls(scene: Scene) -> dict[str, Band]:

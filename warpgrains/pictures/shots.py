@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
 from warpgrains.drawing.colors import OF_CONTACTS, ColorScale, Frame, GrainColors
-from warpgrains.drawing.shapes import Band, drawn_walls, moved_walls
+from warpgrains.drawing.shapes import drawn_walls, moved_walls
+from warpgrains.scene.band import Band
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene

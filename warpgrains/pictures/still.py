@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import ColorScale, mark_color
-from warpgrains.drawing.shapes import WALL_COLOR, Band, marks
+from warpgrains.drawing.shapes import WALL_COLOR, marks
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import Painter, Setting, Shot
+from warpgrains.scene.band import Band
 
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation

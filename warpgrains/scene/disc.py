@@ -7,8 +7,8 @@ import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import described
-from warpgrains.drawing.shapes import Band, ring
 from warpgrains.scene import checks
+from warpgrains.scene.band import Band, ring
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.walls import Side

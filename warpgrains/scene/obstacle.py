@@ -9,9 +9,9 @@ import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import described, described_fields, documented
-from warpgrains.drawing.shapes import Band
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.band import Band
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.motion import Motion, Pose
 from warpgrains.scene.walls import Side

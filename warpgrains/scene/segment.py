@@ -7,9 +7,9 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.described import described
-from warpgrains.drawing.shapes import Band, bar
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.band import Band, bar
 from warpgrains.scene.obstacle import ThinWall, kind_of_wall
 
 

@@ -12,8 +12,8 @@ from pxr import Tf, Usd, UsdGeom
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale
 from warpgrains.drawing.colors import ColorScale, encoded
-from warpgrains.drawing.shapes import Band
 from warpgrains.errors import InputError
+from warpgrains.scene.band import Band
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ROTATION

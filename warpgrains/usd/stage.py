@@ -12,8 +12,9 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 import warpgrains
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import Frame, linear, mark_color
-from warpgrains.drawing.shapes import WALL_COLOR, Band, Shape, drawn_walls, moved_walls
+from warpgrains.drawing.shapes import WALL_COLOR, Shape, drawn_walls, moved_walls, wall_mesh
 from warpgrains.frame_log import Arrays
+from warpgrains.scene.band import Band
 from warpgrains.scene.document import parameters_text
 from warpgrains.usd.output import RECORDED_BY
 
@@ -166,7 +167,7 @@ def _define_walls(stage: Usd.Stage, scene: Scene) -> None:
     """Author the prims of the walls, which lie outside the space of the grains."""
     set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
     for name, wall in drawn_walls(scene).items():
-        define_mesh(stage, WALLS.AppendChild(name), wall.shape(), np.array(WALL_COLOR))
+        define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
 
 
 class MovingWalls:
@@ -183,7 +184,7 @@ class MovingWalls:
         """Return the values of the animated attributes for a frame."""
         values: dict[str, NDArray[Any]] = {}
         for k, wall in moved_walls(self._scene, frame.time).items():
-            shown, path = wall.shape().points.astype(np.float32), WALLS.AppendChild(self._names[k])
+            shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(self._names[k])
             values[f"{path}.points"] = shown
             values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))
         return values

@@ -6,8 +6,9 @@ import viser
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import linear, mark_color
-from warpgrains.drawing.shapes import WALL_COLOR, Band, mark
+from warpgrains.drawing.shapes import WALL_COLOR, mark, wall_mesh
 from warpgrains.pictures.shots import Setting, Shot
+from warpgrains.scene.band import Band
 
 _SEGMENTS = 48  # of a circle
 _FIELD_OF_VIEW = 0.5  # radians
@@ -61,7 +62,7 @@ class Stage:
 
     def _add_wall(self, number: int, wall: Band) -> None:
         """Add a wall, or replace it where it is now."""
-        mesh = wall.shape()
+        mesh = wall_mesh(wall)
         self._add_mesh(f"/walls/{number}", mesh.points, mesh.corners, WALL_COLOR)
 
     def _add_instances(self, name: str, outline: FloatArray) -> viser.BatchedMeshHandle:

@@ -1,0 +1,66 @@
+"""Drawings of walls: flat bands, which pictures, recordings and the page show."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.scene.motion import Pose
+
+_WALL_SEGMENTS = 256
+_END_SEGMENTS = 16  # of a half of a round end
+
+
+class Band(NamedTuple):
+    """Drawing of a wall: the flat band between two lines of as many points."""
+
+    first: FloatArray
+    """Points of a line [m], shape (k, 2)."""
+    second: FloatArray
+    """Points of the other line [m], shape (k, 2), to the right of the first one."""
+    is_closed: bool
+    """Whether both lines are closed, as those of a ring."""
+
+    def moved(self, pose: Pose) -> Band:
+        """Return the band where its wall is."""
+        return self._replace(first=pose.place(self.first), second=pose.place(self.second))
+
+    @property
+    def reach(self) -> float:
+        """Largest coordinate of a point [m]."""
+        return float(max(np.abs(self.first).max(), np.abs(self.second).max()))
+
+    def outlines(self) -> FloatArray:
+        """Return the points of the closed lines that bound the band [m], shape (lines, points, 2)."""
+        if self.is_closed:
+            return np.stack([self.first, self.second[::-1]])
+        return np.concatenate([self.first, self.second[::-1]])[np.newaxis]
+
+
+def ring(inner: float, outer: float, center: tuple[float, float] = (0.0, 0.0)) -> Band:
+    """Return the band between two circles of these radii [m]."""
+    angle = np.arange(_WALL_SEGMENTS) * 2.0 * np.pi / _WALL_SEGMENTS
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    first, second = (radius * circle + center for radius in (inner, outer))
+    return Band(first, second, is_closed=True)
+
+
+def bar(start: tuple[float, float], end: tuple[float, float], thickness: float) -> Band:
+    """Return the band of this thickness [m] about a segment, with round ends."""
+    return strip(np.array([start, end]), thickness)
+
+
+def strip(line: FloatArray, thickness: float) -> Band:
+    """Return the band of this thickness [m] about a line of points [m], shape (k, 2), with round ends."""
+    along = np.diff(line, axis=0)
+    along /= np.hypot(*along.T)[:, np.newaxis]
+    along = np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]])
+    along *= 0.5 * thickness / np.hypot(*along.T)[:, np.newaxis]
+    angle = np.linspace(0.0, 0.5, _END_SEGMENTS)[:, np.newaxis] * np.pi
+    ahead, aside = np.sin(angle), np.cos(angle)
+    middle = np.concatenate([line[:1] - ahead[::-1] * along[0], line[1:-1], line[-1:] + ahead * along[-1]])
+    along = np.concatenate([aside[::-1] * along[0], along[1:-1], aside * along[-1]])
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return Band(middle + across, middle - across, is_closed=False)
