@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from warpgrains import InputError, Scene, Simulation, analysis
-from warpgrains.analysis.profiles import share_inside
 from warpgrains.scene.layouts import random
-from warpgrains.scene.region import region_of
 from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import Annulus
 
@@ -109,12 +107,12 @@ def test_g_of_a_settled_drum_tends_to_one():
 
 
 def test_share_of_a_circle_is_that_of_points_on_it():
-    region = region_of(Annulus(0.3, 1.0), LOWER)
+    region = analysis.region_of(moment_of([[0.5, 0.0]], 0.02), LOWER)
     rng = np.random.default_rng(7)
     centre = rng.uniform(-1.0, 1.0, (200, 2))
     angle = 2.0 * np.pi * np.arange(100_000) / 100_000
     for r in (0.05, 0.4, 0.9):
-        found = share_inside(region, centre, r)
+        found = region.share_of_circles(centre, r, region.clearance(centre))
         for at, share in zip(centre, found, strict=True):
             x, y = at[0] + r * np.cos(angle), at[1] + r * np.sin(angle)
             rho = np.hypot(x, y)

@@ -7,17 +7,11 @@ Every function takes a simulation or a snapshot, which may be of a simulation, o
 recording. Units are SI; in two dimensions a stress is a force per length.
 """
 
-from warpgrains.analysis.contacts import (
-    contact_numbers,
-    coordination_number,
-    fabric_tensor,
-    force_distribution,
-    force_statistics,
-    grain_stresses,
-    mean_stress,
-    pressure,
-    rattlers,
-    wall_forces,
+from warpgrains.analysis.contacts import grain_stresses, mean_stress, pressure, wall_forces
+from warpgrains.analysis.correlations import (
+    partial_radial_distributions,
+    radial_distribution,
+    radius_classes,
 )
 from warpgrains.analysis.energy import (
     EnergyBalance,
@@ -30,6 +24,19 @@ from warpgrains.analysis.energy import (
     potential_energy,
     step_energy_balance,
 )
+from warpgrains.analysis.forces import (
+    contact_directions,
+    fabric_tensor,
+    force_distribution,
+    force_statistics,
+)
+from warpgrains.analysis.network import (
+    clusters,
+    contact_numbers,
+    coordination_number,
+    rattlers,
+    rigidity,
+)
 from warpgrains.analysis.packing import (
     cell_areas,
     global_packing_fraction,
@@ -38,8 +45,10 @@ from warpgrains.analysis.packing import (
     packing_fraction,
     pile_height,
 )
-from warpgrains.analysis.profiles import Profile, height_profile, radial_distribution, radial_profile
+from warpgrains.analysis.profiles import Profile, height_profile, radial_profile
 from warpgrains.analysis.quantities import GROUPS, QUANTITIES, quantities
+from warpgrains.analysis.region import Region
+from warpgrains.analysis.region_table import grains_in, region_of
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import Snapshot, snapshot
 
@@ -48,9 +57,12 @@ __all__ = [
     "QUANTITIES",
     "EnergyBalance",
     "Profile",
+    "Region",
     "Series",
     "Snapshot",
     "cell_areas",
+    "clusters",
+    "contact_directions",
     "contact_forces",
     "contact_numbers",
     "coordination_number",
@@ -60,6 +72,7 @@ __all__ = [
     "force_statistics",
     "global_packing_fraction",
     "grain_stresses",
+    "grains_in",
     "granular_temperature",
     "height_profile",
     "heights",
@@ -69,13 +82,17 @@ __all__ = [
     "mean_speed",
     "mean_stress",
     "packing_fraction",
+    "partial_radial_distributions",
     "pile_height",
     "potential_energy",
     "pressure",
     "quantities",
     "radial_distribution",
     "radial_profile",
+    "radius_classes",
     "rattlers",
+    "region_of",
+    "rigidity",
     "snapshot",
     "step_energy_balance",
     "wall_forces",

@@ -1,4 +1,4 @@
-"""Contacts: coordination numbers, rattlers, fabric, forces, and stress after Love and Weber.
+"""Forces on walls, and stress after Love and Weber.
 
 Stress is positive in compression,
 
@@ -17,165 +17,14 @@ grains at rest, and else spins grains up. The symmetric part is the stress of a 
 Tangential forces do not change the pressure.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from warpgrains.analysis.packing import cell_areas
+from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
-from warpgrains.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.arrays import FloatArray
 from warpgrains.scene.geometry import left_of
 from warpgrains.solver.final_states import Grains
-
-
-def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
-    """Return the number of contacts of each grain, walls included, shape (n,).
-
-    Parameters
-    ----------
-    of : Snapshot or Simulation
-    least : float
-        Smallest force of contacts that count [N]; a step solved to a tolerance leaves tiny forces.
-
-    Examples
-    --------
-    >>> analysis.contact_numbers(simulation)
-    array([3, 4, 2, 4, 3, 4, 1, 2, 1, 4, 3, 3, 0, 3, 3])
-    """
-    now = snapshot(of)
-    return np.bincount(now.loads.grain[now.loads.force >= least], minlength=now.n)
-
-
-def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
-    """Return which grains do not carry loads, shape (n,).
-
-    A frictionless grain is held by 3 contacts, or by 2 and its weight; a grain with friction by 2. Grains
-    with fewer are removed with their contacts, repeatedly until none has fewer. The removed grains are the
-    rattlers; the remaining ones are the backbone, a k-core.
-
-    Parameters
-    ----------
-    of, least
-        See `contact_numbers`.
-
-    Examples
-    --------
-    >>> int(analysis.rattlers(simulation).sum())
-    3
-    """
-    now = snapshot(of)
-    needed = 2 if any(now.scene.gravity) or now.scene.has_friction else 3
-    pair = now.pair[now.force >= least]
-    at_wall = np.bincount(now.wall[now.wall_force >= least, 0], minlength=now.n)
-    loose = np.zeros(now.n, dtype=bool)
-    while True:
-        kept = pair[~loose[pair].any(axis=1)]
-        found = np.bincount(kept.ravel(), minlength=now.n) + at_wall < needed
-        if (found == loose).all():
-            return loose
-        loose |= found
-
-
-def coordination_number(of: Snapshot | HasState, least: float = 0.0, without_rattlers: bool = False) -> float:
-    """Return Z, the mean number of contacts per grain, walls included; 0 without grains to count.
-
-    Parameters
-    ----------
-    of, least
-        See `contact_numbers`.
-    without_rattlers : bool
-        Whether to leave out rattlers, and their contacts.
-
-    Examples
-    --------
-    >>> round(analysis.coordination_number(simulation), 3)
-    2.667
-    """
-    now = snapshot(of)
-    if not without_rattlers:
-        return float(contact_numbers(now, least).mean())
-    loose, loads = rattlers(now, least), now.loads
-    pair = now.pair[now.force >= least]
-    between = 2 * np.count_nonzero(~loose[pair].any(axis=1))
-    at_wall = np.count_nonzero(~loose[loads.grain[2 * len(now.pair) :]])
-    held = now.n - np.count_nonzero(loose)
-    return (between + at_wall) / held if held else 0.0
-
-
-def fabric_tensor(of: Snapshot | HasState) -> FloatArray:
-    """Return the mean of n n^T over contacts between grains, shape (2, 2); its trace is 1.
-
-    NaN without contacts.
-
-    Both eigenvalues are 1/2 if the contacts are isotropic; their difference measures the anisotropy.
-
-    Examples
-    --------
-    >>> analysis.fabric_tensor(simulation).round(4)
-    array([[0.6569, 0.002 ],
-           [0.002 , 0.3431]])
-    """
-    normal = snapshot(of).normal
-    return normal.T @ normal / len(normal) if len(normal) else np.full((2, 2), np.nan)
-
-
-class ForceStatistics(NamedTuple):
-    """Statistics of the forces between grains; NaN without contacts."""
-
-    contacts: int
-    """Number of contacts between grains."""
-    mean: float
-    """Mean force [N]."""
-    deviation: float
-    """Standard deviation [N]."""
-    largest: float
-    """Largest force [N]."""
-
-
-def force_statistics(of: Snapshot | HasState) -> ForceStatistics:
-    """Return number, mean, standard deviation and maximum of the forces between grains.
-
-    Examples
-    --------
-    >>> force = analysis.force_statistics(simulation)
-    >>> force.contacts, round(force.mean, 4)
-    (15, 1.0585)
-    """
-    force = snapshot(of).force
-    if len(force) == 0:
-        return ForceStatistics(0, np.nan, np.nan, np.nan)
-    return ForceStatistics(len(force), float(force.mean()), float(force.std()), float(force.max()))
-
-
-class Distribution(NamedTuple):
-    """A probability density as a histogram."""
-
-    edges: FloatArray
-    """Edges of the bins, shape (bins + 1,)."""
-    density: FloatArray
-    """Probability density in each bin, shape (bins,); the integral is 1 minus the share beyond the edges."""
-
-
-def force_distribution(of: Snapshot | HasState, bins: int = 40, most: float = 8.0) -> Distribution:
-    """Return P(f / <f>), the probability density of the forces between grains in units of their mean.
-
-    Parameters
-    ----------
-    of : Snapshot or Simulation
-    bins : int
-    most : float
-        Upper end of the bins, in mean forces.
-
-    Examples
-    --------
-    >>> edges, density = analysis.force_distribution(simulation, bins=4, most=4.0)
-    >>> edges, round(float((density * np.diff(edges)).sum()), 12)
-    (array([0., 1., 2., 3., 4.]), 1.0)
-    """
-    force = snapshot(of).force
-    relative = force / force.mean() if len(force) else force
-    count, edges = np.histogram(relative, bins, (0.0, most))
-    return Distribution(edges, count / (max(1, len(force)) * np.diff(edges)))
 
 
 def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
@@ -225,10 +74,17 @@ def grain_stresses(of: Snapshot | HasState, area: FloatArray | None = None) -> F
     return _force_moments(now) / area[:, np.newaxis, np.newaxis]
 
 
-def mean_stress(of: Snapshot | HasState) -> FloatArray:
-    """Return the stress averaged over the area between the walls [N/m], shape (2, 2).
+def mean_stress(of: Snapshot | HasState, region: Where = None) -> FloatArray:
+    """Return the stress averaged over the area between the walls, or over a region [N/m], shape (2, 2).
 
     With friction it has an antisymmetric part while grains spin up or slow down, see the head of the module.
+
+    Parameters
+    ----------
+    of : Snapshot or Simulation
+    region : mapping, optional
+        See `region_of`. The sum is over all contacts of the grains in the region, and A is its area. So the
+        stresses of regions that fill a larger one, weighted by their areas, add up to that of the larger one.
 
     Examples
     --------
@@ -237,18 +93,26 @@ def mean_stress(of: Snapshot | HasState) -> FloatArray:
            [0.0003, 0.1808]])
     """
     now = snapshot(of)
-    return _force_moments(now).sum(axis=0) / now.scene.area
+    if region is None:
+        return _force_moments(now).sum(axis=0) / now.scene.area
+    counted = region_of(now, region)
+    return np.asarray(_force_moments(now)[counted.contains(now.position)].sum(axis=0) / counted.area)
 
 
-def pressure(of: Snapshot | HasState) -> float:
+def pressure(of: Snapshot | HasState, region: Where = None) -> float:
     """Return half the trace of the mean stress [N/m].
+
+    Parameters
+    ----------
+    of, region
+        See `mean_stress`.
 
     Examples
     --------
     >>> f"{analysis.pressure(simulation):.4f} N/m"
     '0.1948 N/m'
     """
-    return float(np.trace(mean_stress(of)) / 2.0)
+    return float(np.trace(mean_stress(of, region)) / 2.0)
 
 
 def _force_moments(now: Snapshot) -> FloatArray:

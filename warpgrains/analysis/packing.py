@@ -7,9 +7,9 @@ corresponds to a corner c of the cells of its three grains.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.analysis.region_table import Where, region_of
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import missing_extra
 from warpgrains.scene.geometry import area_below, area_in_disc
@@ -17,14 +17,6 @@ from warpgrains.scene.walls import Annulus
 from warpgrains.solver.final_states import Grains
 
 BEYOND = 10.0  # in radii of the outer wall: three auxiliary points there close the outermost cells
-
-
-def upwards(gravity: ArrayLike) -> FloatArray:
-    """Return unit vectors against gravity [m/s2], shape (..., 2); without gravity, the y direction."""
-    g = np.array(gravity)
-    size, up = np.hypot(g[..., :1], g[..., 1:]), np.zeros_like(g)
-    up[..., 1] = 1.0
-    return np.divide(-g, size, out=up, where=size > 0.0)
 
 
 def heights(of: Snapshot | HasState) -> FloatArray:
@@ -58,18 +50,32 @@ def pile_heights(grains: Grains) -> FloatArray:
     return (_heights(grains) + grains.radius).max(axis=-1) + grains.walls.depth
 
 
-def packing_fraction(of: Snapshot | HasState) -> float:
+def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
     """Return the fraction of the area between the walls that grains fill, below their mean height.
 
     The mean height is weighted by area. A pile is dense below it, so that neither its loose surface nor the
     empty space above counts. Grains and space are cut exactly at that height.
     Walls inside the annulus count as space.
 
+    Parameters
+    ----------
+    of : Snapshot or Simulation
+    region : mapping, optional
+        Region in which the fraction is measured instead, see `region_of`: the area of all grains that have
+        their centers in it, each as a whole, divided by its area, of which discs inside are no part. At a
+        border within the packing some grains stick out, and parts of others stick in.
+
     Examples
     --------
     >>> round(analysis.packing_fraction(simulation), 3)
     0.672
+    >>> round(analysis.packing_fraction(simulation, region={"below": -1.5}), 3)
+    0.485
     """
+    if region is not None:
+        now, counted = snapshot(of), region_of(of, region)
+        radius = now.scene.radius[counted.contains(now.position)]
+        return float(np.pi * (radius**2).sum() / counted.area)
     return packing_fractions(snapshot(of).grains).item()
 
 

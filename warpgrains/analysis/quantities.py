@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis import contacts, energy, packing
+from warpgrains.analysis import contacts, energy, forces, network, packing
 from warpgrains.analysis.energy import EnergyBalance, step_energy_balance
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
@@ -47,7 +47,7 @@ def _stress(a: int, b: int, sign: float = 1.0) -> Quantity:
 
 
 def _force(part: str, meaning: str) -> Quantity:
-    return Quantity("N", contacts.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
+    return Quantity("N", forces.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
 
 
 def _powers(now: Snapshot) -> EnergyBalance:
@@ -85,11 +85,11 @@ QUANTITIES = {
         "", packing.packing_fractions, "share of the space below the mean height that grains fill"
     ),
     "coordination_number": Quantity(
-        "", contacts.coordination_number, meaning="mean number of contacts of a grain, walls included"
+        "", network.coordination_number, meaning="mean number of contacts of a grain, walls included"
     ),
     "rattlers": Quantity(
         "",
-        contacts.rattlers,
+        network.rattlers,
         lambda found: float(np.count_nonzero(found)),
         meaning="number of grains that their contacts do not hold",
     ),

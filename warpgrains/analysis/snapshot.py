@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.drawing.chains import contact_normals, with_walls
@@ -137,6 +138,14 @@ class Snapshot:
             np.concatenate([force[:m], force]),
             np.concatenate([self.tangential_force, self.tangential_force, self.wall_tangential_force]),
         )
+
+
+def upwards(gravity: ArrayLike) -> FloatArray:
+    """Return unit vectors against gravity [m/s2], shape (..., 2); without gravity, the y direction."""
+    g = np.array(gravity)
+    size, up = np.hypot(g[..., :1], g[..., 1:]), np.zeros_like(g)
+    up[..., 1] = 1.0
+    return np.divide(-g, size, out=up, where=size > 0.0)
 
 
 @overload

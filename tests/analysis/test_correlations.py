@@ -1,0 +1,113 @@
+"""Correlations of centers by kinds: a twin over all pairs, a lattice, sums over kinds."""
+
+import numpy as np
+import pytest
+
+from warpgrains import InputError, Scene, analysis
+from warpgrains.scene.layouts import random
+from warpgrains.scene.state import first_state
+from warpgrains.scene.walls import Annulus
+
+
+def of(position, radius, **fields):
+    scene = Scene(position=position, radius=radius, mass=1.0, **{"radius_out": 1.0, **fields})
+    return analysis.snapshot(scene, first_state(scene))
+
+
+@pytest.fixture(scope="module")
+def mixture():
+    """Grains of many radii anywhere between the walls."""
+    return of(*random(Annulus(0.3, 1.0), count=900, radius=[0.005, 0.02], seed=2), radius_in=0.3)
+
+
+LABELS = np.random.default_rng(5).integers(-1, 2, 900)
+
+
+@pytest.mark.parametrize("region", [{}, {"x": (-0.9, 0.5)}, {"angle": (-2.0, 1.0), "distance": (0.4, 0.9)}])
+def test_pairs_by_kinds_are_those_of_a_twin(mixture, region):
+    found = analysis.partial_radial_distributions(mixture, LABELS, 30, 0.3, region)
+    counted, radius = analysis.region_of(mixture, region), mixture.scene.radius
+    inside = counted.contains(mixture.position)
+    position, label = mixture.position[inside], LABELS[inside]
+    apart = np.hypot(*(position[:, np.newaxis] - position).T)
+    np.fill_diagonal(apart, np.inf)
+    assert found.kinds.tolist() == [-1, 0, 1]
+    # centers reach the walls to within the smallest radius
+    near, far = 0.3 + radius.min(), 1.0 - radius.min()
+    angle, middle = 2.0 * np.pi * np.arange(2000) / 2000, 0.5 * (found.edges[1:] + found.edges[:-1])
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    reached = {
+        "distance": (
+            max(near, 0.4 if "angle" in region else near),
+            min(far, 0.9 if "angle" in region else far),
+        )
+    }
+    space = analysis.region_of(mixture, {**region, **reached})
+    for b in (3, 11, 29):
+        share = space.contains(position[:, np.newaxis] + middle[b] * circle).mean(axis=1)
+        density = 2.0 * np.pi * middle[b] * np.diff(found.edges)[b] / space.area
+        for i, one in enumerate(found.kinds):
+            for j, other in enumerate(found.kinds):
+                of_one, of_other = label == one, label == other
+                between = apart[of_one][:, of_other]
+                pairs = ((between >= found.edges[b]) & (between < found.edges[b + 1])).sum()
+                pairs = pairs // 2 if i == j else pairs
+                assert found.pairs[i, j, b] == pairs
+                ways = share[of_one].sum() * (of_other.sum() - (i == j))
+                ways += share[of_other].sum() * (of_one.sum() - (i == j))
+                expected = density * ways / (4.0 if i == j else 2.0)
+                assert found.g[i, j, b] == pytest.approx(pairs / expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("kinds", [2, 5, LABELS])
+def test_kinds_add_up_to_all(mixture, kinds):
+    found = analysis.partial_radial_distributions(mixture, kinds, 40, 0.2)
+    whole = analysis.radial_distribution(mixture, 40, 0.2)
+    upper = np.triu_indices(len(found.kinds))
+    assert np.array_equal(found.pairs[upper].sum(axis=0), whole.pairs)
+    assert np.array_equal(found.pairs, found.pairs.swapaxes(0, 1))
+    full = whole.pairs > 100
+    expected = found.pairs[upper][:, full] / np.where(found.g > 0.0, found.g, np.inf)[upper][:, full]
+    occupied = (found.g[upper][:, full] > 0.0).all(axis=0)
+    assert expected.sum(axis=0)[occupied] == pytest.approx(
+        (whole.pairs / np.maximum(whole.g, 1e-300))[full][occupied]
+    )
+    assert occupied.sum() > 20
+
+
+def test_kinds_of_a_chessboard():
+    """Neighbors on a square lattice have the other color; those along diagonals the same one."""
+    pitch, side = 0.04, np.arange(-17, 18)
+    i, j = (index.ravel() for index in np.meshgrid(side, side))
+    board = of(pitch * np.stack([i, j], axis=1) + 1e-3, 0.02, gravity=(0.0, 0.0))
+    window = pitch * 15.5 + 1e-3
+    square = {"x": (-window, window), "y": (-window, window)}
+    found = analysis.partial_radial_distributions(board, (i + j) % 2, 33, 0.099, square)
+    occupied = [
+        found.edges[:-1][pairs > 0].round(3).tolist() for pairs in (found.pairs[0, 0], found.pairs[0, 1])
+    ]
+    assert [len(one) for one in occupied] == [2, 2]  # sqrt(2) and 2, and 1 and sqrt(5) pitches
+    assert found.pairs[0, 1].sum() == 2 * 31 * 30 + 4 * 30 * 29
+    assert (found.pairs[0, 0] + found.pairs[1, 1]).sum() == 2 * 30 * 30 + 2 * 31 * 29
+    count = found.pairs[0, 1][found.edges[:-1] < 0.0401].sum()
+    assert count == 2 * 31 * 30
+
+
+def test_classes_of_radii(mixture):
+    """As many grains in each, ordered by radius; of few different radii, each is a class."""
+    found, radius = analysis.radius_classes(mixture, 4), mixture.scene.radius
+    assert np.bincount(found).tolist() == [225] * 4
+    assert all(radius[found == k].max() < radius[found == k + 1].min() for k in range(3))
+    position, count = mixture.position, np.array([600, 200, 100])
+    three = of(position, np.repeat([0.003, 0.001, 0.002], count), radius_in=0.3)
+    assert np.bincount(analysis.radius_classes(three, 3)).tolist() == [200, 100, 600]
+    assert analysis.radius_classes(three, 1).tolist() == [0] * 900
+
+
+@pytest.mark.parametrize(
+    ("kinds", "complaint"),
+    [([0, 1], "must be 900 integers"), (np.linspace(0, 1, 900), "type float64"), (0, "count is 0")],
+)
+def test_bad_kinds_are_refused(mixture, kinds, complaint):
+    with pytest.raises(InputError, match=complaint):
+        analysis.partial_radial_distributions(mixture, kinds)

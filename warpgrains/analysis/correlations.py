@@ -1,0 +1,200 @@
+"""Correlations of the centers of grains: radial distribution functions, of all grains and by kinds."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from warpgrains.analysis.packing import heights, mean_heights
+from warpgrains.analysis.region import Region
+from warpgrains.analysis.region_table import Where, region_of
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray
+from warpgrains.errors import InputError, missing_extra
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import distance
+from warpgrains.scene.region import Region as Space
+from warpgrains.scene.walls import Annulus
+
+
+class RadialDistribution(NamedTuple):
+    """Radial distribution function of grain centers."""
+
+    edges: FloatArray
+    """Edges of the bins [m], shape (bins + 1,)."""
+    pairs: IndexArray
+    """Number of pairs i < j in each bin, both in the region, shape (bins,)."""
+    g: FloatArray
+    """g(r), shape (bins,): `pairs` divided by its expectation for the same number of independent, uniformly
+    random points in the region."""
+
+
+def radial_distribution(
+    of: Snapshot | HasState,
+    bins: int = 100,
+    reach: float | None = None,
+    region: Where = None,
+) -> RadialDistribution:
+    """Return g(r) of the grains in a region; it tends to 1 if the region is filled uniformly.
+
+    Only the part of the circle of radius r about a grain that lies in the region counts, so that the border
+    does not bias g(r). If a region is partly empty, like the space above a pile, g(r) tends to more than 1,
+    because the mean density of the region is smaller than the density around a grain.
+
+    Parameters
+    ----------
+    of : Snapshot or Simulation
+    bins : int
+    reach : float, optional
+        Upper end of the bins [m]; by default five mean diameters.
+    region : mapping, optional
+        Region of the centers, see `region_of`; ``{}`` is the whole space between the walls. The default
+        excludes a mean diameter along the walls, where grains are layered, and under gravity the space above
+        the mean height of the grains, weighted by area, as for `packing_fraction`.
+
+    Raises
+    ------
+    InputError
+        The region is invalid or has no space for centers, as the default in a pile of one layer; or scipy is
+        not installed, which the extra ``[report]`` installs.
+
+    Examples
+    --------
+    >>> edges, pairs, g = analysis.radial_distribution(simulation, bins=10, region={"y": (-2.0, -1.5)})
+    >>> edges.shape, pairs.shape, g.shape
+    ((11,), (10,), (10,))
+    """
+    found = _counted(snapshot(of), np.zeros(snapshot(of).n, np.int64), bins, reach, region)
+    return RadialDistribution(found.edges, found.pairs[0, 0], found.g[0, 0])
+
+
+class PartialDistributions(NamedTuple):
+    """Radial distribution functions of k kinds of grains."""
+
+    edges: FloatArray
+    """Edges of the bins [m], shape (bins + 1,)."""
+    kinds: IndexArray
+    """The kinds in ascending order, shape (k,)."""
+    pairs: IndexArray
+    """Number of pairs of a grain of the first and one of the second kind in each bin, each pair once, shape
+    (k, k, bins), symmetric."""
+    g: FloatArray
+    """g_ab(r), shape (k, k, bins), symmetric: `pairs` divided by its expectation for the same numbers of
+    independent, uniformly random points in the region."""
+
+
+def partial_radial_distributions(
+    of: Snapshot | HasState,
+    kinds: int | ArrayLike = 2,
+    bins: int = 100,
+    reach: float | None = None,
+    region: Where = None,
+) -> PartialDistributions:
+    """Return g_ab(r) of the grains in a region by kinds a and b; each tends to 1 in a uniform mixture.
+
+    The pairs of all kinds, each counted once, are those of `radial_distribution`, and so are their
+    expectations.
+
+    Parameters
+    ----------
+    of : Snapshot or Simulation
+    kinds : int or array_like
+        A label for each grain, integers of shape (n,); or a number of classes, see `radius_classes`.
+    bins, reach, region
+        See `radial_distribution`.
+
+    Raises
+    ------
+    InputError
+        Labels are not n integers, the region is invalid, or scipy is not installed.
+
+    Examples
+    --------
+    >>> found = analysis.partial_radial_distributions(simulation, kinds=np.arange(15) % 3, bins=10, region={})
+    >>> found.kinds, found.pairs.shape, found.g.shape
+    (array([0, 1, 2]), (3, 3, 10), (3, 3, 10))
+    """
+    now = snapshot(of)
+    label = np.asarray(radius_classes(now, kinds) if isinstance(kinds, int) else kinds)
+    if label.shape != (now.n,) or label.dtype.kind not in "iu":
+        raise InputError(f"kinds has shape {label.shape} and type {label.dtype}: it must be {now.n} integers")
+    return _counted(now, label, bins, reach, region)
+
+
+def radius_classes(of: Snapshot | HasState, count: int = 2) -> IndexArray:
+    """Return the class of each grain by its radius, shape (n,): 0 for the smallest grains, then 1, 2, ...
+
+    With at most `count` different radii, each is a class. Otherwise the classes have about equal numbers of
+    grains: they are divided at quantiles of the radii, and equal radii belong to one class.
+
+    Examples
+    --------
+    >>> np.bincount(analysis.radius_classes(wg.Simulation("bidisperse")))  # grains of each class
+    array([103,  97])
+    """
+    radius = snapshot(of).scene.radius
+    checks.whole_number("count", count)
+    different, found = np.unique(radius, return_inverse=True)
+    if len(different) <= count:
+        return np.asarray(found, np.int64)
+    limits = np.quantile(radius, np.arange(1, count) / count)
+    return np.searchsorted(limits, radius, "left").astype(np.int64)
+
+
+def _counted(
+    now: Snapshot, label: IndexArray, bins: int, reach: float | None, region: Where
+) -> PartialDistributions:
+    """Return pairs and g(r) of grains with labels."""
+    try:
+        from scipy.spatial import cKDTree
+    except ModuleNotFoundError as error:
+        raise missing_extra("radial_distribution", error) from error
+    counted, position = _region_and_centers(now, region)
+    inside = counted.contains(position)
+    kinds, kind = np.unique(label, return_inverse=True)
+    position, kind, k = position[inside], kind[inside], len(kinds)
+    reach = 10.0 * float(now.scene.radius.mean()) if reach is None else reach
+    i, j = cKDTree(position).query_pairs(reach, output_type="ndarray").T
+    apart, of_pair = distance(position[j] - position[i]), kind[i] * k + kind[j]
+    edges = np.linspace(0.0, reach, bins + 1)
+    counts = [np.histogram(apart[of_pair == one], bins, (0.0, reach))[0] for one in range(k * k)]
+    pairs = np.array(counts).reshape(k, k, bins)
+    pairs = pairs + pairs.swapaxes(0, 1) * ~np.eye(k, dtype=bool)[..., np.newaxis]
+    reachable = counted.for_centers(now.scene.radius.min(), now.scene.annulus)
+    expected = _expected(reachable, position, [kind == one for one in range(k)], edges)
+    g = np.divide(pairs, expected, out=np.zeros(pairs.shape), where=expected > 0.0)
+    return PartialDistributions(edges, kinds, pairs, g)
+
+
+def _expected(
+    region: Region, position: FloatArray, of_kind: list[BoolArray], edges: FloatArray
+) -> FloatArray:
+    """Return the expected number of pairs of kinds in bins for random centers, by the midpoint rule."""
+    middle, clearance, k = 0.5 * (edges[1:] + edges[:-1]), region.clearance(position), len(of_kind)
+    inside = np.empty((k, len(middle)))
+    for b, r in enumerate(middle):
+        share = region.share_of_circles(position, r, clearance)
+        inside[:, b] = [share[own].sum() for own in of_kind]
+    others = np.tile([float(own.sum()) for own in of_kind], (k, 1)) - np.eye(k)
+    half = 0.5 * others[..., np.newaxis] / region.area * 2.0 * np.pi * middle * np.diff(edges)
+    ways = half * inside[:, np.newaxis]  # from a grain of kind a to another one of kind b
+    return ways + ways.swapaxes(0, 1) * ~np.eye(k, dtype=bool)[..., np.newaxis]
+
+
+def _region_and_centers(now: Snapshot, region: Where) -> tuple[Region, FloatArray]:
+    """Return region and centers [m], shape (n, 2).
+
+    If the region is the default, they are rotated so that up is y.
+    """
+    scene = now.scene
+    if region is not None:
+        return region_of(now, region), now.position
+    inner, outer, diameter = scene.radius_in, scene.radius_out, 2.0 * float(scene.radius.mean())
+    bulk = Space(Annulus(inner + diameter if inner > 0.0 else 0.0, outer - diameter))
+    discs = region_of(now).discs
+    if not any(scene.gravity):
+        return Region(bulk, discs=discs), now.position
+    x, y = upwards(scene.gravity)
+    turned = np.stack([now.position @ np.array([y, -x]), heights(now)], axis=1)
+    discs = tuple(disc._replace(x=y * disc.x - x * disc.y, y=x * disc.x + y * disc.y) for disc in discs)
+    return Region(bulk._replace(high=(np.inf, mean_heights(now.grains).item())), discs=discs), turned

@@ -1,0 +1,228 @@
+"""The network of contacts: contact numbers, rattlers, clusters, and states of self-stress."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from warpgrains.analysis.region_table import Where, grains_in
+from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from warpgrains.errors import InputError, missing_extra
+from warpgrains.scene.geometry import left_of
+
+MOST_FREEDOMS = 3000  # of `rigidity`: a singular value decomposition of a matrix of this size takes some 10 s
+
+
+class _Contacts(NamedTuple):
+    """Contacts whose force is large enough."""
+
+    pair: IntArray
+    wall: IntArray
+    """Grain of each contact with a wall, shape (k,)."""
+
+    def numbers(self, without: BoolArray) -> IndexArray:
+        """Return the number of contacts of each grain, shape (n,), leaving out some grains."""
+        kept = self.pair[~without[self.pair].any(axis=1)]
+        wall, n = self.wall[~without[self.wall]], len(without)
+        return np.bincount(kept.ravel(), minlength=n) + np.bincount(wall, minlength=n)
+
+
+def _contacts(now: Snapshot, least: float) -> _Contacts:
+    return _Contacts(now.pair[now.force >= least], now.wall[now.wall_force >= least, 0])
+
+
+def contact_numbers(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
+    """Return the number of contacts of each grain, walls included, shape (n,).
+
+    Parameters
+    ----------
+    of : Snapshot or Simulation
+    least : float
+        Smallest force of contacts that count [N]; a step solved to a tolerance leaves tiny forces.
+
+    Examples
+    --------
+    >>> analysis.contact_numbers(simulation)
+    array([3, 4, 2, 4, 3, 4, 1, 2, 1, 4, 3, 3, 0, 3, 3])
+    """
+    now = snapshot(of)
+    return _contacts(now, least).numbers(np.zeros(now.n, dtype=bool))
+
+
+def rattlers(of: Snapshot | HasState, least: float = 0.0) -> BoolArray:
+    """Return which grains do not carry loads, shape (n,).
+
+    A frictionless grain is held by 3 contacts, or in a pile by 2 and its weight; a grain with friction by 2.
+    Contacts with walls count. Grains with fewer are removed with their contacts, repeatedly until none has
+    fewer. The removed grains are the rattlers; the remaining ones are the backbone, a k-core. A grain of a
+    pile that stands on a single contact is a rattler.
+
+    Parameters
+    ----------
+    of, least
+        See `contact_numbers`.
+
+    Examples
+    --------
+    >>> int(analysis.rattlers(simulation).sum())
+    3
+    """
+    now = snapshot(of)
+    needed = 2 if any(now.scene.gravity) or now.scene.has_friction else 3
+    contacts, loose = _contacts(now, least), np.zeros(now.n, dtype=bool)
+    while True:
+        found = loose | (contacts.numbers(loose) < needed)
+        if (found == loose).all():
+            return loose
+        loose = found
+
+
+def coordination_number(
+    of: Snapshot | HasState, least: float = 0.0, without_rattlers: bool = False, region: Where = None
+) -> float:
+    """Return Z, the mean number of contacts per grain, walls included; 0 without grains to count.
+
+    Parameters
+    ----------
+    of, least
+        See `contact_numbers`.
+    without_rattlers : bool
+        Whether to leave out rattlers, and their contacts.
+    region : mapping, optional
+        Region of the grains that count, with all their contacts, see `region_of`.
+
+    Examples
+    --------
+    >>> round(analysis.coordination_number(simulation), 3)
+    2.667
+    """
+    now = snapshot(of)
+    loose = rattlers(now, least) if without_rattlers else np.zeros(now.n, dtype=bool)
+    counted = ~loose if region is None else ~loose & grains_in(now, region)
+    number = _contacts(now, least).numbers(loose)[counted]
+    return float(number.mean()) if len(number) else 0.0
+
+
+def clusters(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
+    """Return the number of the cluster of each grain, shape (n,).
+
+    Grains of a cluster are connected by contacts between grains. Walls connect no grains. Clusters are
+    numbered by decreasing number of grains, and those of equal size by their first grain.
+
+    Parameters
+    ----------
+    of, least
+        See `contact_numbers`.
+
+    Raises
+    ------
+    InputError
+        scipy is not installed; the extra ``[report]`` installs it.
+
+    Examples
+    --------
+    >>> np.bincount(analysis.clusters(simulation))  # sizes of the clusters
+    array([14,  1])
+    """
+    try:
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+    except ModuleNotFoundError as error:
+        raise missing_extra("clusters", error) from error
+    now = snapshot(of)
+    i, j = _contacts(now, least).pair.T
+    graph = coo_array((np.ones(len(i), bool), (i, j)), shape=(now.n, now.n))
+    _, label = connected_components(graph, directed=False)
+    _, first, size = np.unique(label, return_index=True, return_counts=True)
+    number = np.empty(len(size), np.int64)
+    number[np.lexsort((first, -size))] = np.arange(len(size))
+    return number[label]
+
+
+class Rigidity(NamedTuple):
+    """Numbers of forces and motions of a network of contacts, which Maxwell's count relates.
+
+    `forces` - `self_stresses` = `freedoms` - `zero_modes` = `rank` (Calladine, 1978).
+    """
+
+    forces: int
+    """Number of independent components of contact forces: one a contact, or two with friction."""
+    freedoms: int
+    """Number of velocity components: two a grain, or three with friction."""
+    rank: int
+    """Rank of the rigidity matrix, which gives relative velocities at contacts from velocities of grains."""
+    self_stresses: int
+    """Dimension of the space of contact forces, of any sign, that balance on every grain without a load."""
+    zero_modes: int
+    """Dimension of the space of velocities, of first order, that change the gap of no contact, and with
+    friction let no contact slide."""
+
+
+def rigidity(
+    of: Snapshot | HasState, least: float = 0.0, without_rattlers: bool = False, region: Where = None
+) -> Rigidity:
+    """Return the number of states of self-stress and of zero modes of the contacts, walls included.
+
+    The rank of the rigidity matrix is the number of its singular values above 1e-9 of the largest one. The
+    geometry decides, not the sizes of forces: two parallel contacts of a grain with the same two walls, off
+    by a rounding error, are parallel.
+
+    Parameters
+    ----------
+    of, least
+        See `contact_numbers`.
+    without_rattlers : bool
+        Whether to leave out rattlers, and their contacts.
+    region : mapping, optional
+        Region of the grains that count, see `region_of`. Contacts with grains outside are left out.
+
+    Raises
+    ------
+    InputError
+        The grains have more than 3,000 velocity components: 1,500 grains, or 1,000 with friction.
+
+    Examples
+    --------
+    >>> analysis.rigidity(simulation)
+    Rigidity(forces=25, freedoms=30, rank=25, self_stresses=0, zero_modes=5)
+    """
+    now = snapshot(of)
+    counted = np.ones(now.n, bool) if region is None else grains_in(now, region)
+    if without_rattlers:
+        counted &= ~rattlers(now, least)
+    matrix = _rigidity_matrix(now, least, counted)
+    rank = 0
+    if matrix.size:
+        values = np.linalg.svd(matrix, compute_uv=False)
+        rank = int((values > 1e-9 * values[0]).sum())
+    forces, freedoms = matrix.shape
+    return Rigidity(forces, freedoms, rank, forces - rank, freedoms - rank)
+
+
+def _rigidity_matrix(now: Snapshot, least: float, counted: BoolArray) -> FloatArray:
+    """Return the matrix that gives relative velocities at contacts from velocities and r times spins."""
+    rough, n = now.scene.has_friction, int(counted.sum())
+    per_grain = 3 if rough else 2
+    if n * per_grain > MOST_FREEDOMS:
+        raise InputError(
+            f"{n} grains have {n * per_grain} velocity components: rigidity takes at most {MOST_FREEDOMS};"
+            " choose a smaller region, or leave out rattlers"
+        )
+    m = len(now.pair)
+    pairs = (now.force >= least) & counted[now.pair].all(axis=1)
+    walls = (now.wall_force >= least) & counted[now.wall[:, 0]]
+    number = np.cumsum(counted) - 1
+    i = number[np.concatenate([now.pair[pairs, 0], now.wall[walls, 0]])]
+    j = number[now.pair[pairs, 1]]
+    normal = np.concatenate([now.normal[pairs], now.loads.normal[2 * m :][walls]])
+    row, other = np.arange(len(i)), np.arange(len(j))
+    blocks = []
+    for direction, turn in ((normal, 0.0), (left_of(normal), 1.0))[: 1 + rough]:
+        block = np.zeros((len(i), n, per_grain))
+        block[row, i, :2] = -direction
+        block[other, j, :2] += direction[: len(j)]
+        if rough:  # both surfaces move along the tangent by r times spin, in opposite directions
+            block[row, i, 2] = -turn
+            block[other, j, 2] -= turn
+        blocks.append(block.reshape(len(i), n * per_grain))
+    return np.concatenate(blocks)
