@@ -1,7 +1,9 @@
 """Correlations of centers by kinds: a twin over all pairs, a lattice, sums over kinds."""
 
+import freud
 import numpy as np
 import pytest
+from scipy.special import j0
 
 from warpgrains import InputError, Scene, analysis
 from warpgrains.scene.layouts import random
@@ -111,3 +113,66 @@ def test_classes_of_radii(mixture):
 def test_bad_kinds_are_refused(mixture, kinds, complaint):
     with pytest.raises(InputError, match=complaint):
         analysis.partial_radial_distributions(mixture, kinds)
+
+
+@pytest.fixture(scope="module")
+def dense():
+    return of(*random(Annulus(0.0, 1.0), count=300, radius=0.03, seed=2))
+
+
+def test_structure_factor_is_the_sum_over_pairs(dense):
+    """Means over 200 directions are sums of Bessel functions, and those of freud, for k of any spacing."""
+    k = np.array([3.0, 60.0, 20.0, 100.0, 100.5])
+    found = analysis.structure_factor(dense, k, directions=200, region={})
+    position = dense.position
+    apart = np.hypot(*(position[:, np.newaxis] - position).T)
+    expected = [j0(one * apart).sum() / dense.n for one in k]
+    assert found.k.tolist() == k.tolist()
+    assert found.s == pytest.approx(expected, rel=1e-10)
+    debye = freud.diffraction.StaticStructureFactorDebye(num_k_values=40, k_max=120.0, k_min=10.0)
+    debye.compute((freud.box.Box.square(8.0), np.column_stack([position, np.zeros(dense.n)])))
+    ours = analysis.structure_factor(dense, debye.k_values, directions=200, region={})
+    assert ours.s == pytest.approx(np.array(debye.S_k), abs=1e-3)  # float32
+    assert ours.s.max() > 1.3
+
+
+def test_evenly_spaced_waves_are_those_computed_one_by_one(dense):
+    """The default spacing, whose waves are products, in a region with more directions than one."""
+    sector = {"angle": (0.0, 2.5)}
+    found = analysis.structure_factor(dense, directions=5, region=sector)
+    position = dense.position[analysis.grains_in(dense, sector)]
+    angle = np.pi * np.arange(5) / 5
+    phase = position @ np.stack([np.cos(angle), np.sin(angle)])
+    sums = np.exp(-1j * found.k[:, np.newaxis, np.newaxis] * phase).sum(axis=1)
+    assert found.s == pytest.approx((np.abs(sums) ** 2).mean(axis=1) / len(position), rel=1e-9)
+    assert found.k[[0, -1]] == pytest.approx([4.0 * np.pi / 3.0, 400.0 * np.pi / 3.0])
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_bragg_peaks_of_a_lattice(count):
+    """All n grains of a triangular lattice scatter in phase: S = n, and almost nothing between the peaks."""
+    pitch, side = 0.05, np.arange(-12, 12)
+    i, j = (index.ravel() for index in np.meshgrid(side, side))
+    height = pitch * np.sqrt(3.0) / 2.0
+    crystal = of(np.stack([pitch * (i + 0.5 * (j % 2)), height * j], axis=1) + 1e-3, 0.02)
+    k = np.array([4.0 * np.pi / pitch, 4.0 * np.pi / pitch * (1.0 + 0.5 / 24)])
+    found = analysis.structure_factor(crystal, k, directions=count, region={})
+    assert found.s[0] == pytest.approx(crystal.n * (1.0 if count == 1 else found.s[0] / crystal.n), rel=1e-9)
+    assert found.s[1] < 0.5 * found.s[0]
+
+
+def test_structure_factor_of_points_at_random_is_one():
+    points = np.random.default_rng(3).uniform(-0.7, 0.7, (2000, 2))
+    found = analysis.structure_factor(of(points, 1e-3), np.linspace(60.0, 300.0, 200), region={})
+    assert found.s.mean() == pytest.approx(1.0, abs=0.06)  # of values with a deviation of 1
+
+
+@pytest.mark.parametrize("k", [3.0, [[1.0]], [1.0, np.nan]])
+def test_bad_wave_numbers_are_refused(dense, k):
+    with pytest.raises(InputError, match="list of finite wave numbers"):
+        analysis.structure_factor(dense, k)
+
+
+def test_without_grains_there_is_no_structure_factor(dense):
+    empty = analysis.structure_factor(dense, [1.0], region={"x": (0.0, 1e-6)})
+    assert np.isnan(empty.s).all()

@@ -12,6 +12,7 @@ from warpgrains.analysis.correlations import (
     partial_radial_distributions,
     radial_distribution,
     radius_classes,
+    structure_factor,
 )
 from warpgrains.analysis.energy import (
     EnergyBalance,
@@ -95,5 +96,6 @@ __all__ = [
     "rigidity",
     "snapshot",
     "step_energy_balance",
+    "structure_factor",
     "wall_forces",
 ]
