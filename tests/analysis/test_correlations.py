@@ -117,7 +117,7 @@ def test_bad_kinds_are_refused(mixture, kinds, complaint):
 
 @pytest.fixture(scope="module")
 def dense():
-    return of(*random(Annulus(0.0, 1.0), count=300, radius=0.03, seed=2))
+    return of(*random(Annulus(0.0, 1.0), count=160, radius=0.04, seed=2))
 
 
 def test_structure_factor_is_the_sum_over_pairs(dense):
@@ -129,7 +129,7 @@ def test_structure_factor_is_the_sum_over_pairs(dense):
     expected = [j0(one * apart).sum() / dense.n for one in k]
     assert found.k.tolist() == k.tolist()
     assert found.s == pytest.approx(expected, rel=1e-10)
-    debye = freud.diffraction.StaticStructureFactorDebye(num_k_values=40, k_max=120.0, k_min=10.0)
+    debye = freud.diffraction.StaticStructureFactorDebye(num_k_values=15, k_max=120.0, k_min=10.0)
     debye.compute((freud.box.Box.square(8.0), np.column_stack([position, np.zeros(dense.n)])))
     ours = analysis.structure_factor(dense, debye.k_values, directions=200, region={})
     assert ours.s == pytest.approx(np.array(debye.S_k), abs=1e-3)  # float32
@@ -145,7 +145,7 @@ def test_evenly_spaced_waves_are_those_computed_one_by_one(dense):
     phase = position @ np.stack([np.cos(angle), np.sin(angle)])
     sums = np.exp(-1j * found.k[:, np.newaxis, np.newaxis] * phase).sum(axis=1)
     assert found.s == pytest.approx((np.abs(sums) ** 2).mean(axis=1) / len(position), rel=1e-9)
-    assert found.k[[0, -1]] == pytest.approx([4.0 * np.pi / 3.0, 400.0 * np.pi / 3.0])
+    assert found.k[[0, -1]] == pytest.approx([np.pi, 100.0 * np.pi])
 
 
 @pytest.mark.parametrize("count", [1, 3])
