@@ -2,12 +2,14 @@
 
 import sys
 from dataclasses import asdict, fields
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from command import exit_code
+from command import exit_code, require_refusal
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
+from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import warpgrains as wg
 from warpgrains import InputError, Scene, Simulation, analysis
@@ -104,6 +106,54 @@ def test_contacts_of_a_dataset_are_those_of_the_frames(recorded):
     assert dataset.contact_frame[-1] == 6
 
 
+def test_contacts_of_all_frames_as_tables(recorded):
+    """Rows of a frame are the contacts of its snapshot, those at walls in a table of their own."""
+    found = wg.Recording(recorded[0])
+    dataset = found.to_xarray()
+    tables = {table: found.to_pandas(table) for table in ("grains", "contacts", "wall_contacts")}
+    assert len(tables["grains"]) == 7 * 80
+    assert len(tables["contacts"]) + len(tables["wall_contacts"]) == len(dataset.contact)
+    for k in (0, 6):
+        frame, rows = found.frame(k), {name: table[table.frame == k] for name, table in tables.items()}
+        assert (rows["grains"].time == found.time[k]).all()
+        assert np.array_equal(rows["grains"][["x", "y"]], frame.position)
+        assert np.array_equal(rows["grains"][["vx", "vy"]], frame.velocity)
+        assert np.array_equal(rows["grains"].mass, found.scene.mass)
+        assert np.array_equal(rows["contacts"][["i", "j"]], frame.pair)
+        assert np.array_equal(rows["contacts"][["normal_x", "normal_y"]], frame.normal)
+        assert np.array_equal(rows["contacts"].force, frame.force)
+        assert np.array_equal(rows["wall_contacts"][["grain", "wall"]], frame.wall)
+        assert np.array_equal(rows["wall_contacts"].force, frame.wall_force)
+        assert len(frame.force) > 0 or k == 0
+        grain, normal = frame.wall[:, 0], rows["wall_contacts"][["normal_x", "normal_y"]].to_numpy()
+        outward = frame.position[grain] / np.hypot(*frame.position[grain].T)[:, np.newaxis]
+        sign = np.where(frame.wall[:, 1] == 1, -1.0, 1.0)
+        assert normal == pytest.approx(sign[:, np.newaxis] * outward)
+
+
+def test_a_snapshot_as_tables_and_dataset(recorded):
+    """Those of a simulation are those of its contacts; of a frame, those of the recording's dataset."""
+    path, simulation = recorded
+    moment = analysis.snapshot(simulation)
+    for table, other in (
+        ("contacts", simulation.contacts()),
+        ("wall_contacts", simulation.wall_contacts()),
+    ):
+        found, expected = moment.to_pandas(table), other.to_pandas()
+        assert found.equals(expected[list(found)][expected.force > 0.0].reset_index(drop=True))
+        assert len(found) > 0
+    source = wg.Recording(path)
+    ours, whole = source.frame(6).to_xarray(), source.to_xarray()
+    last = whole.isel(contact=(whole.contact_frame == 6).values, time=6)
+    assert {*ours.data_vars} == {*whole.data_vars} - {"contact_frame"} | {"mass"}
+    for name in ours.data_vars:
+        if name != "mass":
+            assert np.array_equal(ours[name], last[name]), name
+            assert ours[name].attrs == last[name].attrs
+    with pytest.raises(InputError, match="did you mean 'contacts'"):
+        moment.to_pandas("contact")
+
+
 def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
     path, output = recorded[0], tmp_path / "run.vtkhdf"
     assert exit_code("export", path, "-o", output) == 0
@@ -131,6 +181,42 @@ def test_vtk_reads_every_frame_back(recorded, tmp_path, capfd):
         assert np.hypot(*feet.T) == pytest.approx(
             np.where(to_inner, scene.radius_in, scene.radius_out), abs=1e-3
         )
+
+
+def test_a_series_for_paraview_and_pyvista(recorded, tmp_path, capfd):
+    """Every frame of the list has its time and is what the other format holds; only frames are replaced."""
+    path, output = recorded[0], tmp_path / "run.pvd"
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "0099.vtp").write_text("an earlier frame")
+    assert exit_code("export", path, "-o", output) == 0
+    assert capfd.readouterr().out == f"{output}: 7 frames\n"
+    source, listed = wg.Recording(path), [*ElementTree.parse(output).iter("DataSet")]
+    assert [float(one.get("timestep")) for one in listed] == source.time.tolist()
+    assert sorted(one.name for one in (tmp_path / "run").iterdir()) == [f"{k:04}.vtp" for k in range(7)]
+    for k in (0, 6):
+        reader, frame = vtkXMLPolyDataReader(), source.frame(k)
+        reader.SetFileName(str(tmp_path / listed[k].get("file")))
+        reader.Update()
+        data = reader.GetOutput()
+        assert np.array_equal(vtk_to_numpy(data.GetPoints().GetData())[:80, :2], frame.position)
+        force = vtk_to_numpy(data.GetCellData().GetArray("force"))
+        assert np.array_equal(force[80:], np.concatenate([frame.force, frame.wall_force]))
+    (tmp_path / "run" / "notes.txt").write_text("mine")
+    assert exit_code("export", path, "-o", output) == 2
+    require_refusal(capfd, "holds other files than frames")
+
+
+def test_pyvista_plays_the_series(recorded, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    source = wg.Recording(recorded[0])
+    assert exit_code("export", recorded[0], "-o", tmp_path / "run.pvd") == 0
+    reader = pyvista.get_reader(tmp_path / "run.pvd")
+    assert reader.time_values == source.time.tolist()
+    for k in (6, 2):
+        reader.set_active_time_point(k)
+        (data,), frame = reader.read(), source.frame(k)
+        assert np.array_equal(data.points[:80, :2], frame.position)
+        assert np.array_equal(data.cell_data["force"][80 : 80 + len(frame.force)], frame.force)
 
 
 def test_contacts_and_reports_as_frames():

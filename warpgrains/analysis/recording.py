@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
+from warpgrains.analysis.tabulated import TABLES, columns_of, contact_variables
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_normals
 from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import InputError
+from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.shown import Shown
 from warpgrains.tables import library
 from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
 
 if TYPE_CHECKING:
+    import pandas
     import xarray
 
 
@@ -160,6 +163,28 @@ class Recording(Shown):
             angle=angle,
         )
 
+    def to_pandas(self, table: str = "grains") -> pandas.DataFrame:
+        """Return grains or contacts of all frames as a DataFrame.
+
+        Parameters
+        ----------
+        table : str
+            ``"grains"``, ``"contacts"`` or ``"wall_contacts"``: the columns frame and time [s], and those of
+            `Snapshot.to_pandas`.
+
+        Raises
+        ------
+        InputError
+            The table is unknown, contacts were not recorded, or pandas is not installed; the extra ``[data]``
+            installs it.
+        """
+        contacts = checks.one_of("table", table, TABLES) != "grains"
+        parts = [columns_of(self.frame(k, contacts), table) for k in range(len(self))]
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        frame = np.repeat(np.arange(len(self)), [len(next(iter(part.values()))) for part in parts])
+        first = {"frame": frame, "time": self.time[frame]}
+        return library("pandas", "to_pandas").DataFrame(first | columns)
+
     def to_xarray(self) -> xarray.Dataset:
         """Return positions, velocities, radii and contacts as a dataset, with units.
 
@@ -205,15 +230,9 @@ class Recording(Shown):
         frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])
         pair = np.concatenate([of.pair for of in chains])
         force = np.concatenate([of.force for of in chains])
-        tangential = {}
-        if self._reader.has_rotation:
-            values = np.concatenate([of.tangential_force for of in chains])
-            tangential = {"contact_tangential_force": ("contact", values, {"units": "N"})}
+        rough = self._reader.has_rotation
+        tangential = np.concatenate([of.tangential_force for of in chains]) if rough else None
         return {
             "contact_frame": ("contact", frame),
-            "contact_grain": ("contact", pair[:, 0]),
-            "contact_other": ("contact", pair[:, 1]),
-            "contact_normal": (("contact", "component"), np.concatenate(normal)),
-            "contact_force": ("contact", force, {"units": "N"}),
-            **tangential,
+            **contact_variables(pair, np.concatenate(normal), force, tangential),
         }

@@ -9,13 +9,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from warpgrains.analysis.tabulated import TABLES, columns_of, dataset_variables
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.drawing.chains import contact_normals, with_walls
+from warpgrains.scene import checks
 from warpgrains.scene.walls import Annulus
 from warpgrains.solver.final_states import Grains
 from warpgrains.solver.forces import pair_contacts, wall_contacts
+from warpgrains.tables import library
 
 if TYPE_CHECKING:
+    import pandas
+    import xarray
+
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.state import State
 
@@ -125,6 +131,37 @@ class Snapshot:
     def normal(self) -> FloatArray:
         """Unit vectors from grain i to grain j of each pair, shape (m, 2)."""
         return self.loads.normal[: len(self.pair)]
+
+    def to_pandas(self, table: str = "grains") -> pandas.DataFrame:
+        """Return grains or contacts as a DataFrame, in the units of the snapshot.
+
+        Parameters
+        ----------
+        table : str
+            ``"grains"``: x, y, vx, vy, radius, mass, spin, angle; ``"contacts"``, those between grains: i, j,
+            normal_x, normal_y, force, tangential_force; or ``"wall_contacts"``: grain, wall, and the same.
+
+        Raises
+        ------
+        InputError
+            The table is unknown, or pandas is not installed; the extra ``[data]`` installs it.
+        """
+        columns = columns_of(self, checks.one_of("table", table, TABLES))
+        return library("pandas", "to_pandas").DataFrame(columns)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return grains and contacts as a dataset with units, as those of `Recording.to_xarray`.
+
+        Raises
+        ------
+        InputError
+            xarray is not installed; the extra ``[data]`` installs it.
+        """
+        return library("xarray", "to_xarray").Dataset(
+            dataset_variables(self, with_walls(self.pair, self.wall)),
+            coords={"component": ["x", "y"]},
+            attrs={"time": self.time, "steps": self.steps},
+        )
 
     @cached_property
     def loads(self) -> Loads:

@@ -1,23 +1,29 @@
-"""Export of recordings for ParaView: grains, contacts and forces as VTK HDF, written by VTK itself."""
+"""Export of recordings for ParaView and pyvista: grains, contacts and forces, written by VTK itself."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from warpgrains.analysis.recording import Recording
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_ends, with_walls
-from warpgrains.errors import missing_extra
-from warpgrains.files import draft_of, require_writable_path
+from warpgrains.errors import InputError, missing_extra
+from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
 
-SUFFIX = ".vtkhdf"
+SUFFIXES = (".vtkhdf", ".pvd")
+_FRAME = re.compile(r"(\.draft\.)?\d{4,}\.vtp")  # drafts are those of an export that was killed
 
 
 def export(recording: str | Path, output: str | Path) -> int:
-    """Write the frames of a recording as VTK HDF with time steps, and return their number.
+    """Write the frames of a recording as files of VTK, and return their number.
+
+    An output that ends in ``.vtkhdf`` is one file with time steps. One that ends in ``.pvd`` is a list of
+    times and files: RUN.pvd lists RUN/0000.vtp, RUN/0001.vtp and so on.
 
     Each frame is one polydata. Its first points are the grains, each with a vertex cell, with radius [m] and
     velocity [m/s]. Contacts, if recorded, are lines between grains, or from a grain to its contact point on
@@ -27,18 +33,52 @@ def export(recording: str | Path, output: str | Path) -> int:
     Raises
     ------
     InputError
-        The recording cannot be read, the output cannot be written, or VTK, which the extra ``[data]``
-        installs, is missing.
+        The recording cannot be read, the output cannot be written, the folder of a series holds other
+        files, or VTK, which the extra ``[data]`` installs, is missing.
     """
     output = Path(output)
-    require_writable_path("output", output, SUFFIX)
+    require_writable_path("output", output, *SUFFIXES)
     try:
-        from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
-        from vtkmodules.vtkCommonDataModel import vtkDataObject
-        from vtkmodules.vtkIOHDF import vtkHDFWriter
+        import vtkmodules.vtkIOHDF  # noqa: F401
     except ModuleNotFoundError as error:
         raise missing_extra("export", error, "data") from error
     source = Recording(recording)
+    (_write_series if output.suffix == ".pvd" else _write_hdf)(source, output)
+    return len(source)
+
+
+def _write_series(source: Recording, output: Path) -> None:
+    """Write a file for each frame into a folder next to the output, and then the list of them."""
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    folder = resolve_link(output).with_suffix("")
+    earlier = [*folder.iterdir()] if folder.is_dir() else []
+    if any(not _FRAME.fullmatch(path.name) for path in earlier):
+        raise InputError(f"refusing to overwrite folder '{folder}': it holds other files than frames")
+    make_folder(folder)
+    names = [f"{k:04}.vtp" for k in range(len(source))]
+    for k, name in enumerate(names):
+        writer = vtkXMLPolyDataWriter()
+        with draft_of(folder / name) as draft:
+            writer.SetInputData(_polydata(source, k))
+            writer.SetFileName(str(draft))
+            _require_written(writer, folder / name)
+    lines = [
+        f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(f"{folder.name}/{name}")}/>'
+        for time, name in zip(source.time.tolist(), names, strict=True)
+    ]
+    head = ['<?xml version="1.0"?>', '<VTKFile type="Collection" version="0.1">', "  <Collection>"]
+    text = "\n".join([*head, *lines, "  </Collection>", "</VTKFile>", ""])
+    write_atomically(output, text.encode())
+    for path in earlier:
+        if path.name not in names:
+            path.unlink()
+
+
+def _write_hdf(source: Recording, output: Path) -> None:
+    from vtkmodules.util.vtkAlgorithm import VTKPythonAlgorithmBase
+    from vtkmodules.vtkCommonDataModel import vtkDataObject
+    from vtkmodules.vtkIOHDF import vtkHDFWriter
 
     class Frames(VTKPythonAlgorithmBase):
         """VTK source that provides the frame of each time that the writer requests."""
@@ -66,9 +106,12 @@ def export(recording: str | Path, output: str | Path) -> int:
         writer.SetInputConnection(frames.GetOutputPort())
         writer.SetFileName(str(draft))
         writer.SetWriteAllTimeSteps(True)
-        if not writer.Write():
-            raise OSError(f"'{output}' cannot be written: check its folder and the free space")
-    return len(source)
+        _require_written(writer, output)
+
+
+def _require_written(writer: Any, output: Path) -> None:
+    if not writer.Write():
+        raise OSError(f"'{output}' cannot be written: check its folder and the free space")
 
 
 def _polydata(source: Recording, k: int) -> Any:

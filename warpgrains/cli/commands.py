@@ -181,7 +181,7 @@ def _add_plot(parser: ArgumentParser) -> None:
 def _add_export(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", help="the recording, a USD file")
-    add("-o", "--output", metavar="OUT", help="output, .vtkhdf (default: FILE with .vtkhdf)")
+    add("-o", "--output", metavar="OUT", help="output, .vtkhdf or .pvd (default: FILE with .vtkhdf)")
 
 
 def _add_view(parser: ArgumentParser) -> None:

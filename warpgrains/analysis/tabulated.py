@@ -1,0 +1,63 @@
+"""Grains and contacts of snapshots as columns, for frames of pandas and datasets of xarray."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from warpgrains.analysis.snapshot import Snapshot
+
+TABLES = ("grains", "contacts", "wall_contacts")
+
+
+def columns_of(now: Snapshot, table: str) -> dict[str, Any]:
+    """Return a table of a snapshot as columns by name."""
+    m = len(now.pair)
+    if table == "grains":
+        (x, y), (vx, vy) = now.position.T, now.velocity.T
+        columns = {"x": x, "y": y, "vx": vx, "vy": vy, "radius": now.scene.radius, "mass": now.scene.mass}
+        return columns | {"spin": now.spin, "angle": now.angle}
+    if table == "contacts":
+        names, ends, normal = ("i", "j"), now.pair, now.normal
+        force, tangential = now.force, now.tangential_force
+    else:
+        names, ends, normal = ("grain", "wall"), now.wall, now.loads.normal[2 * m :]
+        force, tangential = now.wall_force, now.wall_tangential_force
+    columns = dict(zip((*names, "normal_x", "normal_y"), (*ends.T, *normal.T), strict=True))
+    return {**columns, "force": force, "tangential_force": tangential}
+
+
+def contact_variables(
+    pair: IntArray, normal: FloatArray, force: FloatArray, tangential: FloatArray | None
+) -> dict[str, Any]:
+    """Return contacts as variables of a dataset along the dimension `contact`, see `Recording.to_xarray`."""
+    found: dict[str, Any] = {
+        "contact_grain": ("contact", pair[:, 0]),
+        "contact_other": ("contact", pair[:, 1]),
+        "contact_normal": (("contact", "component"), normal),
+        "contact_force": ("contact", force, {"units": "N"}),
+    }
+    if tangential is not None:
+        found["contact_tangential_force"] = ("contact", tangential, {"units": "N"})
+    return found
+
+
+def dataset_variables(now: Snapshot, pair: IntArray) -> dict[str, Any]:
+    """Return grains and contacts of a snapshot as variables of a dataset."""
+    rough, m = now.scene.has_friction, len(now.pair)
+    vectors = {"position": (now.position, "m"), "velocity": (now.velocity, "m/s")}
+    scalars = {"radius": (now.scene.radius, "m"), "mass": (now.scene.mass, "kg")}
+    if rough:
+        scalars |= {"spin": (now.spin, "rad/s"), "angle": (now.angle, "rad")}
+    grains: dict[str, Any] = {
+        name: (("grain", "component"), values, {"units": unit}) for name, (values, unit) in vectors.items()
+    }
+    grains |= {name: (("grain",), values, {"units": unit}) for name, (values, unit) in scalars.items()}
+    normal = np.concatenate([now.normal, now.loads.normal[2 * m :]])
+    force = np.concatenate([now.force, now.wall_force])
+    tangential = np.concatenate([now.tangential_force, now.wall_tangential_force]) if rough else None
+    return {**grains, **contact_variables(pair, normal, force, tangential)}
