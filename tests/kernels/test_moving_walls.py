@@ -245,6 +245,25 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
         ({"angular_velocity": inf}, "walls[1]: angular_velocity of a segment is inf: it must be finite"),
         ({"from_time": -1.0}, "walls[1]: from_time of a segment is -1.0: it must be 0 or more"),
         ({"from_time": 1.0, "to_time": 0.5}, "walls[1]: to_time of a segment is 0.5 s: it must be later"),
+def test_a_recording_of_a_later_state_has_its_normals(tmp_path: Path) -> None:
+    """Walls are where they are at the time of a frame, not at the time since the first frame."""
+    scene = stirred(60, walls=(PISTON, BLADE, RING), dt=1e-3, order="color")
+    simulation = Simulation(scene)
+    simulation.advance(500)
+    simulation.run(steps=20, record=tmp_path / "run.usdc", fps=1000.0, forces=True)
+    recording, now = Recording(tmp_path / "run.usdc"), analysis.snapshot(simulation)
+    frame = recording.frame(-1)
+    assert (frame.steps, frame.time) == (520, simulation.time)
+    assert {2, 3} <= set(frame.wall[:, 1].tolist())
+    assert np.array_equal(frame.wall, now.wall)
+    difference = np.abs(frame.loads.normal - now.loads.normal).max()
+    assert difference < 0.02  # grains move by about 2 mm in a step, where the blade has turned by 1 rad
+    dataset = recording.to_xarray()
+    last = dataset["contact_normal"].values[dataset["contact_frame"].values == 20]
+    own = np.concatenate([frame.normal, frame.loads.normal[2 * len(frame.pair) :]])
+    assert np.array_equal(last, own)
+
+
         ({"friction": -0.1}, "walls[1]: friction of a segment is -0.1: it must be 0 or more"),
         ({"pivot": (1.0,)}, "walls[1]: pivot of a segment is (1.0,): it must be two numbers"),
         (
