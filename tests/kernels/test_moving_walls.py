@@ -1,4 +1,7 @@
-"""Walls that move as given in advance: against the C reference, closed forms, and runs that are continued."""
+"""Walls that move as given in advance: against the C reference, closed forms, and runs that are continued.
+
+Some cases have gravity that turns, too.
+"""
 
 from dataclasses import replace
 from math import cos, cosh, inf, sin
@@ -30,6 +33,7 @@ ROUGH: dict[str, Any] = {
     "angular_velocity_out": 0.5,
     "walls": ROUGH_WALLS,
 }
+TURNING: dict[str, Any] = {**ROUGH, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}
 
 
 def stirred(n: int = 140, seed: int = 1, walls: tuple[Obstacle, ...] = WALLS, **changes: object) -> Scene:
@@ -54,7 +58,7 @@ def stirred(n: int = 140, seed: int = 1, walls: tuple[Obstacle, ...] = WALLS, **
 
 
 @pytest.mark.parametrize(
-    "friction", [{}, ROUGH, {**ROUGH, "radius_in": 0.05}], ids=["smooth", "rough", "two"]
+    "friction", [{}, TURNING, {**ROUGH, "radius_in": 0.05}], ids=["smooth", "rough, turning", "two"]
 )
 @pytest.mark.parametrize(("scheme", "order"), [("text", "sequential"), ("leapfrog", "color")])
 def test_bits_of_the_reference(tmp_path: Path, scheme: str, order: str, friction: dict[str, Any]) -> None:
@@ -102,7 +106,7 @@ def test_a_belt_drives_a_grain_until_it_rolls() -> None:
     assert 0.1 * simulation.spin[0] == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
+@pytest.mark.parametrize("friction", [{}, ROUGH, TURNING], ids=["smooth", "rough", "turning"])
 def test_energy_balance_closes(friction: dict[str, Any]) -> None:
     simulation = Simulation(stirred(60, **friction))
     before = analysis.kinetic_energy(simulation)
@@ -114,7 +118,10 @@ def test_energy_balance_closes(friction: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])
 def test_all_methods_find_the_exact_step(method: str) -> None:
-    scene = stirred(60, method=method, stop="residual", tolerance=1e-8, max_iterations=20_000)
+    gravity = TURNING["gravity"]
+    scene = stirred(
+        60, method=method, stop="residual", tolerance=1e-8, max_iterations=20_000, gravity=gravity
+    )
     simulation = Simulation(scene)
     simulation.advance(60)
     assert simulation.step().converged
@@ -175,13 +182,13 @@ def test_no_overlap_exceeds_dt_eta_in_many_scenes(first: int) -> None:
 
 @pytest.mark.parametrize("order", ["sequential", "color"])
 def test_runs_that_are_continued_have_the_same_bits(tmp_path: Path, order: str) -> None:
-    scene = stirred(order=order, **ROUGH)
+    scene = stirred(order=order, **TURNING)
     whole, other = Simulation(scene), Simulation(scene)
     whole.advance(90)
     other.advance(31)
     other.save(tmp_path / "state.npz")
     continued = Simulation.load(tmp_path / "state.npz")
-    assert continued.scene.walls == scene.walls
+    assert (continued.scene.walls, continued.scene.gravity) == (scene.walls, scene.gravity)
     continued.advance(59)
     batch = Batch([scene, stirred(60, **{**ROUGH, "walls": ()}), scene])
     batch.run(90)
@@ -238,13 +245,6 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
     simulation.plot(forces=True).save(tmp_path / "end.png")
 
 
-@pytest.mark.parametrize(
-    ("motion", "message"),
-    [
-        ({"velocity": 1.0}, "walls[1]: velocity of a segment is 1.0: it must be two numbers"),
-        ({"angular_velocity": inf}, "walls[1]: angular_velocity of a segment is inf: it must be finite"),
-        ({"from_time": -1.0}, "walls[1]: from_time of a segment is -1.0: it must be 0 or more"),
-        ({"from_time": 1.0, "to_time": 0.5}, "walls[1]: to_time of a segment is 0.5 s: it must be later"),
 def test_a_recording_of_a_later_state_has_its_normals(tmp_path: Path) -> None:
     """Walls are where they are at the time of a frame, not at the time since the first frame."""
     scene = stirred(60, walls=(PISTON, BLADE, RING), dt=1e-3, order="color")
@@ -264,6 +264,13 @@ def test_a_recording_of_a_later_state_has_its_normals(tmp_path: Path) -> None:
     assert np.array_equal(last, own)
 
 
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        ({"velocity": 1.0}, "walls[1]: velocity of a segment is 1.0: it must be two numbers"),
+        ({"angular_velocity": inf}, "walls[1]: angular_velocity of a segment is inf: it must be finite"),
+        ({"from_time": -1.0}, "walls[1]: from_time of a segment is -1.0: it must be 0 or more"),
+        ({"from_time": 1.0, "to_time": 0.5}, "walls[1]: to_time of a segment is 0.5 s: it must be later"),
         ({"friction": -0.1}, "walls[1]: friction of a segment is -0.1: it must be 0 or more"),
         ({"pivot": (1.0,)}, "walls[1]: pivot of a segment is (1.0,): it must be two numbers"),
         (
