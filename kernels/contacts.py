@@ -9,6 +9,7 @@ import warp as wp
 from . import law
 from .access import at, first_of, gap_rate_of, normal_of, put, second_of
 from .record import Scene, grain_count, pair_count
+from .threads import Team, thread_range
 from .types import Contacts, Vectors
 
 f64 = wp.float64
@@ -31,6 +32,13 @@ def set_count(s: Scene) -> int:
 def is_wall_set(s: Scene, k: int) -> bool:
     """Return whether a set is of contacts with walls."""
     return k >= s.contacts.count.sets
+
+
+@wp.func
+def contacts_of(team: Team, s: Scene, k: int):
+    """Return first contact and end of this thread's part of a set."""
+    begin, end = thread_range(team, at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1))
+    return begin, end
 
 
 @wp.func
