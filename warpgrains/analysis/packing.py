@@ -63,7 +63,7 @@ def packing_fraction(of: Snapshot | HasState) -> float:
 
     The mean height is weighted by area. A pile is dense below it, so that neither its loose surface nor the
     empty space above counts. Grains and space are cut exactly at that height.
-    Discs inside the annulus count as walls, but not rings.
+    The whole area of a disc inside the annulus is that of a wall. Rings are not considered.
 
     Examples
     --------

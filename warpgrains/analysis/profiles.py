@@ -52,7 +52,8 @@ def height_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
     edges = np.linspace(-walls.depth, walls.depth, bins + 1)
     height = heights(now)
     area = np.array([area_below(now.scene.radius, edge - height) for edge in edges])
-    space = np.array([space_below(now.grains, np.array([edge])).item() for edge in edges])
+    grains = now.grains
+    space = np.array([space_below(grains, np.array([edge])).item() for edge in edges])
     return _profile(edges, area, space, _components(now.velocity, np.broadcast_to(up, (now.n, 2))))
 
 

@@ -328,7 +328,8 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
         }
     }
     myGrains->staggered = myGrains->leapfrog;
-    myGrains->steps += myGrains->moving || myGrains->turning != 0.0;  /* homeworks are graded by a reference that leaves all else as it is */
+    /* homeworks are graded by a reference that leaves all else as it is */
+    myGrains->steps += myGrains->moving || myGrains->turning != 0.0;
 }
 
 #endif
