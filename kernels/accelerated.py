@@ -17,10 +17,12 @@ from collections.abc import Callable
 import warp as wp
 
 from . import law
-from .access import at, larger, put, working_first_of, working_normal_of
+from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
 from .contacts import chunks_of_set, contact_count, is_wall_set, part_count
+from .driven import lever, share_of_wall
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, grain_count, pair_count
+from .record import Scene, body_count, is_driven, pair_count
+from .segments import range_of_set
 from .threads import Team, thread_range, update_max
 from .types import Contacts, Grains, WorkingSet
 
@@ -31,7 +33,7 @@ RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta 
 
 @wp.func
 def mass_in_phi(grains: Grains, contacts: Contacts, i: int) -> f64:
-    """Return the contact mass of a grain; where all masses are equal, phi is by unit mass."""
+    """Return the contact mass of a body; where all masses are equal, phi is by unit mass."""
     if contacts.weights.shape[0] > 0:
         return at(grains.contact_mass, i)
     return f64(1.0)
@@ -154,6 +156,39 @@ def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
     return total
 
 
+@wp.func(inline=False)
+def sweep_driven_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
+    """Correct contacts with walls, one of which is driven, from y. Returns what `sweeping` does."""
+    velocity = s.grains.next_velocity
+    working = s.working
+    beta, factor = s.momentum.state.beta, relaxation_factor(s)
+    total = wp.vec3d()
+    c = int(begin)
+    while c < end:
+        i, j = working_first_of(working.contact, c), working_second_of(working.contact, c)
+        n = working_normal_of(working.contact, c)
+        along, share = lever(s, j, n), share_of_wall(s, i, j, n)
+        compliance = f64(1.0) + along * share
+        v, speed = at(velocity, i), at(velocity, j)[0]
+        gap_rate, x = at(working.gap_rate, c), at(working.dv, c)
+        ahead = beta * (x - at(working.last_dv, c))
+        excess = wp.dot(v, n) - along * speed - gap_rate
+        dv = law.driven_correction(factor * excess, x + ahead, f64(0.0), compliance)
+        put(velocity, i, v - dv * n)
+        put(velocity, j, wp.vec2d(speed + dv * share, f64(0.0)))
+        put(working.last_dv, c, x)
+        put(working.dv, c, x + ahead + dv)
+        gain = dv * (excess - f64(0.5) * compliance * dv)
+        mu = mass_in_phi(s.grains, s.contacts, i)
+        total = wp.vec3d(
+            larger(total[0], compliance * wp.abs(dv)),
+            total[1] + mu * (gap_rate * ahead - ENOUGH * gain),
+            total[2] - mu * compliance * dv * (ahead + dv),
+        )
+        c += 1
+    return total
+
+
 def correcting_working_sets(sweep_pairs: wp.Function, sweep_walls: wp.Function) -> wp.Function:
     """Return the function `(team, scene, set)` that corrects the contacts of a set that are swept."""
 
@@ -161,12 +196,15 @@ def correcting_working_sets(sweep_pairs: wp.Function, sweep_walls: wp.Function) 
     def correct_working_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
         begin, end, _, part = chunks_of_set(s, k)
-        first, last = thread_range(team, begin, end)
+        first, last = range_of_set(team, s, k, begin, end)
         for chunk in range(first, last):
             bounds = at(s.working.range, part + chunk)
             total = wp.vec3d()
             if is_wall_set(s, k):
-                total = sweep_walls(s, bounds[0], bounds[1])
+                if is_driven(s):
+                    total = sweep_driven_walls(s, bounds[0], bounds[1])
+                else:
+                    total = sweep_walls(s, bounds[0], bounds[1])
             else:
                 total = sweep_pairs(s, bounds[0], bounds[1])
             put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
@@ -194,7 +232,7 @@ def begin_momentum(team: Team, s: Scene):
         put(s.working.range, k, wp.vec2i(0, 0))
     if s.control.resuming != 0:
         return
-    i, last = thread_range(team, 0, grain_count(s))
+    i, last = thread_range(team, 0, body_count(s))
     while i < last:
         put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
         i += 1

@@ -19,7 +19,8 @@ from .access import (
     second_of,
 )
 from .contacts import gap_rates_now, is_wall_set
-from .record import Scene
+from .driven import lever, share_of_wall
+from .record import Scene, is_driven
 from .segments import contacts_of
 from .stopping import count_iteration, phase_after_sweep, reduce_max
 from .threads import BLOCK, MOMENTS, Team, partial_index, update_max
@@ -159,6 +160,35 @@ def sweep_walls(s: Scene, begin: int, end: int) -> f64:
     return zeta
 
 
+@wp.func(inline=False)
+def sweep_driven_walls(s: Scene, begin: int, end: int) -> f64:
+    """Correct contacts with walls, one of which is driven, as `sweep_walls` does (eq. 29)."""
+    velocity = s.grains.next_velocity
+    contacts = s.contacts
+    large = least_monitored_correction(s)
+    zeta = f64(0.0)
+    c = int(begin)
+    while c < end:
+        i, j = first_of(contacts.contact, c), second_of(contacts.contact, c)
+        n = normal_of(contacts.contact, c)
+        along, share = lever(s, j, n), share_of_wall(s, i, j, n)
+        compliance = f64(1.0) + along * share
+        v, speed, dv_before = at(velocity, i), at(velocity, j)[0], at(contacts.dv, c)
+        vn = wp.dot(v, n) - along * speed
+        dv = law.driven_correction(vn, dv_before, gap_rate_of(contacts.contact, c), compliance)
+        put(velocity, i, v - dv * n)
+        put(velocity, j, wp.vec2d(speed + dv * share, f64(0.0)))
+        put(contacts.dv, c, dv_before + dv)
+        change = compliance * wp.abs(dv)
+        zeta = larger(zeta, change)
+        if change > large:
+            monitor(s, i, at(velocity, i))
+        if dv != f64(0.0):
+            monitor(s, j, at(velocity, j))  # its changes add up: it has more contacts than a grain
+        c += 1
+    return zeta
+
+
 def correcting_sets(equal: wp.Function, weighted: wp.Function, walls: wp.Function) -> wp.Function:
     """Return the function `(team, scene, set)` that corrects a set of contacts by one of the three."""
 
@@ -167,7 +197,9 @@ def correcting_sets(equal: wp.Function, weighted: wp.Function, walls: wp.Functio
         zeta = f64(0.0)
         moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
         begin, end = contacts_of(team, s, k)
-        if is_wall_set(s, k):
+        if is_wall_set(s, k) and is_driven(s):
+            zeta = sweep_driven_walls(s, begin, end)
+        elif is_wall_set(s, k):
             zeta = walls(s, begin, end)
         elif s.contacts.weights.shape[0] > 0:
             zeta = weighted(s, begin, end, moment)

@@ -60,6 +60,15 @@ def projection(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
 
 
 @wp.func
+def driven_correction(vn: f64, dv: f64, gap_rate: f64, compliance: f64) -> f64:
+    """Change of the correction of a contact with a driven wall [m/s] (eq. 29).
+
+    A correction of 1 m/s changes vn, in which the speed of the wall counts, by the compliance.
+    """
+    return wp.max(f64(0.0), dv + (vn - gap_rate) / compliance) - dv
+
+
+@wp.func
 def tangent(n: wp.vec2d) -> wp.vec2d:
     """Unit tangent of a contact: its normal, turned by a quarter to the left."""
     return wp.vec2d(-n[1], n[0])

@@ -12,7 +12,7 @@ import warp as wp
 from .access import at
 from .contacts import is_wall_set
 from .pace import barrier, count_waiting
-from .record import Scene, dealt_threads
+from .record import Scene, dealt_threads, is_driven
 from .threads import Team, is_member, thread_range
 from .waiting import LINE, begin_look, end_look, seconds, wake, word_at
 
@@ -122,12 +122,22 @@ def end_set(team: Team, s: Scene, k: int):
 
 
 @wp.func
+def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
+    """Return this thread's range of [begin, end), of set k: all or nothing if its contacts share a wall."""
+    first, last = thread_range(team, begin, end)
+    if is_driven(s) and is_wall_set(s, k):
+        first = wp.where(team.rank == 0, begin, end)
+        last = end
+    return first, last
+
+
+@wp.func
 def contacts_of(team: Team, s: Scene, k: int):
     """Return the contacts that this thread sweeps of a set, or of a segment."""
     begin = at(s.contacts.set_start, k)
     end = at(s.contacts.set_start, k + 1)
     if dealt_threads(s) == 0 or is_wall_set(s, k):
-        begin, end = thread_range(team, begin, end)
+        begin, end = range_of_set(team, s, k, begin, end)
     return begin, end
 
 

@@ -1,4 +1,4 @@
-/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), and (21) to (24), as they stand there.
+/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), and (21) to (29), as they stand there.
  * With friction, the inner wall is a disc at the origin, because each wall has its own bound.
  *
  * NOCONTACTITERATE and NOUPDATE leave out one of the two functions that students write, NOCREATE the others.
@@ -26,7 +26,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->nWalls = theGrains->moving = theGrains->steps = 0;
     theGrains->walls = theGrains->dvWalls = theGrains->motions = NULL;
     theGrains->friction = theGrains->wallFriction = 0.0;
-    theGrains->rough = 0;
+    theGrains->rough = theGrains->driven = 0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
     theGrains->vx = calloc(n, sizeof(double));
@@ -138,11 +138,31 @@ static double sagittaRate(const femGrains *g, int i, double nx, double ny, doubl
     return reach - sqrt(fmax(0.0, reach * reach - along * along));
 }
 
+/* The contact of grain i with wall k where a force drives a wall (eqs. 28, 29); 0 is the annulus. Returns the change. */
+static double contactDriven(femGrains *g, int i, int k, double nx, double ny, double gap, double *dvw, double dt,
+                            int iter) {
+    const double *drive = &g->drives[5 * k];
+    double along = k == 0 ? 1.0 : nx * drive[3] + ny * drive[4];
+    double share = along * contactMass(g, i, dt) * drive[0];
+    double compliance = 1.0 + along * share;
+    double dv = *dvw;
+    if (iter > 0) {
+        double vn = g->vx[i] * nx + g->vy[i] * ny - along * g->speeds[k];
+        dv = fmax(0.0, *dvw + (vn - gap / dt) / compliance) - *dvw;
+        *dvw += dv;
+    }
+    g->vx[i] -= dv * nx;
+    g->vy[i] -= dv * ny;
+    g->speeds[k] += dv * share;
+    return compliance * fabs(dv);
+}
+
 /* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns the change. */
 static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter) {
     double r = sqrt(g->x[i] * g->x[i] + g->y[i] * g->y[i]);
     double nx = g->x[i] / r;
     double ny = g->y[i] / r;
+    if (g->driven) return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, dt, iter);
     double dv = *dvb;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
@@ -220,11 +240,15 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
     double nx, ny, gap;
     double *dvw = &g->dvWalls[i * g->nWalls + k];
     double speed = hasFriction(g) ? g->speedWalls[k] : 0.0;
-    if (g->moving)
+    if (g->driven && g->drives[5 * (k + 1)] > 0.0) {
+        const double *along = &g->drives[5 * (k + 1) + 3], way = g->places[k + 1];
+        gap = wallGap(&g->walls[10 * k], g->x[i] - way * along[0], g->y[i] - way * along[1], g->r[i], &nx, &ny);
+    } else if (g->moving)
         gap = movingWallGap(&g->walls[10 * k], &g->motions[7 * k], g->steps * dt, (g->steps + 1) * dt, g->x[i], g->y[i],
                             g->r[i], &nx, &ny, &speed);
     else
         gap = wallGap(&g->walls[10 * k], g->x[i], g->y[i], g->r[i], &nx, &ny);
+    if (g->driven) return contactDriven(g, i, k + 1, nx, ny, gap, dvw, dt, iter);
     double dv = *dvw;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
@@ -291,6 +315,20 @@ static double freeSpin(const femGrains *g, double w, double m, double r, double 
     return (g->staggered ? (1.0 - a) * w : w) / (1.0 + a);
 }
 
+/* The speeds of walls that forces drive, without contacts (eq. 27). */
+static void freeSpeeds(femGrains *g, double dt) {
+    double kick = g->leapfrog && !g->staggered ? 0.5 * dt : dt;
+    for (int k = 0; k <= g->nWalls; k++) {
+        const double *drive = &g->drives[5 * k];
+        g->speeds[k] += kick * ((drive[1] - drive[2] * (2.0 * M_PI * g->radiusOut)) * drive[0]);
+    }
+}
+
+static void moveDriven(femGrains *g, double dt) {
+    for (int k = 0; k <= g->nWalls; k++) g->places[k] += dt * g->speeds[k];
+    g->radiusOut = g->places[0];
+}
+
 void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax) {
     int n = myGrains->n;
     for (int i = 0; i < n; i++) {
@@ -299,6 +337,7 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
         myGrains->vy[i] = freeVelocity(myGrains, myGrains->vy[i], myGrains->gravity[1], m, dt);
         if (hasFriction(myGrains)) myGrains->u[i] = myGrains->r[i] * freeSpin(myGrains, myGrains->w[i], m, myGrains->r[i], dt);
     }
+    if (myGrains->driven) freeSpeeds(myGrains, dt);
 
     femGrainsContactIterate(myGrains, dt, 0);
     int iter = 0;
@@ -316,6 +355,7 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
             myGrains->angle[i] += dt * myGrains->w[i];
         }
     }
+    if (myGrains->driven) moveDriven(myGrains, dt);
     myGrains->staggered = myGrains->leapfrog;
     myGrains->steps += myGrains->moving;  /* homeworks are graded by a reference that leaves all else as it is */
 }

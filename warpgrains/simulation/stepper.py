@@ -218,6 +218,11 @@ class Stepper(Shown):
         spin = checks.frozen(self._engine.grains(0, "last_spin")) if self.scene.has_friction else None
         return StepStart(position, velocity, self._engine.last_staggered(0), spin)
 
+    @property
+    def present_scene(self) -> Scene:
+        """The scene with walls that forces drive where they are; without such walls `scene` itself."""
+        return self._engine.scene_at(0, "position")
+
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""
         last_position = self._engine.grains(0, "last_position")
@@ -226,7 +231,8 @@ class Stepper(Shown):
     def wall_contacts(self) -> WallContacts:
         """Return the wall contacts of the last step that carry a correction."""
         last_position = self._engine.grains(0, "last_position")
-        return wall_contacts(self.scene, last_position, self._engine.corrections(0), self.time)
+        scene = self._engine.scene_at(0, "last_position")
+        return wall_contacts(scene, last_position, self._engine.corrections(0), self.time)
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
