@@ -1,12 +1,15 @@
-"""Commands for recordings (`check`, `recover`, `plot`, `export`), and the `report` on the solver."""
+"""Commands for recordings (`check`, `recover`, `plot`, `export`), jammed packings and the `report`."""
 
+import json
+import warnings
 from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
 
 from warpgrains.cli.sandboxed import run_sandboxed
-from warpgrains.console import start_warp, stdout_to_stderr
+from warpgrains.console import in_columns, start_warp, stdout_to_stderr
 from warpgrains.errors import InputError, missing_extra
+from warpgrains.files import require_writable_path
 from warpgrains.pictures.kinds import FILMS, require_drawing
 
 
@@ -56,6 +59,27 @@ def export(arguments: Namespace) -> bool:
     output = arguments.output or str(Path(arguments.file).with_suffix(".vtkhdf"))
     frames = run_sandboxed("analysis.vtk.export", arguments.file, output=output)
     print(f"{output}: {frames} frames")
+    return False
+
+
+def compress(arguments: Namespace) -> bool:
+    """Compress the grains of a scene, and print what the packing is like."""
+    from warpgrains.scene.scene import Scene
+
+    scene = Scene.load(arguments.scene, arguments.overrides or [])
+    if arguments.output is not None:
+        require_writable_path("checkpoint", Path(arguments.output), ".npz")
+    with stdout_to_stderr(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # the results say whether the grains are at rest
+        start_warp()
+        from warpgrains.simulation.compress import compress
+
+        packing = compress(scene, arguments.pressure, arguments.duration, progress=True)
+        if arguments.output is not None:
+            packing.simulation.save(arguments.output)
+    results = packing.results() | {"output": arguments.output}
+    time = {"time": f"{packing.run.seconds:.2f} s", "output": arguments.output or "none (-o saves one)"}
+    print(json.dumps(results) if arguments.json else in_columns(packing.summary() | time))
     return False
 
 
