@@ -8,8 +8,20 @@ import pytest
 from same_bits import contents
 from swept_order import full_order
 
-from warpgrains import Batch, Disc, InputError, Scene, Segment, Simulation, SimulationError
+from warpgrains import (
+    Batch,
+    Disc,
+    InputError,
+    Recording,
+    Scene,
+    Segment,
+    Simulation,
+    SimulationError,
+    analysis,
+)
+from warpgrains.accuracy import certify
 from warpgrains.reference.reference import Reference, build
+from warpgrains.usd.check import report_on_recording
 
 PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
 
@@ -206,6 +218,33 @@ def test_runs_that_are_continued_have_the_same_bits(tmp_path: Path, order: str, 
     batch.run(90)
     expected = contents(whole.state())
     assert contents(continued.state()) == contents(batch.state(2)) == expected
+
+
+def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
+    simulation = Simulation(pressed(30, walls=[PISTON]))
+    simulation.run(duration=0.5, record=tmp_path / "run.usdc", forces=True)
+    assert report_on_recording(tmp_path / "run.usdc") == ["OK: 13 frames, 30 grains"]
+    recording, now = Recording(tmp_path / "run.usdc"), simulation.present_scene
+    assert recording.scene.radius_out == 1.0
+    assert recording.scene.walls == (PISTON,)
+    shown = recording.frame(12).scene
+    assert shown.radius_out == pytest.approx(now.radius_out, abs=1e-6)
+    assert shown.walls[0].start == pytest.approx(now.walls[0].start, abs=1e-6)
+    assert now.walls[0].start[1] < 0.4
+    assert 0.5 < now.radius_out < 0.99
+    simulation.plot(forces=True).save(tmp_path / "end.png")
+
+
+def test_what_is_not_offered_is_refused() -> None:
+    simulation = Simulation(pressed(5))
+    simulation.step()
+    for question in (certify, analysis.step_energy_balance):
+        with pytest.raises(InputError, match="drive"):
+            question(simulation)
+    with pytest.raises(InputError, match="change: a pressure or a force can be changed, but not given"):
+        simulation.change(pressure=None)
+    simulation.change(pressure=100.0)
+    simulation.step()
 
 
 @pytest.mark.parametrize("speed", [0.0, -0.05, -3.0])

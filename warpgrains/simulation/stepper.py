@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SimulationError
+from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
@@ -160,6 +160,11 @@ class Stepper(Shown):
         with self._use.exclusive():
             state = self.state()
             scene = self.scene.replace(**fields)
+            if scene.has_driven_walls != self.scene.has_driven_walls:
+                raise InputError(
+                    "change: a pressure or a force can be changed, but not given to a wall or taken away;"
+                    " make a scene of the present positions"
+                )
             if not _has_walls_of(scene, self.scene):
                 state = replace(state, lists=None)  # they hold for other walls
             require_state(state, scene)
@@ -217,6 +222,13 @@ class Stepper(Shown):
         position, velocity = (checks.frozen(self._engine.grains(0, name)) for name in names)
         spin = checks.frozen(self._engine.grains(0, "last_spin")) if self.scene.has_friction else None
         return StepStart(position, velocity, self._engine.last_staggered(0), spin)
+
+    @property
+    def driven(self) -> FloatArray | None:
+        """Coordinates [m] and speeds [m/s] of walls as in `State.driven`; None if no force drives one."""
+        if not self.scene.has_driven_walls:
+            return None
+        return checks.frozen(self._engine.driven(0))
 
     @property
     def present_scene(self) -> Scene:

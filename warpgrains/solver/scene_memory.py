@@ -58,6 +58,10 @@ class SceneMemory:
         """
         return self.array(f"grains.{name}")[self._scene.n :, 0].copy()
 
+    def driven(self) -> FloatArray:
+        """Return coordinates [m] and speeds [m/s] of walls, shape (walls, 2)."""
+        return np.stack([self.coordinates(name) for name in ("position", "velocity")], axis=1)
+
     @property
     def contacts(self) -> int:
         """Number of listed contacts."""
@@ -123,7 +127,7 @@ class SceneMemory:
         if self._scene.has_friction:
             more = {name: self.array(f"grains.{name}").copy() for name in ("spin", "angle")}
         if self._scene.has_driven_walls:
-            more["driven"] = np.stack([self.coordinates(name) for name in ("position", "velocity")], axis=1)
+            more["driven"] = self.driven()
         staggered = self.moment("staggered")
         return State(steps, position, velocity, self.corrections(), lists, staggered, **more)
 
