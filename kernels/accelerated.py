@@ -18,11 +18,10 @@ import warp as wp
 
 from . import law
 from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
-from .contacts import chunks_of_set, contact_count, is_wall_set, part_count
+from .contacts import chunks_of_set, contact_count, is_wall_set, part_count, range_of_set
 from .driven import lever, share_of_wall
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, body_count, is_driven, pair_count
-from .segments import range_of_set
 from .threads import Team, thread_range, update_max
 from .types import Contacts, Grains, WorkingSet
 

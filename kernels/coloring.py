@@ -17,11 +17,10 @@ import warp as wp
 
 from .access import at, lowest_bit, put
 from .contact_list import listed_count, pair_end
-from .record import Scene, dealt_threads, grain_count, is_driven, pair_count
+from .record import Scene, grain_count, is_driven, pair_count
 from .types import Ints, NeighborList
 
 MASK_COLORS = wp.constant(64)
-TILES_EACH = wp.constant(8)  # of a thread, at least
 
 
 @wp.func
@@ -153,18 +152,6 @@ def colors(s: Scene):
 
 
 @wp.func
-def tile_length(s: Scene) -> int:
-    """Return the number of pairs a tile. Threads that are assigned tiles get equally many tiles each."""
-    length = s.tuning.tile
-    team = dealt_threads(s)
-    if team > 0:
-        listed = listed_count(s)
-        tiles = team * wp.max(TILES_EACH, (listed + team * length - 1) // (team * length))
-        length = wp.max(1, (listed + tiles - 1) // tiles)
-    return length
-
-
-@wp.func
 def place_pairs(s: Scene):
     """Give every pair its index in sweeping order, sorted by set and in lexicographic order within one.
 
@@ -209,7 +196,7 @@ def place_pairs(s: Scene):
 @wp.func
 def is_tiled(s: Scene) -> bool:
     """Return whether the list is long enough to be swept tile after tile."""
-    return s.merge != 0 and pair_count(s) > tile_length(s)
+    return s.merge != 0 and pair_count(s) > s.tuning.tile
 
 
 @wp.func
@@ -269,7 +256,7 @@ def tile_pairs(s: Scene):
     A pair is in no earlier tile than any pair before it on its grains, so that it reads the same velocities
     as without tiles: the same bits.
     """
-    pairs, length = pair_count(s), tile_length(s)
+    pairs, length = pair_count(s), s.tuning.tile
     tiles = (listed_count(s) + length - 1) // length
     sequence, next_tile, tile = s.workspace.sequence, s.workspace.next_tile, s.workspace.tile
     tile_end = s.workspace.tile_end

@@ -19,11 +19,10 @@ from .access import (
     put,
     second_of,
 )
-from .contacts import apply, gap_rates_now, is_wall_set, surface_of
+from .contacts import apply, contacts_of, gap_rates_now, is_wall_set, surface_of
 from .gauss_seidel import correcting_sets, in_blocks, note_moment
 from .record import Scene, grain_count, is_accelerated, pair_count
 from .residual import keeping_worst
-from .segments import contacts_of
 from .threads import Team
 from .types import Floats, Vectors
 from .verlet import least_monitored_correction, monitor

@@ -18,10 +18,9 @@ from .access import (
     put,
     second_of,
 )
-from .contacts import gap_rates_now, is_wall_set
+from .contacts import contacts_of, gap_rates_now, is_wall_set
 from .driven import lever, share_of_wall
 from .record import Scene, is_driven
-from .segments import contacts_of
 from .stopping import count_iteration, phase_after_sweep, reduce_max
 from .threads import BLOCK, MOMENTS, Team, partial_index, update_max
 from .types import Contacts, Vectors

@@ -10,7 +10,6 @@ import warp as wp
 from .types import (
     CellGrid,
     Contacts,
-    Dealt,
     Floats,
     Grains,
     Ints,
@@ -175,7 +174,6 @@ class SceneRecord:
     grid: CellGrid
     neighbors: NeighborList
     workspace: Workspace
-    dealt: Dealt
     control: Control
     partial: Partial
     history: History
@@ -229,12 +227,6 @@ def pair_count(s: Scene) -> int:
 def is_accelerated(s: Scene) -> bool:
     """Return whether the method has momentum, and so keeps the state of one sweep before."""
     return s.momentum.last_dv.shape[0] > 0
-
-
-@wp.func
-def dealt_threads(s: Scene) -> int:
-    """Return the number of threads that are assigned tiles; 0 if there is one thread, or all share sets."""
-    return s.dealt.cursor.shape[0]
 
 
 @wp.func

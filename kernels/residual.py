@@ -12,10 +12,9 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, larger, normal_of, put, second_of, vn_of
-from .contacts import apply, contact_count, gap_rates_now, is_wall_set
+from .contacts import apply, contact_count, contacts_of, gap_rates_now, is_wall_set
 from .driven import lever, push_wall, share_of_wall
 from .record import Scene, is_driven, pair_count
-from .segments import contacts_of
 from .threads import Team, thread_range, update_max
 
 f64 = wp.float64

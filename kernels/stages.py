@@ -18,7 +18,6 @@ from .access import CHECKED
 from .contacts import set_count
 from .pace import barrier
 from .record import Scene
-from .segments import begin_pass, end_pass, end_set, next_set
 from .threads import Team, is_member, thread_range
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -59,8 +58,8 @@ class Shared:
 class Sets:
     """A stage `(team, scene, k)` for every set k of contacts, in order: pairs, then contacts with walls.
 
-    A set of pairs is an independent set, which several threads share, all pairs if there is one thread
-    (coloring.py), or one segment of this thread's pairs if threads are assigned tiles (dealing.py).
+    A set of pairs is an independent set, which several threads share, or all pairs if there is one thread
+    (coloring.py).
     """
 
     stage: wp.Function
@@ -207,14 +206,7 @@ def _sets(stage: wp.Function) -> wp.Function:
 
     @wp.func(inline=False)
     def sets(team: Team, s: Scene):
-        begin_pass(team, s)
-        k = int(next_set(team, s, -1))
-        while k >= 0:
-            stage(team, s, k)
-            end_set(team, s, k)
-            k = next_set(team, s, k)
-        end_pass(team, s)
-        k = s.contacts.count.sets
+        k = int(0)
         while k < set_count(s) and is_member(team):
             stage(team, s, k)
             barrier(team)

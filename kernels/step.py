@@ -17,7 +17,6 @@ from . import (
     cells,
     coloring,
     contact_list,
-    dealing,
     exact,
     friction,
     gauss_seidel,
@@ -73,7 +72,6 @@ SEARCH = [
 ]
 
 TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
-DEAL_OUT = [*TILES, Each(grain_count, coloring.gather), Serial(dealing.deal_out)]
 
 
 def only(wanted: bool, stages: list[Stage]) -> list[Stage]:
@@ -81,12 +79,12 @@ def only(wanted: bool, stages: list[Stage]) -> list[Stage]:
     return stages if wanted else []
 
 
-def sweeping_order(dealt: bool, has_friction: bool) -> list[Stage]:
+def sweeping_order(has_friction: bool) -> list[Stage]:
     """Return the stages that sort the list and its corrections into sweeping order."""
     return [
         Serial(coloring.group_pairs),
         Serial(coloring.place_pairs),
-        *(DEAL_OUT if dealt else [If(coloring.is_tiled, TILES)]),
+        If(coloring.is_tiled, TILES),
         Serial(coloring.place_walls),
         Each(grain_count, contact_list.transfer_warm_start),
         *only(has_friction, [Each(grain_count, friction.transfer_tangential)]),
@@ -258,8 +256,8 @@ def expire(has_friction: bool) -> list[Stage]:
     ]
 
 
-def step(kind: Kind, dealt: bool = False) -> list[Stage]:
-    """Return the stages of one step of a kind; `dealt` if threads have tiles."""
+def step(kind: Kind) -> list[Stage]:
+    """Return the stages of one step of a kind."""
     has_friction = kind[1]
     free = [
         Each(grain_count, integrate.free_velocity),
@@ -272,7 +270,7 @@ def step(kind: Kind, dealt: bool = False) -> list[Stage]:
             unsolved,
             [
                 While(searching, SEARCH),
-                If(unordered, sweeping_order(dealt, has_friction)),
+                If(unordered, sweeping_order(has_friction)),
                 Serial(stopping.start_attempt),
                 If(
                     attempting,
@@ -291,6 +289,6 @@ def step(kind: Kind, dealt: bool = False) -> list[Stage]:
 
 
 @cache
-def fused_step(kind: Kind, dealt: bool) -> wp.Function:
+def fused_step(kind: Kind) -> wp.Function:
     """Return the function that takes one step, `(team, scene)`."""
-    return fuse(step(kind, dealt))
+    return fuse(step(kind))

@@ -38,7 +38,6 @@ class TeamRecord:
     rank: wp.int32
     size: wp.int32
     words: wp.array(dtype=wp.int64)  # by which they wait for each other (waiting.py)
-    ended: wp.array(dtype=wp.int64)  # a LINE for each thread of a full team (segments.py)
     scene: wp.array(dtype=wp.int32)  # that the team works on (advance.py)
     going_on: wp.array(dtype=wp.int32)  # whether it goes on with it
     pace: wp.array(dtype=Pace)

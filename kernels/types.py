@@ -217,19 +217,6 @@ class WorkingSet:
 
 
 @wp.struct
-class Dealt:
-    """The pairs of each thread, and their dependencies, if threads are assigned tiles (dealing.py)."""
-
-    first: Ints  # of every thread: its first place; and the end of the last
-    cursor: Ints  # its next place, while pairs are dealt
-    seen: Ints  # of every thread and other thread: the place before which it waits already
-    last: Ints  # of every grain: the place after its last pair so far, or 0
-    begins: Ints  # whether a segment begins with a pair, of every place
-    first_segment: Ints  # of every thread, and the end of the last
-    dependencies: Ints  # of every segment and thread: the place that this one must have come to
-
-
-@wp.struct
 class Workspace:
     """Temporary arrays for building a list."""
 

@@ -4,10 +4,9 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, put, second_of, set_frame
-from .contacts import apply, is_wall_set
+from .contacts import apply, contacts_of, is_wall_set
 from .driven import push_wall
 from .record import Scene, grain_count, is_driven, pair_count
-from .segments import contacts_of
 from .threads import Team
 from .walls import surface_speed, wall_frame
 

@@ -94,7 +94,6 @@ def whole_teams(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let as many threads work as a test asks for, also where they do not pay and on a busy machine."""
     monkeypatch.setattr(tuning, "crew", lambda scene, team: (team, team))
     monkeypatch.setattr(tuning, "WAITING", math.inf)
-    monkeypatch.setattr(tuning, "SEGMENT_GRAINS", 1e-9)
 
 
 @pytest.fixture(scope="session")

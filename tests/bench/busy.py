@@ -20,7 +20,7 @@ CASES = (  # grains, iterations of a step, order, threads
     (25, 326, "color", 4),
     (1_000, 100, "color", None),
     (10_000, 50, "color", None),
-    (25_000, 50, "sequential", 2),
+    (25_000, 50, "color", 2),
 )
 
 

@@ -38,7 +38,7 @@ DECIDING = {
     "working_set": ("accelerated_stages", "working_set"),
     "restart": ("momentum", "accelerated_stages", "working_set"),
     "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),
-    "coloring": ("coloring", "dealing"),
+    "coloring": ("coloring",),
 }
 """Test files of tests/kernels that decide on the mutants of a file, the fastest first."""
 NONE, LATE, UNBUILT = "none", "time limit", "cannot be built"

@@ -22,25 +22,22 @@ from .timing import in_turn, seconds
 
 SIZES = (100, 1_000, 10_000, 100_000)
 LARGE = 100_000
-ORDERS = ("sequential", "color")
 IDLE = 5  # steps
 PLAIN = {"method": "gauss-seidel", "stop": "zeta", "tolerance": 1e-12, "max_iterations": ITERATIONS}
 
 
 def threads(options: Options) -> Iterator[dict[str, str]]:
-    """Every size in both orders, at rest; many grains that splash."""
+    """Every size in color order, at rest; many grains that splash."""
     for n in options.sizes(SIZES):
         settled = settled_pile(n, options.cache)
         name = f"one step of {ITERATIONS} iterations, {settled.kind}"
-        for order in ORDERS:
-            make = partial(settled.simulation, order=order)
-            yield from _compare(Subject(name, n, order), make, options.repeats, ">= 1.65")
+        make = partial(settled.simulation, order="color")
+        yield from _compare(Subject(name, n, "color"), make, options.repeats, ">= 1.65")
     flowing = splashing(min(LARGE, options.largest), options.cache)
     n = flowing[0].n
-    for order in ORDERS:
-        make = partial(continued, *flowing, order=order, **PLAIN)
-        subject = Subject(f"one step of {ITERATIONS} iterations, flowing", n, order)
-        yield from _compare(subject, make, options.repeats, ">= 1.5")
+    make = partial(continued, *flowing, order="color", **PLAIN)
+    subject = Subject(f"one step of {ITERATIONS} iterations, flowing", n, "color")
+    yield from _compare(subject, make, options.repeats, ">= 1.5")
     subject = Subject("one flowing step, accelerated to 1e-2 m/s", n, "color")
     yield from _compare(subject, partial(continued, *flowing), options.repeats, ">= 1.5")
 

@@ -68,7 +68,6 @@ def test_every_access_is_checked() -> None:
         "gpu.py",
         "placing.py",
         "pushing.py",
-        "segments.py",
         "threads.py",
         "waiting.py",
     }

@@ -13,7 +13,7 @@ GRAINS = np.array([1, 2, 7, 60])
 
 @pytest.fixture(
     params=[(0, 0, 1), (1, 0, 1), (0, 0, 3), (1, 0, 3), (0, 1, 3)],
-    ids=["plain", "ahead", "dealt", "shared", "friction"],
+    ids=["plain", "ahead", "plain team", "ahead team", "friction"],
 )
 def sizes(request: pytest.FixtureRequest) -> Sizes:
     accelerated, friction, team = request.param
@@ -49,4 +49,3 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
     assert (length["grains.spin"] == GRAINS * sizes.friction).all()
     assert (length["contacts.rim_weights"] == CONTACTS * sizes.weighted * sizes.friction).all()
     assert (length["walls.motion"] == [0, 2, 0, 0]).all()
-    assert (length["dealt.last"] == GRAINS * sizes.is_dealt).all()

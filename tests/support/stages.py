@@ -50,8 +50,8 @@ def new_kernel(*stages: Stage) -> wp.Kernel:
 class OneRecord:
     """The record of one scene, with capacity for this many contacts."""
 
-    def __init__(self, scene: Scene, contacts: int, team: int = 1):
-        self._records = SceneRecords([scene], team, wp.get_device("cpu"))
+    def __init__(self, scene: Scene, contacts: int):
+        self._records = SceneRecords([scene], 1, wp.get_device("cpu"))
         self._records.reserve_contacts(0, contacts)
         self.record = self._records.host[0]
         self.memory = SceneMemory(self._records, 0, scene)
@@ -98,11 +98,11 @@ def write_rows(record: OneRecord, contacts: IntArray) -> None:
     record["neighbors.neighbor"][: len(contacts)] = contacts[:, 1]
 
 
-def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None, team: int = 1) -> OneRecord:
+def record_of_graph(pairs: IntArray, at_walls: IntArray | None = None) -> OneRecord:
     """List a graph's pairs, and the walls that each grain is at, with everything to be found poisoned."""
     n = grain_total(pairs)
     contacts = listed(pairs, np.zeros(n, int) if at_walls is None else at_walls)
-    record = OneRecord(grains_apart(n), len(contacts) + 1, team)
+    record = OneRecord(grains_apart(n), len(contacts) + 1)
     write_rows(record, contacts)
     for name in (
         "group",

@@ -15,8 +15,6 @@ def swept_pairs(simulation: Simulation) -> IntArray:
     """Read in which order the last step swept its pairs, shape (m, 2)."""
     records = simulation._engine._records
     listed = records.host["contacts"]["count"]["pairs"][0]
-    if records.sizes.is_dealt:
-        return records.array(0, "workspace.sequence")[:listed, :2]
     pairs = records.array(0, "contacts.contact")[:listed]
     return np.stack([pairs["i"], pairs["j"]], axis=1)
 

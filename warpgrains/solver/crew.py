@@ -5,7 +5,7 @@ from typing import Any
 import warp as wp
 
 from warpgrains.kernels.threads import Pace, TeamRecord
-from warpgrains.kernels.waiting import LINE, WORDS
+from warpgrains.kernels.waiting import WORDS
 from warpgrains.solver import tuning
 
 
@@ -35,7 +35,6 @@ class Crew:
         pace["share"] = tuning.WAITING
         pace["shortest"] = pace["rest"] = pace["pause"] = tuning.PAUSE
         shared: dict[str, Any] = {
-            "ended": wp.zeros(LINE * size, dtype=wp.int64, device="cpu"),
             "scene": wp.zeros(1, dtype=wp.int32, device="cpu"),
             "going_on": wp.zeros(1, dtype=wp.int32, device="cpu"),
         }

@@ -93,9 +93,9 @@ class Engine:
     @property
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes on a CPU."""
-        kind, dealt = self.scenes[0].kernel_kind, self._records.sizes.is_dealt
+        kind = self.scenes[0].kernel_kind
         with BUILDING:
-            return advance_kernel.kernel(_module_name(*kind, "dealt" * dealt), fused_step(kind, dealt))
+            return advance_kernel.kernel(_module_name(*kind), fused_step(kind))
 
     @property
     def is_compiled(self) -> bool:
@@ -316,7 +316,7 @@ class Engine:
         return self._service.errors.get(k)
 
 
-def _module_name(method: str, has_friction: bool, way: str) -> str:
-    """Return the name of the module that holds the kernels of a kind for one way of launching."""
-    parts = ["warpgrains.kernels", method.replace("-", "_"), "friction" * has_friction, way]
+def _module_name(method: str, has_friction: bool, device: str = "") -> str:
+    """Return the name of the module that holds the kernels of a kind, on a CPU or for a device."""
+    parts = ["warpgrains.kernels", method.replace("-", "_"), "friction" * has_friction, device]
     return "_".join(filter(None, parts))

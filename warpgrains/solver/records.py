@@ -110,7 +110,7 @@ class SceneRecords:
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
-        host["tuning"]["tile"] = [tuning.tile(scene, sizes.is_dealt) for scene in scenes]
+        host["tuning"]["tile"] = [tuning.TILE[scene.order] for scene in scenes]
         host["tuning"]["acceleration"] = np.hypot(*host["gravity"].T)
         host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE
@@ -132,7 +132,7 @@ class SceneRecords:
             if scene.has_friction:
                 self._write_surfaces(self.array(k, "walls.surface"), scene)
         host["by_color"] = [scene.order == "color" for scene in scenes]
-        host["merge"] = self._device.is_cpu and not sizes.accelerated
+        host["merge"] = self._device.is_cpu and not sizes.accelerated and sizes.team == 1
 
     @staticmethod
     def _write_surfaces(surface: FloatArray, scene: Scene) -> None:

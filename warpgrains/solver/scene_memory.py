@@ -210,7 +210,6 @@ class SceneMemory:
         self.array("workspace.sweep_index")[: len(body)] = order
         self.array("workspace.old_place")[: len(body)] = np.arange(len(body))
         self.array("workspace.old_dv")[: len(body)] = dv[order, np.newaxis]
-        self.array("dealt.first_segment")[:] = 0
         self.array("contacts.set_start")[:2] = len(pair), len(body)
         self.record["contacts"]["count"] = len(pair), 0, len(wall), int(len(wall) > 0)
 

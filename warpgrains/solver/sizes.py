@@ -85,11 +85,6 @@ class Sizes:
             partials,
         )
 
-    @property
-    def is_dealt(self) -> bool:
-        """True if tiles of pairs are assigned to threads."""
-        return self.team > 1 and not self.accelerated
-
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
@@ -111,8 +106,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
     rows = {"start": n + 1, "neighbor": contacts}
     search = {"firsts": n, "seconds": n + size.walls, "found": contacts, "by_second": contacts, "total": 1}
     friction = size.friction
-    ahead, dealt = size.accelerated, int(size.is_dealt)
-    threads = size.team * dealt
+    ahead = size.accelerated
     at_walls = np.minimum(n * size.walls, contacts)
     parts = contacts + contacts // CHUNK + 2 + size.walls
     return {
@@ -171,14 +165,6 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "tile_end": (1 - ahead) * (contacts + 1),
             "next_tile": (1 - ahead) * n,
             **dict.fromkeys(("row_sum", "next_level", "used_colors"), n),
-        },
-        "dealt": {
-            **dict.fromkeys(("first", "first_segment"), threads + dealt),
-            "cursor": threads,
-            "seen": threads**2,
-            "last": n * dealt,
-            "begins": contacts * dealt,
-            "dependencies": (contacts + 1) * threads,
         },
         "partial": {
             **dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),

@@ -26,9 +26,6 @@ RESERVE = 0.1  # in base skins: margin of a skin at the start of the iteration
 MONITOR_THRESHOLD = 0.3  # in base skins: largest deviation in a step without monitoring
 NEAREST = 0.01  # radii per step: half of the narrowest skin (kernels/skins.py)
 TILE = {"sequential": 32768, "color": 4096}  # interleaved pairs: many hide latency, few fit in the cache
-DEALT_TILE = 16384  # the same if tiles are assigned to threads, which wait at their borders
-DEALT_GRAINS = 20_000  # least number of grains for assigned tiles, where threads gain more than they wait
-SEGMENT_GRAINS = 200.0  # grains per pair of threads above which segments cost little
 HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n sweeps
 WAITING = 1.0 / 3.0  # fraction of its time that a team's first thread may wait; above, the team shrinks
 PAUSE = 0.03  # shortest time of one thread alone before more are tried [s]
@@ -65,21 +62,14 @@ def nearest(scene: Scene) -> float:
     return NEAREST * scene.smallest_radius / scene.dt
 
 
-def tile(scene: Scene, is_dealt: bool) -> int:
-    """Return the largest number of interleaved pairs."""
-    return DEALT_TILE if is_dealt else TILE[scene.order]
-
-
 def paying_threads(scene: Scene) -> int:
     """Return the number of threads that pay off for a scene: all cores, or 1 if it is small.
 
     A pile has about 3 contacts per grain. They form about 12 colors or 7 sqrt(n) levels, after each of which
     the threads synchronize.
     """
-    if scene.method != "gauss-seidel":
-        sets = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
-        return cores() if 3.0 * scene.n / sets > SHARED_SET else 1
-    return cores() if scene.n >= DEALT_GRAINS else 1
+    sets = 12.0 if scene.order == "color" else 7.0 * np.sqrt(scene.n)
+    return cores() if 3.0 * scene.n / sets > SHARED_SET else 1
 
 
 def crew(scene: Scene, team: int) -> tuple[int, int]:
@@ -96,16 +86,8 @@ def patience(scene: Scene) -> int:
 
 
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
-    """Return the largest number of CPU threads for a scene: `threads`, or the number that pays off.
-
-    Few grains use few threads if tiles are assigned to threads. There are about 30 segments per thread, and
-    each segment reads the progress of every other thread, even if one thread sweeps them all.
-    """
-    if device.is_cuda:
-        return 1
-    if threads is None or scene.method != "gauss-seidel":
-        return threads or paying_threads(scene)
-    return min(threads, max(1, int(np.sqrt(scene.n / SEGMENT_GRAINS))))
+    """Return the largest number of CPU threads for a scene: `threads`, or the number that pays off."""
+    return 1 if device.is_cuda else threads or paying_threads(scene)
 
 
 def find_device(name: str) -> wp.Device:
