@@ -33,9 +33,9 @@ class Packing(Shown):
 
     Examples
     --------
-    >>> packing = wg.compress("jamming", duration=0.1)
-    >>> packing.at_rest, packing.simulation.steps
-    (False, 20)
+    >>> packing = wg.compress(wg.Scene.load("jamming", "grains.count=60"))
+    >>> f"{packing.contacts:.1f} contacts a grain, {packing.pressure:.2f} N/m"
+    '4.0 contacts a grain, 1.00 N/m'
     """
 
     simulation: Simulation = field(repr=False)
@@ -116,9 +116,9 @@ def compress(
 
     Examples
     --------
-    >>> packing = wg.compress("jamming")
-    >>> packing.at_rest, f"{packing.contacts:.2f} contacts a grain"
-    (True, '4.00 contacts a grain')
+    >>> packing = wg.compress(wg.Scene.load("jamming", "grains.count=60"))
+    >>> packing.at_rest, packing.simulation.scene.pressure
+    (True, 1.0)
     """
     scene = as_scene("scene", scene)
     pressure = scene.pressure if pressure is None else pressure
