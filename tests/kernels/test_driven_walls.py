@@ -231,7 +231,7 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
     assert shown.radius_out == pytest.approx(now.radius_out, abs=1e-6)
     assert shown.walls[0].start == pytest.approx(now.walls[0].start, abs=1e-6)
     assert now.walls[0].start[1] < 0.4
-    assert 0.5 < now.radius_out < 0.99
+    assert 0.2 < now.radius_out < 0.99
     simulation.plot(forces=True).save(tmp_path / "end.png")
 
 
