@@ -19,7 +19,7 @@ import warp as wp
 from . import law
 from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
 from .contacts import chunks_of_set, contact_count, is_wall_set, part_count, range_of_set
-from .driven import lever, share_of_wall
+from .driven import correct_wall
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, body_count, is_driven, pair_count
 from .threads import Team, thread_range, update_max
@@ -166,18 +166,14 @@ def sweep_driven_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
     while c < end:
         i, j = working_first_of(working.contact, c), working_second_of(working.contact, c)
         n = working_normal_of(working.contact, c)
-        along, share = lever(s, j, n), share_of_wall(s, i, j, n)
-        compliance = f64(1.0) + along * share
-        v, speed = at(velocity, i), at(velocity, j)[0]
-        gap_rate, x = at(working.gap_rate, c), at(working.dv, c)
+        v, gap_rate, x = at(velocity, i), at(working.gap_rate, c), at(working.dv, c)
         ahead = beta * (x - at(working.last_dv, c))
-        excess = wp.dot(v, n) - along * speed - gap_rate
-        dv = law.driven_correction(factor * excess, x + ahead, f64(0.0), compliance)
+        found = correct_wall(s, velocity, i, j, n, x + ahead, gap_rate, factor)
+        dv, compliance = found[0], found[1]
         put(velocity, i, v - dv * n)
-        put(velocity, j, wp.vec2d(speed + dv * share, f64(0.0)))
         put(working.last_dv, c, x)
         put(working.dv, c, x + ahead + dv)
-        gain = dv * (excess - f64(0.5) * compliance * dv)
+        gain = dv * (found[2] - f64(0.5) * compliance * dv)
         mu = mass_in_phi(s.grains, s.contacts, i)
         total = wp.vec3d(
             larger(total[0], compliance * wp.abs(dv)),
@@ -188,7 +184,9 @@ def sweep_driven_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
     return total
 
 
-def correcting_working_sets(sweep_pairs: wp.Function, sweep_walls: wp.Function) -> wp.Function:
+def correcting_working_sets(
+    sweep_pairs: wp.Function, sweep_walls: wp.Function, sweep_driven_walls: wp.Function
+) -> wp.Function:
     """Return the function `(team, scene, set)` that corrects the contacts of a set that are swept."""
 
     @wp.func
@@ -213,7 +211,7 @@ def correcting_working_sets(sweep_pairs: wp.Function, sweep_walls: wp.Function) 
     return correct_working_set
 
 
-correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls)
+correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls, sweep_driven_walls)
 
 
 @wp.func

@@ -14,6 +14,7 @@ from math import pi
 
 import warp as wp
 
+from . import law
 from .access import at, first_of, normal_of, put, second_of
 from .record import Scene, grain_count, is_driven
 from .types import Pose, Vectors
@@ -35,6 +36,23 @@ def lever(s: Scene, j: int, n: wp.vec2d) -> f64:
 def share_of_wall(s: Scene, i: int, j: int, n: wp.vec2d) -> f64:
     """Return the change of the speed of wall j by a correction of 1 m/s of grain i (eq. 28)."""
     return lever(s, j, n) * at(s.grains.contact_mass, i) * at(s.walls.drive, j - grain_count(s))[0]
+
+
+@wp.func
+def correct_wall(
+    s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64, gap_rate: f64, factor: f64
+) -> wp.vec3d:
+    """Correct the speed of wall j for a contact of grain i that has the correction dv [m/s] (eq. 29).
+
+    Returns the change of dv, by which grain i is still to be corrected, K, and vn - gap / dt. The change is
+    that for `factor` times this excess.
+    """
+    along, share = lever(s, j, n), share_of_wall(s, i, j, n)
+    compliance, speed = f64(1.0) + along * share, at(velocity, j)[0]
+    excess = wp.dot(at(velocity, i), n) - along * speed - gap_rate
+    change = law.driven_correction(factor * excess, dv, f64(0.0), compliance)
+    put(velocity, j, wp.vec2d(speed + change * share, f64(0.0)))
+    return wp.vec3d(change, compliance, excess)
 
 
 @wp.func

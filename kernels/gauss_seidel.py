@@ -19,7 +19,7 @@ from .access import (
     second_of,
 )
 from .contacts import contacts_of, gap_rates_now, is_wall_set
-from .driven import lever, share_of_wall
+from .driven import correct_wall
 from .record import Scene, is_driven
 from .stopping import count_iteration, phase_after_sweep, reduce_max
 from .threads import BLOCK, MOMENTS, Team, partial_index, update_max
@@ -170,26 +170,25 @@ def sweep_driven_walls(s: Scene, begin: int, end: int) -> f64:
     while c < end:
         i, j = first_of(contacts.contact, c), second_of(contacts.contact, c)
         n = normal_of(contacts.contact, c)
-        along, share = lever(s, j, n), share_of_wall(s, i, j, n)
-        compliance = f64(1.0) + along * share
-        v, speed, dv_before = at(velocity, i), at(velocity, j)[0], at(contacts.dv, c)
-        vn = wp.dot(v, n) - along * speed
-        dv = law.driven_correction(vn, dv_before, gap_rate_of(contacts.contact, c), compliance)
-        put(velocity, i, v - dv * n)
-        put(velocity, j, wp.vec2d(speed + dv * share, f64(0.0)))
-        put(contacts.dv, c, dv_before + dv)
-        change = compliance * wp.abs(dv)
+        v, dv_before = at(velocity, i), at(contacts.dv, c)
+        gap_rate = gap_rate_of(contacts.contact, c)
+        found = correct_wall(s, velocity, i, j, n, dv_before, gap_rate, f64(1.0))
+        put(velocity, i, v - found[0] * n)
+        put(contacts.dv, c, dv_before + found[0])
+        change = found[1] * wp.abs(found[0])
         zeta = larger(zeta, change)
         if change > large:
             monitor(s, i, at(velocity, i))
-        if dv != f64(0.0):
+        if change > f64(0.0):
             monitor(s, j, at(velocity, j))  # its changes add up: it has more contacts than a grain
         c += 1
     return zeta
 
 
-def correcting_sets(equal: wp.Function, weighted: wp.Function, walls: wp.Function) -> wp.Function:
-    """Return the function `(team, scene, set)` that corrects a set of contacts by one of the three."""
+def correcting_sets(
+    equal: wp.Function, weighted: wp.Function, walls: wp.Function, driven_walls: wp.Function
+) -> wp.Function:
+    """Return the function `(team, scene, set)` that corrects a set of contacts by one of the four."""
 
     @wp.func
     def correct_set(team: Team, s: Scene, k: int):
@@ -197,7 +196,7 @@ def correcting_sets(equal: wp.Function, weighted: wp.Function, walls: wp.Functio
         moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
         begin, end = contacts_of(team, s, k)
         if is_wall_set(s, k) and is_driven(s):
-            zeta = sweep_driven_walls(s, begin, end)
+            zeta = driven_walls(s, begin, end)
         elif is_wall_set(s, k):
             zeta = walls(s, begin, end)
         elif s.contacts.weights.shape[0] > 0:
@@ -209,7 +208,7 @@ def correcting_sets(equal: wp.Function, weighted: wp.Function, walls: wp.Functio
     return correct_set
 
 
-correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls)
+correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls, sweep_driven_walls)
 
 
 @wp.func

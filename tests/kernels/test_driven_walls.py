@@ -1,5 +1,6 @@
 """Walls that forces drive: against the C reference, closed forms, lists, and runs that are continued."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ from warpgrains.reference.reference import Reference, build
 from warpgrains.usd.check import report_on_recording
 
 PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
+ROUGH_PISTON = replace(PISTON, friction=0.0)
+ROUGH: dict[str, Any] = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
 
 
 def pressed(n: int = 120, seed: int = 1, **changes: Any) -> Scene:
@@ -53,6 +56,7 @@ def pressed(n: int = 120, seed: int = 1, **changes: Any) -> Scene:
     [
         {"order": "sequential"},
         {"order": "color", "scheme": "leapfrog", "drag": 0.5, "wall_mass": 0.5},
+        {"order": "color", "radius_in": 0.15, "walls": [ROUGH_PISTON], **ROUGH},
         {"order": "sequential", "radius_in": 0.15, "gravity": (0.0, -9.81), "walls": [PISTON]},
         {
             "order": "color",
@@ -61,7 +65,7 @@ def pressed(n: int = 120, seed: int = 1, **changes: Any) -> Scene:
             "walls": [Disc((0.2, -0.3), 0.1), PISTON],
         },
     ],
-    ids=["circle", "leapfrog", "both", "piston"],
+    ids=["circle", "leapfrog", "rough", "both", "piston"],
 )
 @pytest.mark.parametrize("threads", [1, 2])
 def test_bits_of_the_reference(tmp_path: Path, changes: dict[str, Any], threads: int) -> None:
@@ -78,6 +82,7 @@ def test_bits_of_the_reference(tmp_path: Path, changes: dict[str, Any], threads:
         assert np.array_equal(state.position, reference.position)
         assert np.array_equal(state.velocity, reference.velocity)
         assert np.array_equal(state.driven, reference.driven)
+        assert np.array_equal(simulation.angle, reference.angle)
         rebuilds += report.rebuilds
         touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
         if step == 75:
@@ -171,13 +176,18 @@ def test_two_grains_come_to_rest_across_the_circle(method: str) -> None:
     assert simulation.contacts().force == pytest.approx([half], rel=1e-6)
 
 
-@pytest.mark.parametrize("wall_mass", [1.0, None, 1e3])
+@pytest.mark.parametrize(
+    ("wall_mass", "rough"),
+    [(1.0, {}), (None, {}), (1e3, {}), (None, ROUGH)],
+    ids=["light", "", "heavy", "rough"],
+)
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
-def test_no_overlap_exceeds_dt_eta(method: str, wall_mass: float | None) -> None:
+def test_no_overlap_exceeds_dt_eta(method: str, wall_mass: float | None, rough: dict[str, Any]) -> None:
     """Also at a light wall, which a large step would take through half of the grains."""
     scene = pressed(
-        60, method=method, wall_mass=wall_mass, stop="residual", dt=2e-2, max_iterations=5000, walls=[PISTON]
-    )
+        60, method=method, wall_mass=wall_mass, stop="residual", dt=2e-2, max_iterations=5000,
+        walls=[ROUGH_PISTON], **rough,
+    )  # fmt: skip
     simulation = Simulation(scene)
     converged = 0
     for _ in range(60):
@@ -192,7 +202,7 @@ def test_no_overlap_exceeds_dt_eta(method: str, wall_mass: float | None) -> None
                 now.side(2, simulation.position, scene.radius).gap.min()
                 >= -scene.dt * report.residual - 1e-14
             )
-    assert converged > 50
+    assert converged > (30 if rough else 50)
 
 
 @pytest.mark.parametrize("threads", [1, 3])
@@ -288,7 +298,7 @@ def test_a_wall_that_closes_on_a_grain_is_named() -> None:
     ("changes", "message"),
     [
         ({"method": "exact"}, "pressure is given and method is 'exact'"),
-        ({"friction": 0.3}, "pressure is given and friction"),
+        ({"friction": 0.3, "walls": [PISTON]}, "walls[0] has a force and friction: set friction = 0"),
         ({"wall": "round"}, "pressure is given and wall is 'round'"),
         ({"pressure": None, "wall_mass": 1.0}, "wall_mass is 1.0 kg: the outer wall is fixed"),
         ({"pressure": np.inf}, "pressure is inf"),

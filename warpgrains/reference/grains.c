@@ -139,8 +139,8 @@ static double sagittaRate(const femGrains *g, int i, double nx, double ny, doubl
 }
 
 /* The contact of grain i with wall k where a force drives a wall (eqs. 28, 29); 0 is the annulus. Returns the change. */
-static double contactDriven(femGrains *g, int i, int k, double nx, double ny, double gap, double *dvw, double dt,
-                            int iter) {
+static double contactDriven(femGrains *g, int i, int k, double nx, double ny, double gap, double *dvw,
+                            double friction, double *dtw, double speed, double dt, int iter) {
     const double *drive = &g->drives[5 * k];
     double along = k == 0 ? 1.0 : nx * drive[3] + ny * drive[4];
     double share = along * contactMass(g, i, dt) * drive[0];
@@ -151,10 +151,8 @@ static double contactDriven(femGrains *g, int i, int k, double nx, double ny, do
         dv = fmax(0.0, *dvw + (vn - gap / dt) / compliance) - *dvw;
         *dvw += dv;
     }
-    g->vx[i] -= dv * nx;
-    g->vy[i] -= dv * ny;
     g->speeds[k] += dv * share;
-    return compliance * fabs(dv);
+    return fmax(compliance * fabs(dv), pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed, dt, iter));
 }
 
 /* The contacts of grain i with the outer wall (dvb > 0) and the inner wall (dvb < 0). Returns the change. */
@@ -162,7 +160,9 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
     double r = sqrt(g->x[i] * g->x[i] + g->y[i] * g->y[i]);
     double nx = g->x[i] / r;
     double ny = g->y[i] / r;
-    if (g->driven) return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, dt, iter);
+    double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
+    if (g->driven)
+        return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, g->wallFriction, dtb, g->speedOut, dt, iter);
     double dv = *dvb;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
@@ -175,7 +175,6 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         dv = dvOut - dvIn - *dvb;
         *dvb += dv;
     }
-    double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
     return pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->speedOut, dt, iter);
 }
 
@@ -248,16 +247,16 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
                             g->r[i], &nx, &ny, &speed);
     else
         gap = wallGap(&g->walls[10 * k], g->x[i], g->y[i], g->r[i], &nx, &ny);
-    if (g->driven) return contactDriven(g, i, k + 1, nx, ny, gap, dvw, dt, iter);
+    double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
+    double friction = hasFriction(g) ? g->frictionWalls[k] : 0.0;
+    if (g->driven) return contactDriven(g, i, k + 1, nx, ny, gap, dvw, friction, dtw, speed, dt, iter);
     double dv = *dvw;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
         dv = fmax(0.0, vn + *dvw - gap / dt) - *dvw;
         *dvw += dv;
     }
-    double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
-    double limit = hasFriction(g) ? g->frictionWalls[k] * *dvw : 0.0;
-    return pushFromWall(g, i, nx, ny, dv, limit, dtw, speed, dt, iter);
+    return pushFromWall(g, i, nx, ny, dv, friction * *dvw, dtw, speed, dt, iter);
 }
 
 double femGrainsContactIterate(femGrains *myGrains, double dt, int iter) {

@@ -10,6 +10,7 @@ import numpy as np
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
+from warpgrains.scene.walls import INNER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -62,10 +63,9 @@ def _require_driven(scene: Scene) -> None:
     which = "pressure" if scene.pressure is not None else "force of a wall"
     if scene.method == "exact":
         raise InputError(f"{which} is given and method is 'exact': use 'accelerated' or 'gauss-seidel'")
-    if scene.has_friction:
-        raise InputError(
-            f"{which} is given and friction: walls that a force drives have none; set friction 0"
-        )
+    for k, wall in enumerate(scene.walls):
+        if wall.drive is not None and scene.wall_frictions[INNER + 1 + k] > 0.0:
+            raise InputError(f"walls[{k}] has a force and friction: set friction = 0 for this wall")
     if scene.wall == "round":
         raise InputError(f"{which} is given and wall is 'round': use 'tangent'")
 

@@ -51,7 +51,8 @@ class Packing(Shown):
     """The same at least 4 mean diameters from the circles; NaN if there is nothing there."""
     contacts: float
     """Contacts of a grain that is no rattler: twice the contacts of the grains that carry, those with walls
-    included, per grain. It is 4, but for terms of order 1 / n, where forces follow from balance alone."""
+    included, per grain. Without friction it is 4, but for terms of order 1 / n, where forces follow from
+    balance alone."""
     rattlers: int
     """Grains that carry no loads, see `analysis.rattlers`."""
     pressure: float
@@ -111,8 +112,8 @@ def compress(
     Raises
     ------
     InputError
-        There is no pressure, it is not positive, or another argument is invalid. Friction and the method
-        "exact" are refused.
+        There is no pressure, it is not positive, or another argument is invalid. The method "exact" is
+        refused.
 
     Examples
     --------
