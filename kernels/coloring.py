@@ -212,8 +212,8 @@ def place_walls(s: Scene):
     sets = int(0)
     if is_driven(s):
         for i in range(grain_count(s)):
-            for k in range(pair_end(rows, i), at(rows.start, i + 1)):
-                put(s.workspace.sweep_index, k, place)
+            for k_wall in range(pair_end(rows, i), at(rows.start, i + 1)):
+                put(s.workspace.sweep_index, k_wall, place)
                 place += 1
         put(s.contacts.set_start, first_set + 1, place)
         sets = wp.where(place > pair_count(s), 1, 0)

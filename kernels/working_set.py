@@ -150,10 +150,10 @@ def select_driven_walls(s: Scene, begin: int, end: int):
     while c < end:
         j, n = second_of(contact, c), normal_of(contact, c)
         vn = wp.dot(at(velocity, first_of(contact, c)), n) - lever(s, j, n) * at(velocity, j)[0]
-        excess = vn - gap_rate_of(contact, c)
+        closing = vn - gap_rate_of(contact, c)
         carries = at(s.contacts.dv, c) != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
-        violation = larger(violation, wp.where(carries, f64(0.0), excess))
-        if carries or excess + near > f64(0.0):
+        violation = larger(violation, wp.where(carries, f64(0.0), closing))
+        if carries or closing + near > f64(0.0):
             select(s, free, c)
             free += 1
         c += 1
