@@ -16,6 +16,7 @@ from warpgrains.shown import Shown
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
+from warpgrains.solver.outcomes import Outcomes
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import find_device, threads_for
 from warpgrains.turns import ExclusiveUse
@@ -105,8 +106,8 @@ class Stepper(Shown):
             memory; or another thread advances this simulation.
         """
         with self._use.exclusive():
-            self._advance(1, None, history)
-            return self._engine.report(0)
+            report = self._advance(1, None, history).report(0)
+            return replace(report, history=self._engine.history(0)) if history else report
 
     def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
         """Advance by many time steps without outputs or callbacks between them.
@@ -130,19 +131,19 @@ class Stepper(Shown):
         if on_progress is not None:
             checks.function("on_progress", on_progress)
         with self._use.exclusive():
-            self._advance(steps, on_progress)
-            return self._engine.statistics(0)
+            return self._advance(steps, on_progress).statistics(0)
 
-    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> None:
+    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> Outcomes:
         before = self.steps
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
         with self._use.advancing():
             advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before
-        error = self._engine.error(0)
-        if error is not None:
-            raise SimulationError(error)
+        outcomes = self._engine.outcomes
+        if outcomes.errors:
+            raise SimulationError(outcomes.errors[0])
+        return outcomes
 
     @property
     def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:

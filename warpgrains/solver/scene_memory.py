@@ -1,4 +1,4 @@
-"""One scene in memory: writing a state to it, and reading state, report and statistics from it."""
+"""One scene in memory: writing a state to it, and reading its state from it."""
 
 from __future__ import annotations
 
@@ -7,19 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.kernels.record import Phase, StepState
-from warpgrains.kernels.record import RunStatistics as Sums
+from warpgrains.kernels.record import Phase
 from warpgrains.scene.state import Corrections, State, VerletList
 from warpgrains.scene.walls import INNER, OUTER, body_of, wall_of
 from warpgrains.solver import tuning
-from warpgrains.solver.statistics import RunStatistics, StepHistory, StepReport
+from warpgrains.solver.statistics import StepHistory
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.records import SceneRecords
 
-STEP = tuple(StepState.vars)  # names of its fields
-SUMS = tuple(Sums.vars)
 VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity")
 
 
@@ -229,35 +226,8 @@ class SceneMemory:
             self.array("verlet.skin")[:] = tuning.NO_SKIN
         control["phase"] = Phase.ENDED
 
-    def report(self, infeasible: tuple[int, ...]) -> StepReport:
-        """Return the report of the last step; `infeasible` are the grains that are proved not to fit."""
-        step = dict(zip(STEP, self.record["step"].tolist(), strict=True))
-        return StepReport(
-            iterations=step["iterations"],
-            zeta=step["zeta"],
-            residual=step["residual"],
-            gap_error=self._gap_error(step["residual"]),
-            converged=bool(step["converged"]),
-            infeasible=infeasible,
-            contacts=step["active"],
-            candidates=self.contacts,
-            overlap=step["overlap"],
-            rebuilds=step["rebuilds"],
-            restarts=step["restarts"],
-            factorizations=step["factorizations"],
-            history=self._history(step["iterations"]),
-        )
-
-    def _history(self, iterations: int) -> StepHistory | None:
-        """Return zeta and residual of the iterations of the last step, if they were kept."""
-        zeta, residual = (self.array(f"history.{name}") for name in StepHistory._fields)
-        return StepHistory(zeta[:iterations].copy(), residual[:iterations].copy()) if len(zeta) else None
-
-    def statistics(self) -> RunStatistics:
-        """Return the sums and maxima that the device has accumulated."""
-        sums = dict(zip(SUMS, self.record["statistics"].item(), strict=True))
-        return RunStatistics(**sums, gap_error=self._gap_error(sums["residual"]))
-
-    def _gap_error(self, residual: float) -> float:
-        """Return dt * residual in units of the smallest radius."""
-        return self._scene.dt * residual / self._scene.smallest_radius
+    def history(self) -> StepHistory:
+        """Return zeta and residual of the iterations of the last step, which were kept."""
+        iterations = self.record["step"]["iterations"]
+        zeta, residual = (self.array(f"history.{name}")[:iterations].copy() for name in StepHistory._fields)
+        return StepHistory(zeta, residual)

@@ -63,12 +63,13 @@ class Service:
         self._scenes, self._records, self._memory = scenes, records, memory
         solver = exact_solver(scenes[0].method)
         self._exact = [] if solver is None else list(map(solver, scenes, memory))
-        self.forget()
+        self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
+        self.errors: dict[int, str] = {}
 
     def forget(self) -> None:
         """Clear proofs and errors."""
-        self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in self._scenes]
-        self.errors: dict[int, str] = {}
+        self.proofs[:] = [[] for _ in self._scenes]
+        self.errors.clear()
 
     def reserve_contacts(self, k: int) -> bool:
         """Reserve memory for the list of scene k; return True if there is enough."""
