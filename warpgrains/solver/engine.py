@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import IndexArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as advance_kernel
 from warpgrains.kernels.access import CHECKED
@@ -147,7 +147,15 @@ class Engine:
 
     def grains(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return a copy of a grain array of scene k, such as "position"."""
-        return self._pulled(k).array(f"grains.{name}").copy()
+        return self._pulled(k).grains(name).copy()
+
+    def driven(self, k: int) -> FloatArray:
+        """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
+        return self._pulled(k).driven()
+
+    def scene_at(self, k: int, name: str) -> Scene:
+        """Return scene k with its driven walls where they are in "position", or were in "last_position"."""
+        return self.scenes[k].with_walls_at(self._pulled(k).coordinates(name))
 
     def last_staggered(self, k: int) -> bool:
         """Return True if the velocities of scene k were half a step behind before its last good step."""

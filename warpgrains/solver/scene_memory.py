@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import IntArray
+from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.record import Phase
 from warpgrains.scene.state import Corrections, State, VerletList
-from warpgrains.scene.walls import INNER, body_of, wall_of
+from warpgrains.scene.walls import INNER, OUTER, body_of, wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import StepHistory
 
@@ -43,6 +43,21 @@ class SceneMemory:
     def array(self, name: str) -> np.ndarray[Any, Any]:
         """Return an array of the record, such as "grains.position"; it is valid until the list grows."""
         return self._records.array(self._k, name)
+
+    def grains(self, name: str) -> np.ndarray[Any, Any]:
+        """Return a view of the entries of grains in an array such as "position"."""
+        return self.array(f"grains.{name}")[: self._scene.n]
+
+    def coordinates(self, name: str) -> FloatArray:
+        """Return the coordinates of walls [m], or their speeds [m/s], from an array such as "position".
+
+        The shape is (walls,); it is (0,) if none is driven.
+        """
+        return self.array(f"grains.{name}")[self._scene.n :, 0].copy()
+
+    def driven(self) -> FloatArray:
+        """Return coordinates [m] and speeds [m/s] of walls, shape (walls, 2)."""
+        return np.stack([self.coordinates(name) for name in ("position", "velocity")], axis=1)
 
     @property
     def contacts(self) -> int:
@@ -104,12 +119,14 @@ class SceneMemory:
             frame=numbers[:6].reshape(3, 2),
             scalar=numbers[6:],
         )
-        position, velocity = self.array("grains.position").copy(), self.array("grains.velocity").copy()
-        rotation = {}
+        position, velocity = self.grains("position").copy(), self.grains("velocity").copy()
+        more = {}
         if self._scene.has_friction:
-            rotation = {name: self.array(f"grains.{name}").copy() for name in ("spin", "angle")}
+            more = {name: self.array(f"grains.{name}").copy() for name in ("spin", "angle")}
+        if self._scene.has_driven_walls:
+            more["driven"] = self.driven()
         staggered = self.moment("staggered")
-        return State(steps, position, velocity, self.corrections(), lists, staggered, **rotation)
+        return State(steps, position, velocity, self.corrections(), lists, staggered, **more)
 
     def moment(self, name: str) -> bool:
         """Return a flag of the record's time scheme, such as "last_staggered"."""
@@ -127,20 +144,34 @@ class SceneMemory:
                 self.array(f"verlet.{name}")[:] = getattr(lists, name)
             self._records.verlet_numbers(self._k)[:] = np.concatenate([lists.frame.ravel(), lists.scalar])
         for name in ("radius", "mass", "contact_mass"):
-            self.array(f"grains.{name}")[:] = getattr(self._scene, name)
+            self.grains(name)[:] = getattr(self._scene, name)
         if self._scene.has_friction:
             self.array("grains.rim_mass")[:] = self._scene.rim_mass
             for name in ("spin", "angle"):
                 own = getattr(state, name)
                 self.array(f"grains.{name}")[:] = 0.0 if own is None else own
-        self.array("grains.velocity")[:] = state.velocity
+        self.grains("velocity")[:] = state.velocity
         for name in ("position", "last_position"):
-            self.array(f"grains.{name}")[:] = state.position
+            self.grains(name)[:] = state.position
+        if state.driven is not None:
+            self._load_driven(state.driven)
         record = self.record
         record["control"] = 0
         record["control"]["unordered"] = lists is not None
         record["scheme"]["staggered"] = state.staggered
         record["steps"] = state.steps
+
+    def _load_driven(self, driven: FloatArray) -> None:
+        """Write coordinates [m] and speeds [m/s] of the walls, shape (walls, 2), and their masses."""
+        n, inverse = self._scene.n, self._scene.drives[:, 0]
+        arrays = {name: self.array(f"grains.{name}") for name in ("position", "last_position", "velocity")}
+        for name, array in arrays.items():
+            array[n:] = 0.0
+            array[n:, 0] = driven[:, int(name == "velocity")]
+        self.array("grains.contact_mass")[n:] = np.divide(
+            1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0
+        )
+        self.record["walls"]["annulus"]["radius_out"] = driven[OUTER, 0]
 
     def _forget_list(self) -> None:
         """Invalidate the list, so that the next step requests a new one."""

@@ -109,6 +109,12 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
     if outcome == NOT_CONVERGED:
         return _not_converged(scene, memory)
     grain = int(memory.record["verlet"]["flags"]["bad_grain"])
+    if grain >= scene.n:
+        speed, at = (memory.coordinates(name)[grain - scene.n] for name in ("next_velocity", "position"))
+        return (
+            f"a driven wall, body {grain - scene.n}, reached a speed of {speed} m/s at {at} m: in a step of"
+            f" {scene.dt} s it would leave no room for the grains, or its place would not be finite"
+        )
     velocity = memory.array("grains.next_velocity")[grain].tolist()
     reached = f"grain {grain} reached a velocity of {velocity} m/s"
     if outcome == NOT_FINITE:
@@ -150,6 +156,8 @@ def _find_proof(
 
     The step ends `ahead` steps after the last one that is counted.
     """
+    if scene.has_driven_walls:
+        return None  # walls yield: the proof is about walls that do not
     where, how = memory.array(f"grains.{position}"), memory.array(f"grains.{velocity}")
     time = (memory.steps + ahead) * scene.dt
     return find_infeasibility_proof(scene, where, how, memory.corrections(), time)
