@@ -25,7 +25,7 @@ def leapfrog_velocity(
 
 @wp.func
 def turned_gravity(start: wp.vec2d, rate: f64, time: f64) -> wp.vec2d:
-    """Gravity at a time, of `start` at time 0, that turns at a rate [rad/s] (eq. 27)."""
+    """Gravity at a time, of `start` at time 0, that turns at a rate [rad/s] (eq. 19b)."""
     c, s = wp.cos(rate * time), wp.sin(rate * time)
     return wp.vec2d(c * start[0] - s * start[1], s * start[0] + c * start[1])
 

@@ -1,4 +1,4 @@
-/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), (21) to (24), (26) and (27), as they stand there.
+/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), (19b), (21) to (24), and (26), as they stand there.
  * With friction, the inner wall is a disc at the origin, because each wall has its own bound.
  *
  * NOCONTACTITERATE and NOUPDATE leave out one of the two functions that students write, NOCREATE the others.
@@ -284,7 +284,7 @@ static double freeVelocity(const femGrains *g, double v, double gravity, double 
     return ((1.0 - a) * v + dt * gravity) / (1.0 + a);
 }
 
-/* Gravity at the beginning of a step (eq. 27). */
+/* Gravity at the beginning of a step (eq. 19b). */
 static void turnedGravity(const femGrains *g, double dt, double *gx, double *gy) {
     double x = g->gravity[0], y = g->gravity[1], angle = g->turning * (g->steps * dt);
     double c = cos(angle), s = sin(angle);

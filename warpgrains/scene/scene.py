@@ -174,7 +174,7 @@ class Scene(SceneFields, Shown):
         return self.gravity.rotate if isinstance(self.gravity, TurningGravity) else 0.0
 
     def gravity_at(self, time: float) -> tuple[float, float]:
-        """Return the acceleration of gravity at a time [m/s2] (MODEL.md, eq. 27)."""
+        """Return the acceleration of gravity at a time [m/s2] (MODEL.md, eq. 19b)."""
         return self.gravity.at(time) if isinstance(self.gravity, TurningGravity) else self.gravity
 
     @property
