@@ -211,7 +211,19 @@ Scene = wp.ref[SceneRecord]
 @wp.func
 def grain_count(s: Scene) -> int:
     """Return the number of grains."""
+    return s.grains.radius.shape[0]
+
+
+@wp.func
+def body_count(s: Scene) -> int:
+    """Return the number of bodies that have a velocity: grains and, if one is driven, walls."""
     return s.grains.position.shape[0]
+
+
+@wp.func
+def is_driven(s: Scene) -> bool:
+    """Return whether a force acts on a wall (driven.py)."""
+    return s.walls.drive.shape[0] > 0
 
 
 @wp.func

@@ -1,4 +1,4 @@
-"""Gravity that turns (eq. 19b): closed forms, how scenes hold it, and what is refused."""
+"""Gravity that turns (eq. 31): closed forms, how scenes hold it, and what is refused."""
 
 import pickle
 from pathlib import Path

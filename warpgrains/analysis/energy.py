@@ -8,6 +8,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.errors import InputError
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.solver.final_states import Grains
@@ -127,6 +128,11 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     velocity is v* = v' - dt F_contacts / M with the contact mass M (kernels/MODEL.md, eq. 17b), and v follows
     from it by eq. 2, or by eqs. 16 and 17; free spins follow with the inertia J r^2 / 2 of eq. 22.
 
+    Raises
+    ------
+    InputError
+        A force or a pressure drives a wall.
+
     Examples
     --------
     >>> balance = analysis.step_energy_balance(simulation)
@@ -136,6 +142,8 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     now = snapshot(of)
     if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
+    if now.scene.has_driven_walls:
+        raise InputError("the energy balance of a step does not know the work of walls that forces drive")
     scene, mass, start = now.scene, now.scene.mass[:, np.newaxis], (now.steps - 1) * now.scene.dt
     normal_force = _sums(now, now.loads.force, now.loads.normal)
     free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]

@@ -164,6 +164,8 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         return of
     scene, state = (of.scene, of.state()) if state is None else (of, state)
     start = state.position - scene.dt * state.velocity
+    if state.driven is not None:
+        scene = scene.with_walls_at(state.driven[:, 0])
     contacts = pair_contacts(scene, start, state.corrections)
     walls = wall_contacts(scene, start, state.corrections, state.steps * scene.dt)
     return Snapshot(

@@ -71,6 +71,12 @@ class Frame:
     """Angles by which grains have turned [rad], shape (n,)."""
     time: float = 0.0
     """[s]."""
+    places: FloatArray | None = None
+    """Coordinates of walls, see `State.driven` [m], shape (walls,); None where no force drives a wall."""
+
+    def placed(self, scene: Scene) -> Scene:
+        """Return the scene with the walls that forces drive where they are."""
+        return scene if self.places is None else scene.with_walls_at(self.places)
 
     def rotation(self) -> tuple[FloatArray, FloatArray]:
         """Return spin and angle of the grains; ValueError where they are missing."""

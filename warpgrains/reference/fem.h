@@ -25,6 +25,9 @@ typedef struct {
     double *motions;                /* of each: pivot, velocity, angular velocity, first and last time */
     double *w, *angle, *u;          /* with friction: spin, angle and rim speed r w of each grain, */
     double *dtContacts, *dtBoundary, *dtWalls; /* and tangential corrections, as the normal ones */
+    int driven;                     /* whether a force drives a wall; if so, of the annulus and then of each wall: */
+    double *drives;                 /* 1 / mass, force, pressure and direction, */
+    double *places, *speeds;        /* and coordinate and speed */
 #endif
 } femGrains;
 

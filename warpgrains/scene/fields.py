@@ -64,6 +64,11 @@ def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = M
     return described(meaning, section=section, check=check, default=default)
 
 
+def _optional(check: Any) -> Any:
+    """Return the check of a field that may be None."""
+    return lambda field, value: None if value is None else check(field, value)
+
+
 @dataclass_transform(eq_default=False, frozen_default=True, kw_only_default=True, field_specifiers=(_key,))
 def _record(kind: type[Kind]) -> type[Kind]:
     return dataclass(frozen=True, eq=False, kw_only=True, repr=False)(kind)
@@ -96,6 +101,19 @@ class SceneFields:
         ' leaves the circle by (v dt)^2 / (2 radius_out); or "round", the circle itself.',
         "domain",
         default="tangent",
+    )
+    pressure: float | None = _key(
+        "Pressure on the outer wall [N/m], which then moves: its radius changes by pressure and contacts. By"
+        " default the wall is fixed.",
+        "domain",
+        _optional(checks.number),
+        default=None,
+    )
+    wall_mass: float | None = _key(
+        "Mass of the outer wall under a pressure [kg]; by default that of all grains.",
+        "domain",
+        _optional(checks.positive),
+        default=None,
     )
     angular_velocity_out: float = _key(
         "Angular velocity at which the outer wall rotates about the origin [rad/s]. Only with friction.",
@@ -139,7 +157,7 @@ class SceneFields:
     wall_friction: float | None = _key(
         "Coefficient of friction between grains and walls; by default that between grains.",
         "contact",
-        lambda field, value: None if value is None else checks.not_negative(field, value),
+        _optional(checks.not_negative),
         default=None,
     )
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)

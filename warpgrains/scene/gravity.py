@@ -1,4 +1,4 @@
-"""Gravity that turns (kernels/MODEL.md, eq. 19b). This is the host's side; the device's is kernels/law.py."""
+"""Gravity that turns (kernels/MODEL.md, eq. 31). This is the host's side; the device's is kernels/law.py."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -174,7 +174,7 @@ class Scene(SceneFields, Shown):
         return self.gravity.rotate if isinstance(self.gravity, TurningGravity) else 0.0
 
     def gravity_at(self, time: float) -> tuple[float, float]:
-        """Return the acceleration of gravity at a time [m/s2] (MODEL.md, eq. 19b)."""
+        """Return the acceleration of gravity at a time [m/s2] (MODEL.md, eq. 31)."""
         return self.gravity.at(time) if isinstance(self.gravity, TurningGravity) else self.gravity
 
     @property
@@ -198,6 +198,30 @@ class Scene(SceneFields, Shown):
     def has_moving_walls(self) -> bool:
         """True if a wall inside the annulus moves."""
         return any(wall.moves for wall in self.walls)
+
+    @property
+    def has_driven_walls(self) -> bool:
+        """True if a force or a pressure drives a wall."""
+        return self.pressure is not None or any(wall.drive is not None for wall in self.walls)
+
+    @property
+    def drives(self) -> FloatArray:
+        """What drives each wall of the device (kernels/types.py, `Drive`), shape (walls, 5)."""
+        mass = float(self.mass.sum()) if self.wall_mass is None else self.wall_mass
+        outer = None if self.pressure is None else (1.0 / mass, 0.0, self.pressure, 0.0, 0.0)
+        return np.array(
+            [drive or (0.0,) * 5 for drive in (outer, *(wall.drive for wall in self.bodies_inside))]
+        )
+
+    def with_walls_at(self, coordinates: FloatArray) -> Self:
+        """Return the scene with its walls at coordinates of `State.driven` [m]; without any, as it is."""
+        if len(coordinates) == 0:
+            return self
+        ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
+        walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
+        scene = object.__new__(type(self))
+        vars(scene).update(vars(self) | {"radius_out": float(coordinates[OUTER]), "walls": walls})
+        return scene
 
     def surface_speed(self, wall: int) -> float:
         """Return the speed of a circle's surface along the tangent of contacts [m/s] (MODEL.md, eq. 23)."""
@@ -233,7 +257,7 @@ class Scene(SceneFields, Shown):
     @property
     def has_two_circles(self) -> bool:
         """True if the circles are two bodies on the device, as with friction, instead of one."""
-        return self.has_friction and self.radius_in > 0.0
+        return (self.has_friction or self.has_driven_walls) and self.radius_in > 0.0
 
     @property
     def bodies_inside(self) -> tuple[Obstacle, ...]:
@@ -249,6 +273,8 @@ class Scene(SceneFields, Shown):
     @property
     def has_equal_shares(self) -> bool:
         """True if grains take equal shares of every correction, and W = 3 in eq. 22."""
+        if self.has_driven_walls:
+            return False
         if not self.has_friction:
             return self.has_equal_masses
         return self.has_equal_masses and bool((self.contact_mass == self.rim_mass).all())

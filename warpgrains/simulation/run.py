@@ -191,7 +191,8 @@ def _write_outputs(
         contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
         spin, angle = simulation.spin, simulation.angle
         position, velocity, time = simulation.position, simulation.velocity, simulation.time
-        recorder.record(position, velocity, *contacts, spin=spin, angle=angle, time=time)
+        driven = simulation.driven
+        recorder.record(position, velocity, *contacts, spin=spin, angle=angle, time=time, driven=driven)
         statistics.frames += 1
     checkpoint = options.checkpoint_after(statistics.steps)
     if checkpoint is not None:

@@ -52,15 +52,19 @@ class FinalStates(NamedTuple):
     def of(cls, records: SceneRecords, which: IndexArray) -> Self:
         """Return the final states of some scenes from their host memory."""
         host, sums = records.host, records.host["statistics"]
-        contact_mass, dt = records.stacked("grains.contact_mass", which), host["dt"][which]
-        radii: Any = (records.parameter(name, which) for name in ("radius_in", "radius_out"))
+        dt = host["dt"][which]
+        radii: Any = records.parameter("radius_in", which), host["walls"]["annulus"]["radius_out"][which]
         spin = records.stacked("grains.spin", which) if records.sizes.friction else None
         mass = records.stacked("grains.mass", which)
+        contact_mass, position, velocity = (
+            records.stacked(f"grains.{name}", which)[:, : mass.shape[1]]
+            for name in ("contact_mass", "position", "velocity")
+        )
         grains = Grains(
             mass=mass,
             radius=records.stacked("grains.radius", which),
-            position=records.stacked("grains.position", which),
-            velocity=records.stacked("grains.velocity", which),
+            position=position,
+            velocity=velocity,
             spin=np.zeros_like(mass) if spin is None else spin,
             wall_force=contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None],
             gravity=records.gravity(which),

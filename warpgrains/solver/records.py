@@ -126,9 +126,11 @@ class SceneRecords:
         for k, scene in enumerate(scenes):
             if sizes.walls[k] > 1:
                 self.array(k, "walls.shape")[:] = [wall.shape for wall in scene.bodies_inside]
-            if scene.has_moving_walls:
+            if sizes.moving[k]:
                 motions = [(*np.hstack(wall.motion), wall.speed) for wall in scene.bodies_inside]
                 self.array(k, "walls.motion")[:] = motions
+            if scene.has_driven_walls:
+                self.array(k, "walls.drive")[:] = scene.drives
             if scene.has_friction:
                 self._write_surfaces(self.array(k, "walls.surface"), scene)
         host["by_color"] = [scene.order == "color" for scene in scenes]
@@ -143,8 +145,8 @@ class SceneRecords:
         surface[:2, 1] = [scene.surface_speed(wall) for wall in (OUTER, INNER)][: len(surface)]
 
     def begin(self) -> bool:
-        """Write all initial states at once; return False if the layouts of the scenes differ."""
-        if self.together("verlet.skin") is None:
+        """Write all initial states at once; return False if layouts differ, or a wall is driven."""
+        if self.together("verlet.skin") is None or self.sizes.driven.any():
             return False
         for name in ("radius", "mass", "contact_mass", "position", "velocity"):
             array = self._together(f"grains.{name}")

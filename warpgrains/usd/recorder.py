@@ -147,6 +147,7 @@ class Recorder:
         spin: FloatArray | None = None,
         angle: FloatArray | None = None,
         time: float | None = None,
+        driven: FloatArray | None = None,
     ) -> None:
         """Append one frame.
 
@@ -160,6 +161,8 @@ class Recorder:
             Angular velocities [rad/s] and angles [rad], shape (n,); required with friction, unused without.
         time : float, optional
             Time of the step [s], at which walls that move are drawn; by default that since the first frame.
+        driven : ndarray, optional
+            Coordinates and speeds of walls, see `State.driven`; required if a force drives one.
 
         Raises
         ------
@@ -175,7 +178,8 @@ class Recorder:
         for name, value in (("spin", spin), ("angle", angle)):
             if value is not None and np.shape(value) != self._shape[:1]:
                 raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
-        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts, spin, angle, time)
+        moving = position, velocity, contacts, wall_contacts, spin, angle, time, driven
+        frame = self.times.frame(self.frames, *moving)
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in self._drawings:
             arrays |= drawing.samples(frame)

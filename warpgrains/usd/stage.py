@@ -183,7 +183,7 @@ class MovingWalls:
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
         values: dict[str, NDArray[Any]] = {}
-        for k, wall in moved_walls(self._scene, frame.time).items():
+        for k, wall in moved_walls(self._scene, frame.time, frame.places).items():
             shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(self._names[k])
             values[f"{path}.points"] = shown
             values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))
