@@ -22,6 +22,7 @@ from warpgrains import (
 )
 from warpgrains.accuracy import certify
 from warpgrains.reference.reference import Reference, build
+from warpgrains.scene.state import Corrections, first_state
 from warpgrains.usd.check import report_on_recording
 
 PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
@@ -257,7 +258,7 @@ def test_what_is_not_offered_is_refused() -> None:
     simulation.step()
 
 
-@pytest.mark.parametrize("speed", [0.0, -0.05, -3.0])
+@pytest.mark.parametrize("speed", [0.0, -0.05, -3.3])
 def test_a_list_holds_for_a_wall_that_comes(tmp_path: Path, speed: float) -> None:
     """Grains at rest keep a list for long; the wall must not come near those that it lists not.
 
@@ -284,6 +285,28 @@ def test_a_list_holds_for_a_wall_that_comes(tmp_path: Path, speed: float) -> Non
         assert np.array_equal(simulation.state().driven, reference.driven)
     assert rebuilds < 200
     assert len(simulation.wall_contacts().wall) > 0
+
+
+def test_a_list_holds_for_a_speed_between_two_sweeps(tmp_path: Path) -> None:
+    """In the first sweep, grain 0 lets go of the wall, which then comes at 0.6 m/s until grain 2 stops it.
+
+    By then it has pushed grain 1, which is out of reach of the speeds before and after.
+    """
+    scene = Scene(
+        position=[(0.99, 0.0), (0.0, 0.9845), (-0.9899, 0.0)], radius=0.01, mass=[1.0, 1e-3, 100.0],
+        radius_out=1.0, gravity=(0.0, 0.0), pressure=1.0, wall_mass=0.1, tolerance=1e-12, dt=0.01,
+    )  # fmt: skip
+    state = first_state(scene)
+    nobody, kept = np.zeros((0, 2), np.int32), np.array([0.01 * 2.0 * np.pi])
+    held = Corrections(nobody, np.zeros(0), np.zeros((1, 2), np.int32), kept)
+    state = replace(state, velocity=np.array([(-2.0, 0.0), (0.0, 0.0), (0.0, 0.0)]), corrections=held)
+    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene, state)
+    simulation.restore(state)
+    report = simulation.step()
+    assert report.iterations == reference.step()[0]
+    assert np.array_equal(simulation.driven, reference.driven)
+    assert np.array_equal(simulation.velocity, reference.velocity)
+    assert abs(simulation.driven[0, 1]) < 0.02
 
 
 def test_a_wall_that_closes_on_a_grain_is_named() -> None:
