@@ -24,6 +24,13 @@ def leapfrog_velocity(
 
 
 @wp.func
+def turned_gravity(start: wp.vec2d, rate: f64, time: f64) -> wp.vec2d:
+    """Gravity at a time, of `start` at time 0, that turns at a rate [rad/s] (eq. 31)."""
+    c, s = wp.cos(rate * time), wp.sin(rate * time)
+    return wp.vec2d(c * start[0] - s * start[1], s * start[0] + c * start[1])
+
+
+@wp.func
 def distance(tail: wp.vec2d, head: wp.vec2d) -> f64:
     """Distance of two points [m]."""
     d = head - tail

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.packing import heights, mean_heights, upwards
+from warpgrains.analysis.packing import heights, mean_heights, space_below, upwards
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError, missing_extra
@@ -48,11 +48,12 @@ def height_profile(of: Snapshot | HasState, bins: int = 20) -> Profile:
     array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
     now = snapshot(of)
-    walls, up = now.scene.annulus, upwards(now.scene.gravity)
+    walls, up = now.scene.annulus, upwards(now.scene.gravity_at(now.time))
     edges = np.linspace(-walls.depth, walls.depth, bins + 1)
     height = heights(now)
     area = np.array([area_below(now.scene.radius, edge - height) for edge in edges])
-    space = np.array([walls.area_below(edge) for edge in edges])
+    grains = now.grains
+    space = np.array([space_below(grains, np.array([edge])).item() for edge in edges])
     return _profile(edges, area, space, _components(now.velocity, np.broadcast_to(up, (now.n, 2))))
 
 
@@ -182,7 +183,7 @@ def _region_and_centers(now: Snapshot, region: Any) -> tuple[Region, FloatArray]
     bulk = Region(Annulus(inner + diameter if inner > 0.0 else 0.0, outer - diameter))
     if not any(scene.gravity):
         return bulk, now.position
-    x, y = upwards(scene.gravity)
+    x, y = upwards(scene.gravity_at(now.time))
     turned = np.stack([now.position @ np.array([y, -x]), heights(now)], axis=1)
     return bulk._replace(high=(np.inf, mean_heights(now.grains).item())), turned
 

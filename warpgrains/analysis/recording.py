@@ -161,7 +161,7 @@ class Recording(Shown):
         spin, angle = self._reader.rotation(k)
         return Snapshot(
             scene=self._scene_at(k),
-            steps=FrameTimes(self.scene.dt, self._reader.rate).step(k),
+            steps=self._reader.first_step + FrameTimes(self.scene.dt, self._reader.rate).step(k),
             position=position,
             velocity=self._reader.velocity(k),
             start=position,
@@ -213,8 +213,9 @@ class Recording(Shown):
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames under the names that `to_xarray` uses."""
         chains = [self._reader.chains(k) for k in range(len(self))]
+        time = self._reader.first_step * self.scene.dt + self.time
         normal = [
-            contact_normals(self._scene_at(k), self.position[k], of.pair, float(self.time[k]))
+            contact_normals(self._scene_at(k), self.position[k], of.pair, float(time[k]))
             for k, of in enumerate(chains)
         ]
         frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])

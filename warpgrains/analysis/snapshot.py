@@ -116,7 +116,8 @@ class Snapshot:
             velocity=self.velocity[np.newaxis],
             spin=self.spin[np.newaxis],
             wall_force=wall_force,
-            gravity=np.array([scene.gravity]),
+            gravity=np.array([scene.gravity_at(self.time)]),
+            discs=scene.discs_at(self.time)[np.newaxis],
             walls=Annulus(*radii),
         )
 

@@ -1,4 +1,4 @@
-/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), and (21) to (29), as they stand there.
+/* The reference: the loops of kernels/MODEL.md, equations (2) to (8), (16) to (18), and (21) to (29) and (31), as they stand there.
  * With friction, the inner wall is a disc at the origin, because each wall has its own bound.
  *
  * NOCONTACTITERATE and NOUPDATE leave out one of the two functions that students write, NOCREATE the others.
@@ -26,6 +26,7 @@ femGrains *femGrainsCreateSimple(int n, double r, double m, double radiusIn, dou
     theGrains->nWalls = theGrains->moving = theGrains->steps = 0;
     theGrains->walls = theGrains->dvWalls = theGrains->motions = NULL;
     theGrains->friction = theGrains->wallFriction = 0.0;
+    theGrains->turning = 0.0;
     theGrains->rough = theGrains->driven = 0;
     theGrains->x = malloc(n * sizeof(double));
     theGrains->y = malloc(n * sizeof(double));
@@ -306,6 +307,14 @@ static double freeVelocity(const femGrains *g, double v, double gravity, double 
     return ((1.0 - a) * v + dt * gravity) / (1.0 + a);
 }
 
+/* Gravity at the beginning of a step (eq. 31). */
+static void turnedGravity(const femGrains *g, double dt, double *gx, double *gy) {
+    double x = g->gravity[0], y = g->gravity[1], angle = g->turning * (g->steps * dt);
+    double c = cos(angle), s = sin(angle);
+    *gx = c * x - s * y;
+    *gy = s * x + c * y;
+}
+
 /* The spin of a disc of mass m and radius r after its drag (eq. 21). */
 static double freeSpin(const femGrains *g, double w, double m, double r, double dt) {
     double inertia = 0.5 * m * r * r;
@@ -330,10 +339,12 @@ static void moveDriven(femGrains *g, double dt) {
 
 void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax) {
     int n = myGrains->n;
+    double gx = myGrains->gravity[0], gy = myGrains->gravity[1];
+    if (myGrains->turning != 0.0) turnedGravity(myGrains, dt, &gx, &gy);
     for (int i = 0; i < n; i++) {
         double m = myGrains->m[i];
-        myGrains->vx[i] = freeVelocity(myGrains, myGrains->vx[i], myGrains->gravity[0], m, dt);
-        myGrains->vy[i] = freeVelocity(myGrains, myGrains->vy[i], myGrains->gravity[1], m, dt);
+        myGrains->vx[i] = freeVelocity(myGrains, myGrains->vx[i], gx, m, dt);
+        myGrains->vy[i] = freeVelocity(myGrains, myGrains->vy[i], gy, m, dt);
         if (hasFriction(myGrains)) myGrains->u[i] = myGrains->r[i] * freeSpin(myGrains, myGrains->w[i], m, myGrains->r[i], dt);
     }
     if (myGrains->driven) freeSpeeds(myGrains, dt);
@@ -356,7 +367,8 @@ void femGrainsUpdate(femGrains *myGrains, double dt, double tol, double iterMax)
     }
     if (myGrains->driven) moveDriven(myGrains, dt);
     myGrains->staggered = myGrains->leapfrog;
-    myGrains->steps += myGrains->moving;  /* homeworks are graded by a reference that leaves all else as it is */
+    /* homeworks are graded by a reference that leaves all else as it is */
+    myGrains->steps += myGrains->moving || myGrains->turning != 0.0;
 }
 
 #endif

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +46,7 @@ def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
     _require_slow_walls(scene)
+    _require_slow_gravity(scene)
     _require_friction(scene)
     _require_driven(scene)
     if scene.method == "exact" and scene.has_friction:
@@ -80,6 +81,15 @@ def _require_slow_walls(scene: Scene) -> None:
                 f"velocity of walls[{k}]: the {wall.kind} moves by {path:.3g} m in a step of {scene.dt} s;"
                 f" it must be less than the smallest radius, {smallest} m"
             )
+
+
+def _require_slow_gravity(scene: Scene) -> None:
+    """Raise InputError unless gravity turns by less than half a turn in a step."""
+    if not abs(scene.gravity_rate) * scene.dt < pi:
+        raise InputError(
+            f"gravity.rotate is {scene.gravity_rate} rad/s: in a step of {scene.dt} s gravity turns by half a"
+            f" turn or more; dt must be less than {pi / abs(scene.gravity_rate)} s"
+        )
 
 
 def _require_friction(scene: Scene) -> None:

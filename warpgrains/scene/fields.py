@@ -15,6 +15,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import described, described_fields
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.wall_kinds import checked_walls
@@ -45,10 +46,12 @@ if TYPE_CHECKING:
 
     Array = ConvertedField[FloatArray, ArrayLike]
     OptionalArray = ConvertedField[FloatArray, ArrayLike | None]
-    Vector = ConvertedField[tuple[float, float], Sequence[float] | FloatArray]
+    Gravity = ConvertedField[
+        tuple[float, float] | TurningGravity, Sequence[float] | FloatArray | Mapping[str, Any]
+    ]
     Walls = ConvertedField[tuple[Obstacle, ...], Sequence[Obstacle | Mapping[str, Any]]]
 else:
-    Array, OptionalArray, Vector = FloatArray, FloatArray | None, tuple[float, float]
+    Array, OptionalArray, Gravity = FloatArray, FloatArray | None, tuple[float, float] | TurningGravity
     Walls = tuple[Obstacle, ...]
 
 
@@ -130,8 +133,13 @@ class SceneFields:
         check=checked_walls,
         default=(),
     )
-    gravity: Vector = _key(
-        "Acceleration of gravity, two components [m/s2].", "physics", checks.vector, default=(0.0, -9.81)
+    gravity: Gravity = _key(
+        "Acceleration of gravity, two components [m/s2]; or ``{vector = [0.0, -9.81], rotate = 0.05}``,"
+        " gravity that turns: ``vector`` at time 0, by default that of the Earth, and its angular velocity"
+        " ``rotate``, counterclockwise [rad/s].",
+        "physics",
+        checked_gravity,
+        default=EARTH,
     )
     drag: float = _key("Linear drag coefficient [kg/s].", "physics", checks.not_negative, default=0.0)
     spin_drag: float = _key(

@@ -20,6 +20,7 @@ from warpgrains.scene.disc import Disc
 from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
 from warpgrains.scene.geometry import left_of, overlapping_pairs
+from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
@@ -117,12 +118,13 @@ class Scene(SceneFields, Shown):
     def summary(self) -> dict[str, str]:
         """Return the line that describes the scene, by name."""
         inner = f"{self.radius_in:g} to " if self.radius_in > 0.0 else ""
+        turning = f", turning at {self.gravity_rate:g} rad/s" if self.gravity_rate else ""
         return {
             self.name: f"of {self.n} grains",
             "radius": f"{_range(self.radius)} m",
             "mass": f"{_range(self.mass)} kg",
             "walls": f"{inner}{self.radius_out:g} m",
-            "gravity": f"({self.gravity[0]:g}, {self.gravity[1]:g}) m/s2",
+            "gravity": f"({self.gravity[0]:g}, {self.gravity[1]:g}) m/s2{turning}",
             "drag": f"{self.drag:g} kg/s",
             "dt": f"{self.dt:g} s",
             "duration": f"{self.duration:g} s",
@@ -165,6 +167,15 @@ class Scene(SceneFields, Shown):
     def has_equal_masses(self) -> bool:
         """True if all grains have the same mass."""
         return bool((self.mass == self.mass[0]).all())
+
+    @property
+    def gravity_rate(self) -> float:
+        """Angular velocity at which gravity turns, counterclockwise [rad/s]; 0 if it is constant."""
+        return self.gravity.rotate if isinstance(self.gravity, TurningGravity) else 0.0
+
+    def gravity_at(self, time: float) -> tuple[float, float]:
+        """Return the acceleration of gravity at a time [m/s2] (MODEL.md, eq. 31)."""
+        return self.gravity.at(time) if isinstance(self.gravity, TurningGravity) else self.gravity
 
     @property
     def has_friction(self) -> bool:
@@ -303,6 +314,17 @@ class Scene(SceneFields, Shown):
         for wall in self.walls:
             area = wall.remaining_area(area)
         return area
+
+    def discs_at(self, time: float) -> FloatArray:
+        """Return center and radius [m] of the disc that each wall inside fills at a time [s], (walls, 3).
+
+        The radius is 0 if a wall fills no area or, like a ring, surrounds the grains.
+        """
+        found = np.zeros((len(self.walls), 3))
+        for own, wall in zip(found, self.walls, strict=True):
+            if isinstance(wall, Disc) and not wall.inside:
+                own[:] = *wall.pose(time).place(np.array([wall.center]))[0], wall.radius
+        return found
 
     @property
     def wall_numbers(self) -> list[int]:

@@ -31,7 +31,10 @@ class Grains(NamedTuple):
     wall_force: FloatArray
     """Force of each wall (0 outer, 1 inner, ...) on each grain [N], shape (m, n, walls)."""
     gravity: FloatArray
-    """[m/s2], shape (m, 2)."""
+    """As it is at the time [m/s2], shape (m, 2)."""
+    discs: FloatArray
+    """Center and radius of the disc that each wall inside the annulus fills at the time [m], see
+    `Scene.discs_at`, shape (m, walls - 2, 3)."""
     walls: Annulus
     """The annulus of each scene; its radii are arrays [m], shape (m,)."""
 
@@ -64,7 +67,8 @@ class FinalStates(NamedTuple):
             velocity=velocity,
             spin=np.zeros_like(mass) if spin is None else spin,
             wall_force=contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None],
-            gravity=host["gravity"][which],
+            gravity=records.gravity(which),
+            discs=records.discs(which),
             walls=Annulus(*radii),
         )
         return cls(grains, dt, {name: sums[name][which] for name in sums.dtype.names})

@@ -47,13 +47,13 @@ class Drawing(Protocol):
 
 
 def static_layer(
-    scene: Scene, rate: float, drawings: Iterable[Drawing], scales: Mapping[str, dict[str, str | float]]
+    scene: Scene, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any]
 ) -> Sdf.Layer:
     """Return an anonymous layer with the content that is the same in all frames.
 
     `rate` is in frames per second [1/s].
 
-    The layer's custom data hold the scene and the scales of colors and forces.
+    The layer's custom data hold the scene and `data`, such as the scales of colors and forces.
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
@@ -73,7 +73,7 @@ def static_layer(
             "name": scene.name,
             "scene": scene.text,
             "parameters": parameters_text(scene),
-            **scales,
+            **data,
         },
         "cameraSettings": {"boundCamera": str(CAMERA)},  # the camera that Omniverse uses
     }
