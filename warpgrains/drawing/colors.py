@@ -251,8 +251,9 @@ def spin_scale(scene: Scene) -> float:
 def pressure_scale(scene: Scene) -> float:
     """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
 
-    It is at least four times the pressure on the outer wall. Without both, it is the pressure on a mean grain that is stopped within one step from the scene's
-    largest speed, or if that is zero, from a speed of one radius per step.
+    It is at least four times the pressure on the outer wall. Without both, it is the pressure on a mean grain
+    that is stopped within one step from the scene's largest speed, or if that is zero, from a speed of one
+    radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
     given = 4.0 * abs(scene.pressure or 0.0)
