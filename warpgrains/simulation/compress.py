@@ -65,9 +65,9 @@ class Packing(Shown):
     """Summary of the run: steps, residuals, overlaps."""
 
     def results(self) -> dict[str, Any]:
-        """Return the numbers by name, as ``warpgrains compress --json`` prints them."""
+        """Return the numbers by name, as ``warpgrains compress --json`` prints them, None instead of NaN."""
         own = {key: value for key, value in vars(self).items() if key not in ("simulation", "run")}
-        return own | asdict(self.run)
+        return {key: None if value != value else value for key, value in (own | asdict(self.run)).items()}
 
     def summary(self) -> dict[str, str]:
         """Return the lines that describe the packing, by name."""
