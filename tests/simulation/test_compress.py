@@ -45,6 +45,7 @@ def test_the_command_prints_the_same(packing: wg.Packing, tmp_path, capfd) -> No
     assert printed["radius"] == packing.radius
     assert printed["contacts"] == packing.contacts
     assert printed["at_rest"] is True
+    assert printed["bulk_fraction"] is None  # there is too little away from the wall
     again = wg.Simulation.load(tmp_path / "jammed.npz")
     assert np.array_equal(again.position, packing.simulation.position)
     assert again.step().converged

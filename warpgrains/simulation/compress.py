@@ -48,7 +48,7 @@ class Packing(Shown):
     """Fraction of the area between the walls that grains fill. Walls order the grains next to them, which
     fill less."""
     bulk_fraction: float
-    """The same at least 4 mean diameters from the circles; NaN if there is nothing there."""
+    """The same at least 4 mean diameters from the circles; NaN if less than 4 diameters remain there."""
     contacts: float
     """Contacts of a grain that is no rattler: twice the contacts of the grains that carry, those with walls
     included, per grain. Without friction it is 4, but for terms of order 1 / n, where forces follow from
@@ -65,9 +65,9 @@ class Packing(Shown):
     """Summary of the run: steps, residuals, overlaps."""
 
     def results(self) -> dict[str, Any]:
-        """Return the numbers by name, as ``warpgrains compress --json`` prints them."""
+        """Return the numbers by name, as ``warpgrains compress --json`` prints them, None instead of NaN."""
         own = {key: value for key, value in vars(self).items() if key not in ("simulation", "run")}
-        return own | asdict(self.run)
+        return {key: None if value != value else value for key, value in (own | asdict(self.run)).items()}
 
     def summary(self) -> dict[str, str]:
         """Return the lines that describe the packing, by name."""
@@ -188,10 +188,13 @@ def _packing(simulation: Simulation, run: Summary) -> Packing:
 
 
 def _bulk_fraction(now: Snapshot) -> float:
-    """Return the packing fraction of the rings that are far from the circles; NaN if there are none."""
+    """Return the packing fraction of the rings that are far from the circles; NaN if these are few."""
     profile, scene = radial_profile(now, RINGS), now.scene
     layer = WALL_LAYER * 2.0 * float(scene.radius.mean())
     inner = scene.radius_in + layer if scene.radius_in > 0.0 else 0.0
+    outer = scene.radius_out - layer
+    if outer - inner < layer:
+        return float("nan")
     low, high = profile.edges[:-1], profile.edges[1:]
-    space = np.where((low >= inner) & (high <= scene.radius_out - layer), high**2 - low**2, 0.0)
-    return float(profile.packing_fraction @ space / space.sum()) if space.any() else float("nan")
+    space = np.where((low >= inner) & (high <= outer), high**2 - low**2, 0.0)
+    return float(profile.packing_fraction @ space / space.sum())
