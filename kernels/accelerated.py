@@ -17,10 +17,11 @@ from collections.abc import Callable
 import warp as wp
 
 from . import law
-from .access import at, larger, put, working_first_of, working_normal_of
-from .contacts import chunks_of_set, contact_count, is_wall_set, part_count
+from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
+from .contacts import chunks_of_set, contact_count, is_wall_set, part_count, range_of_set
+from .driven import correct_wall
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, grain_count, pair_count
+from .record import Scene, body_count, is_driven, pair_count
 from .threads import Team, thread_range, update_max
 from .types import Contacts, Grains, WorkingSet
 
@@ -31,7 +32,7 @@ RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta 
 
 @wp.func
 def mass_in_phi(grains: Grains, contacts: Contacts, i: int) -> f64:
-    """Return the contact mass of a grain; where all masses are equal, phi is by unit mass."""
+    """Return the contact mass of a body; where all masses are equal, phi is by unit mass."""
     if contacts.weights.shape[0] > 0:
         return at(grains.contact_mass, i)
     return f64(1.0)
@@ -154,19 +155,53 @@ def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
     return total
 
 
-def correcting_working_sets(sweep_pairs: wp.Function, sweep_walls: wp.Function) -> wp.Function:
+@wp.func(inline=False)
+def sweep_driven_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
+    """Correct contacts with walls, one of which is driven, from y. Returns what `sweeping` does."""
+    velocity = s.grains.next_velocity
+    working = s.working
+    beta, factor = s.momentum.state.beta, relaxation_factor(s)
+    total = wp.vec3d()
+    c = int(begin)
+    while c < end:
+        i, j = working_first_of(working.contact, c), working_second_of(working.contact, c)
+        n = working_normal_of(working.contact, c)
+        v, gap_rate, x = at(velocity, i), at(working.gap_rate, c), at(working.dv, c)
+        ahead = beta * (x - at(working.last_dv, c))
+        found = correct_wall(s, velocity, i, j, n, x + ahead, gap_rate, factor)
+        dv, compliance = found[0], found[1]
+        put(velocity, i, v - dv * n)
+        put(working.last_dv, c, x)
+        put(working.dv, c, x + ahead + dv)
+        gain = dv * (found[2] - f64(0.5) * compliance * dv)
+        mu = mass_in_phi(s.grains, s.contacts, i)
+        total = wp.vec3d(
+            larger(total[0], compliance * wp.abs(dv)),
+            total[1] + mu * (gap_rate * ahead - ENOUGH * gain),
+            total[2] - mu * compliance * dv * (ahead + dv),
+        )
+        c += 1
+    return total
+
+
+def correcting_working_sets(
+    sweep_pairs: wp.Function, sweep_walls: wp.Function, sweep_driven_walls: wp.Function
+) -> wp.Function:
     """Return the function `(team, scene, set)` that corrects the contacts of a set that are swept."""
 
     @wp.func
     def correct_working_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
         begin, end, _, part = chunks_of_set(s, k)
-        first, last = thread_range(team, begin, end)
+        first, last = range_of_set(team, s, k, begin, end)
         for chunk in range(first, last):
             bounds = at(s.working.range, part + chunk)
             total = wp.vec3d()
             if is_wall_set(s, k):
-                total = sweep_walls(s, bounds[0], bounds[1])
+                if is_driven(s):
+                    total = sweep_driven_walls(s, bounds[0], bounds[1])
+                else:
+                    total = sweep_walls(s, bounds[0], bounds[1])
             else:
                 total = sweep_pairs(s, bounds[0], bounds[1])
             put(s.momentum.contact_part, part + chunk, wp.vec2d(total[1], total[2]))
@@ -176,7 +211,7 @@ def correcting_working_sets(sweep_pairs: wp.Function, sweep_walls: wp.Function) 
     return correct_working_set
 
 
-correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls)
+correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls, sweep_driven_walls)
 
 
 @wp.func
@@ -194,7 +229,7 @@ def begin_momentum(team: Team, s: Scene):
         put(s.working.range, k, wp.vec2i(0, 0))
     if s.control.resuming != 0:
         return
-    i, last = thread_range(team, 0, grain_count(s))
+    i, last = thread_range(team, 0, body_count(s))
     while i < last:
         put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
         i += 1

@@ -13,8 +13,9 @@ import warp as wp
 
 from . import law
 from .accelerated import correcting_working_sets, in_fours, mass_in_phi
-from .access import at, larger, put, working_first_of, working_normal_of
+from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
 from .contacts import part_count, surface_of
+from .driven import correct_wall
 from .friction import THIRD, rim_weights
 from .lanes import lanes
 from .record import Scene, pair_count
@@ -166,44 +167,60 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
 sweep_pairs = in_fours(sweeping)
 
 
-@wp.func
-def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
-    """Correct contacts with walls from y, in place. Returns what `sweeping` does."""
-    velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
-    rim = s.grains.next_rim
-    working = s.working
-    beta = s.momentum.state.beta
-    first_wall = pair_count(s)
-    total = wp.vec3d()
-    c = int(begin)
-    while c < end:
-        i, normal = working_first_of(working.contact, c), working_normal_of(working.contact, c)
-        surface = surface_of(s, at(working.index, c))
-        part = rim_weights(s, at(working.index, c), True)
-        v, u, t = at(velocity, i), at(rim, i), law.tangent(normal)
-        x, xt = at(working.dv, c), at(working.dvt, c)
-        y = x + beta * (x - at(working.last_dv, c))
-        yt = xt + beta * (xt - at(working.last_dvt, c))
-        limit = at(working.limits, c - first_wall)[1]
-        gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, normal), limit)
-        dv = law.pair_correction(wp.dot(v, normal), y, gap)
-        vt = wp.dot(v, t) + (u - surface[1])
-        dvt = law.friction_correction(part[0] * vt, yt, surface[0] * (y + dv))
-        put(velocity, i, v - (dv * normal + dvt * t))
-        put(rim, i, u - dvt * part[1])
-        put(working.last_dv, c, x)
-        put(working.last_dvt, c, xt)
-        put(working.dv, c, y + dv)
-        put(working.dvt, c, yt + dvt)
-        mu, wide_dvt = mass_in_phi(s.grains, s.contacts, i), dvt / part[0]
-        zeta = larger(total[0], larger(wp.abs(dv), wp.abs(dvt)))
-        size = total[1] + mu * (dv * dv + wide_dvt * dvt)
-        total = wp.vec3d(zeta, size, total[2] - mu * (dv * (y + dv - x) + wide_dvt * (yt + dvt - xt)))
-        c += 1
-    return total
+def sweeping_walls(driven: bool) -> wp.Function:
+    """Return the function that corrects contacts with walls from y, and returns what `sweeping` does.
+
+    `driven`: a force drives one of the walls.
+    """
+
+    @wp.func(inline=not driven)
+    def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
+        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
+        rim = s.grains.next_rim
+        working = s.working
+        beta = s.momentum.state.beta
+        first_wall = pair_count(s)
+        total = wp.vec3d()
+        c = int(begin)
+        while c < end:
+            i, normal = working_first_of(working.contact, c), working_normal_of(working.contact, c)
+            surface = surface_of(s, at(working.index, c))
+            part = rim_weights(s, at(working.index, c), True)
+            v, u, t = at(velocity, i), at(rim, i), law.tangent(normal)
+            x, xt = at(working.dv, c), at(working.dvt, c)
+            y = x + beta * (x - at(working.last_dv, c))
+            yt = xt + beta * (xt - at(working.last_dvt, c))
+            if wp.static(driven):
+                j = working_second_of(working.contact, c)
+                found = correct_wall(s, velocity, i, j, normal, y, at(working.gap_rate, c), f64(1.0))
+                dv, wide_dv = found[0], found[1] * found[0]
+            else:
+                limit = at(working.limits, c - first_wall)[1]
+                gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, normal), limit)
+                dv = law.pair_correction(wp.dot(v, normal), y, gap)
+                wide_dv = dv
+            vt = wp.dot(v, t) + (u - surface[1])
+            dvt = law.friction_correction(part[0] * vt, yt, surface[0] * (y + dv))
+            put(velocity, i, v - (dv * normal + dvt * t))
+            put(rim, i, u - dvt * part[1])
+            put(working.last_dv, c, x)
+            put(working.last_dvt, c, xt)
+            put(working.dv, c, y + dv)
+            put(working.dvt, c, yt + dvt)
+            mu, wide_dvt = mass_in_phi(s.grains, s.contacts, i), dvt / part[0]
+            zeta = larger(total[0], larger(wp.abs(wide_dv), wp.abs(dvt)))
+            size = total[1] + mu * (wide_dv * dv + wide_dvt * dvt)
+            total = wp.vec3d(
+                zeta, size, total[2] - mu * (wide_dv * (y + dv - x) + wide_dvt * (yt + dvt - xt))
+            )
+            c += 1
+        return total
+
+    return sweep_walls
 
 
-correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls)
+sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
+correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls, sweep_driven_walls)
 
 
 @wp.func

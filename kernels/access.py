@@ -15,7 +15,7 @@ import re
 
 import warp as wp
 
-from .types import Contact, Motion, Pose, Shape, WorkingContact
+from .types import Contact, Drive, Motion, Pose, Shape, WorkingContact
 
 f64 = wp.float64
 CHECKED = os.environ.get("WARPGRAINS_CHECK_BOUNDS") == "1"
@@ -44,7 +44,7 @@ def checked(code: str) -> str:
     return CHECK + re.sub(r"([\w.]+)\.data\[([^]]+)\]", r"\1.data[within(\1, \2)]", code)
 
 
-for dtype in (f64, wp.int32, wp.uint64, wp.vec2d, wp.vec3d, wp.vec2i, wp.vec3i, Shape, Motion, Pose):
+for dtype in (f64, wp.int32, wp.uint64, wp.vec2d, wp.vec3d, wp.vec2i, wp.vec3i, Shape, Motion, Pose, Drive):
 
     @wp.func_native(checked("return array.data[i];"))
     def at(array: wp.array(dtype=dtype), i: int) -> dtype:

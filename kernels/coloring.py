@@ -17,7 +17,7 @@ import warp as wp
 
 from .access import at, lowest_bit, put
 from .contact_list import listed_count, pair_end
-from .record import Scene, grain_count, pair_count
+from .record import Scene, grain_count, is_driven, pair_count
 from .types import Ints, NeighborList
 
 MASK_COLORS = wp.constant(64)
@@ -204,11 +204,19 @@ def place_walls(s: Scene):
     """Give every contact with a wall its index, after the pairs, and put them in independent sets.
 
     The first contact of every grain is in the first set, the second one in the second, and so on. So every
-    contact reads the velocities that it would read grain by grain.
+    contact reads the velocities that it would read grain by grain. If a wall is driven, all are in one set,
+    in the order of the list: they share the speed of that wall.
     """
     rows, listed, first_set = s.neighbors, listed_count(s), s.contacts.count.sets
     place = pair_count(s)
     sets = int(0)
+    if is_driven(s):
+        for i in range(grain_count(s)):
+            for k_wall in range(pair_end(rows, i), at(rows.start, i + 1)):
+                put(s.workspace.sweep_index, k_wall, place)
+                place += 1
+        put(s.contacts.set_start, first_set + 1, place)
+        sets = wp.where(place > pair_count(s), 1, 0)
     while place < listed:
         for i in range(grain_count(s)):
             k = pair_end(rows, i) + sets

@@ -8,7 +8,7 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, normal_of, put, second_of
-from .record import Scene, grain_count, pair_count
+from .record import Scene, grain_count, is_driven, pair_count
 from .threads import Team, thread_range
 from .types import Contacts, Vectors
 
@@ -35,9 +35,19 @@ def is_wall_set(s: Scene, k: int) -> bool:
 
 
 @wp.func
+def range_of_set(team: Team, s: Scene, k: int, begin: int, end: int):
+    """Return this thread's range of [begin, end) of set k: all or nothing if its contacts share a wall."""
+    first, last = thread_range(team, begin, end)
+    if is_driven(s) and is_wall_set(s, k):
+        first = wp.where(team.rank == 0, begin, end)
+        last = end
+    return first, last
+
+
+@wp.func
 def contacts_of(team: Team, s: Scene, k: int):
     """Return first contact and end of this thread's part of a set."""
-    begin, end = thread_range(team, at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1))
+    begin, end = range_of_set(team, s, k, at(s.contacts.set_start, k), at(s.contacts.set_start, k + 1))
     return begin, end
 
 

@@ -20,8 +20,9 @@ from .access import (
     second_of,
 )
 from .contacts import apply, contacts_of, gap_rates_now, is_wall_set, surface_of
+from .driven import correct_wall, lever, push_wall, share_of_wall
 from .gauss_seidel import correcting_sets, in_blocks, note_moment
-from .record import Scene, grain_count, is_accelerated, pair_count
+from .record import Scene, grain_count, is_accelerated, is_driven, pair_count
 from .residual import keeping_worst
 from .threads import Team
 from .types import Floats, Vectors
@@ -83,6 +84,8 @@ def apply_both(s: Scene, velocity: Vectors, rim: Floats, c: int, dv: f64, dvt: f
     contacts = s.contacts
     n = normal_of(contacts.contact, c)
     apply(contacts, velocity, c, dv * n + dvt * law.tangent(n), at_wall)
+    if at_wall and is_driven(s):
+        push_wall(s, velocity, c, dv)
     weights, i = rim_weights(s, c, at_wall), first_of(contacts.contact, c)
     put(rim, i, at(rim, i) - dvt * weights[1])
     if not at_wall:
@@ -146,10 +149,16 @@ def residual_of(s: Scene, c: int) -> f64:
     else:
         v, u = v - at(velocity, j), u + at(rim, j)
     change = law.pair_correction(wp.dot(v, n), dv, gap)
+    compliance = f64(1.0)
+    if at_wall and is_driven(s):
+        along = lever(s, j, n)
+        compliance = f64(1.0) + along * share_of_wall(s, i, j, n)
+        vn = wp.dot(v, n) - along * at(velocity, j)[0]
+        change = law.driven_correction(vn, dv, gap, compliance)
     vt = wp.dot(v, law.tangent(n)) + u
     share = rim_weights(s, c, at_wall)[0]
     slip = law.friction_correction(share * vt, dvt, friction * (dv + change)) / share
-    return wp.max(wp.abs(change), wp.abs(slip))
+    return wp.max(compliance * wp.abs(change), wp.abs(slip))
 
 
 keep_worst = keeping_worst(residual_of)
@@ -216,39 +225,54 @@ def sweeping(weighted: bool) -> wp.Function:
 sweep_equal, sweep_weighted = sweeping(False), sweeping(True)
 
 
-@wp.func
-def sweep_walls(s: Scene, begin: int, end: int) -> f64:
-    """Correct contacts with walls, in place, and monitor their grains. Returns the largest change."""
-    velocity = s.grains.next_velocity
-    rim = s.grains.next_rim
-    contacts = s.contacts
-    large = least_monitored_correction(s)
-    zeta = f64(0.0)
-    c = int(begin)
-    while c < end:
-        i, n = first_of(contacts.contact, c), normal_of(contacts.contact, c)
-        surface = surface_of(s, c)
-        rim_weight = rim_weights(s, c, True)
-        v, u, t = at(velocity, i), at(rim, i), law.tangent(n)
-        dv_before, dvt_before = at(contacts.dv, c), at(contacts.dvt, c)
-        gap, _ = gap_rates_now(contacts, c, v)
-        dv = law.pair_correction(wp.dot(v, n), dv_before, gap)
-        vt = wp.dot(v, t) + (u - surface[1])
-        dv_after = dv_before + dv
-        dvt = law.friction_correction(rim_weight[0] * vt, dvt_before, surface[0] * dv_after)
-        put(velocity, i, v - (dv * n + dvt * t))
-        put(rim, i, u - dvt * rim_weight[1])
-        put(contacts.dv, c, dv_after)
-        put(contacts.dvt, c, dvt_before + dvt)
-        change = larger(wp.abs(dv), wp.abs(dvt))
-        zeta = larger(zeta, change)
-        if change > large:
-            monitor(s, i, at(velocity, i))
-        c += 1
-    return zeta
+def sweeping_walls(driven: bool) -> wp.Function:
+    """Return the function that corrects contacts with walls, in place, and monitors their grains.
+
+    It returns the largest change. `driven`: a force drives one of the walls.
+    """
+
+    @wp.func(inline=not driven)
+    def sweep_walls(s: Scene, begin: int, end: int) -> f64:
+        velocity = s.grains.next_velocity
+        rim = s.grains.next_rim
+        contacts = s.contacts
+        large = least_monitored_correction(s)
+        zeta = f64(0.0)
+        c = int(begin)
+        while c < end:
+            i, n = first_of(contacts.contact, c), normal_of(contacts.contact, c)
+            surface = surface_of(s, c)
+            rim_weight = rim_weights(s, c, True)
+            v, u, t = at(velocity, i), at(rim, i), law.tangent(n)
+            dv_before, dvt_before = at(contacts.dv, c), at(contacts.dvt, c)
+            gap, _ = gap_rates_now(contacts, c, v)
+            if wp.static(driven):
+                j = second_of(contacts.contact, c)
+                found = correct_wall(s, velocity, i, j, n, dv_before, gap, f64(1.0))
+                dv, change = found[0], found[1] * wp.abs(found[0])
+                monitor(s, j, at(velocity, j))
+            else:
+                dv = law.pair_correction(wp.dot(v, n), dv_before, gap)
+                change = wp.abs(dv)
+            vt = wp.dot(v, t) + (u - surface[1])
+            dv_after = dv_before + dv
+            dvt = law.friction_correction(rim_weight[0] * vt, dvt_before, surface[0] * dv_after)
+            put(velocity, i, v - (dv * n + dvt * t))
+            put(rim, i, u - dvt * rim_weight[1])
+            put(contacts.dv, c, dv_after)
+            put(contacts.dvt, c, dvt_before + dvt)
+            change = larger(change, wp.abs(dvt))
+            zeta = larger(zeta, change)
+            if change > large:
+                monitor(s, i, at(velocity, i))
+            c += 1
+        return zeta
+
+    return sweep_walls
 
 
-correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls)
+sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
+correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls, sweep_driven_walls)
 
 
 @wp.func

@@ -19,7 +19,8 @@ from .access import (
     second_of,
 )
 from .contacts import contacts_of, gap_rates_now, is_wall_set
-from .record import Scene
+from .driven import correct_wall
+from .record import Scene, is_driven
 from .stopping import count_iteration, phase_after_sweep, reduce_max
 from .threads import BLOCK, MOMENTS, Team, partial_index, update_max
 from .types import Contacts, Vectors
@@ -158,15 +159,45 @@ def sweep_walls(s: Scene, begin: int, end: int) -> f64:
     return zeta
 
 
-def correcting_sets(equal: wp.Function, weighted: wp.Function, walls: wp.Function) -> wp.Function:
-    """Return the function `(team, scene, set)` that corrects a set of contacts by one of the three."""
+@wp.func(inline=False)
+def sweep_driven_walls(s: Scene, begin: int, end: int) -> f64:
+    """Correct contacts with walls, one of which is driven, as `sweep_walls` does (eq. 29)."""
+    velocity = s.grains.next_velocity
+    contacts = s.contacts
+    large = least_monitored_correction(s)
+    zeta = f64(0.0)
+    c = int(begin)
+    while c < end:
+        i, j = first_of(contacts.contact, c), second_of(contacts.contact, c)
+        n = normal_of(contacts.contact, c)
+        v, dv_before = at(velocity, i), at(contacts.dv, c)
+        gap_rate = gap_rate_of(contacts.contact, c)
+        found = correct_wall(s, velocity, i, j, n, dv_before, gap_rate, f64(1.0))
+        put(velocity, i, v - found[0] * n)
+        put(contacts.dv, c, dv_before + found[0])
+        change = found[1] * wp.abs(found[0])
+        zeta = larger(zeta, change)
+        if change > large:
+            monitor(s, i, at(velocity, i))
+        if change > f64(0.0):
+            monitor(s, j, at(velocity, j))  # its changes add up: it has more contacts than a grain
+        c += 1
+    return zeta
+
+
+def correcting_sets(
+    equal: wp.Function, weighted: wp.Function, walls: wp.Function, driven_walls: wp.Function
+) -> wp.Function:
+    """Return the function `(team, scene, set)` that corrects a set of contacts by one of the four."""
 
     @wp.func
     def correct_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
         moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
         begin, end = contacts_of(team, s, k)
-        if is_wall_set(s, k):
+        if is_wall_set(s, k) and is_driven(s):
+            zeta = driven_walls(s, begin, end)
+        elif is_wall_set(s, k):
             zeta = walls(s, begin, end)
         elif s.contacts.weights.shape[0] > 0:
             zeta = weighted(s, begin, end, moment)
@@ -177,7 +208,7 @@ def correcting_sets(equal: wp.Function, weighted: wp.Function, walls: wp.Functio
     return correct_set
 
 
-correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls)
+correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls, sweep_driven_walls)
 
 
 @wp.func

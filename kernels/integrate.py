@@ -4,6 +4,7 @@ import warp as wp
 
 from . import law
 from .access import at, put
+from .driven import begin_driven_walls, end_driven_walls
 from .record import Scene
 from .walls import place_walls
 
@@ -12,11 +13,14 @@ f64 = wp.float64
 
 @wp.func
 def begin_step(s: Scene):
-    """Reset the counts of lists, attempts and factorizations, and place the walls that move."""
+    """Reset the counts of lists, attempts and factorizations; turn gravity, and place the walls that move."""
     s.step.rebuilds = 0
     s.step.restarts = 0
     s.step.factorizations = 0
+    if s.turning.rate != f64(0.0):
+        s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, f64(s.steps) * s.dt)
     place_walls(s.walls, f64(s.steps) * s.dt, f64(s.steps + wp.int64(1)) * s.dt)
+    begin_driven_walls(s)
 
 
 @wp.func
@@ -34,7 +38,7 @@ def free_velocity(s: Scene, i: int):
 
 @wp.func
 def move(s: Scene, i: int):
-    """Move a grain with the velocity that the contacts have corrected (eq. 3)."""
+    """Move a grain, or a driven wall, with the velocity that the contacts have corrected (eq. 3)."""
     x = at(s.grains.position, i)
     v = at(s.grains.next_velocity, i)
     put(s.grains.last_position, i, x)
@@ -47,6 +51,7 @@ def move(s: Scene, i: int):
 def end_step(s: Scene):
     """Count the step; after one of the leapfrog, velocities are half a step behind the positions."""
     s.steps = s.steps + wp.int64(1)
+    end_driven_walls(s)
     s.scheme.last_staggered = s.scheme.staggered
     if s.scheme.leapfrog != 0:
         s.scheme.staggered = 1

@@ -24,6 +24,13 @@ def leapfrog_velocity(
 
 
 @wp.func
+def turned_gravity(start: wp.vec2d, rate: f64, time: f64) -> wp.vec2d:
+    """Gravity at a time, of `start` at time 0, that turns at a rate [rad/s] (eq. 31)."""
+    c, s = wp.cos(rate * time), wp.sin(rate * time)
+    return wp.vec2d(c * start[0] - s * start[1], s * start[0] + c * start[1])
+
+
+@wp.func
 def distance(tail: wp.vec2d, head: wp.vec2d) -> f64:
     """Distance of two points [m]."""
     d = head - tail
@@ -57,6 +64,15 @@ def projection(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
     back_rate is gap / dt on the other side, where dv_c < 0 pushes; inf where there is no other side.
     """
     return wp.max(f64(0.0), vn + dv - gap_rate) - wp.max(f64(0.0), -vn - dv - back_rate)
+
+
+@wp.func
+def driven_correction(vn: f64, dv: f64, gap_rate: f64, compliance: f64) -> f64:
+    """Change of the correction of a contact with a driven wall [m/s] (eq. 29).
+
+    A correction of 1 m/s changes vn, in which the speed of the wall counts, by the compliance.
+    """
+    return wp.max(f64(0.0), dv + (vn - gap_rate) / compliance) - dv
 
 
 @wp.func

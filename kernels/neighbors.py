@@ -9,7 +9,7 @@ import warp as wp
 from .access import add, at, checked, lowest_bit, put
 from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
 from .contact_list import has_wall, was_active
-from .record import WITHOUT_ROOM, Phase, Scene, grain_count
+from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven
 from .types import CellGrid
 from .walls import do_move, is_near_wall, next_near, wall_body_count, wall_path
 
@@ -137,7 +137,10 @@ def find_walls(s: Scene, i: int):
     b = int(0)
     while b < wall_body_count(s.walls):
         j = grain_count(s) + b
-        reach = (own + wall_path(b, s.walls, now, now + lifetime)) * TOO_WIDE
+        its = wall_path(b, s.walls, now, now + lifetime)
+        if is_driven(s):
+            its = its + lifetime * wp.length(at(s.verlet.reference_velocity, j)) + at(s.verlet.skin, j)
+        reach = (own + its) * TOO_WIDE
         listed = is_near_wall(b, x, radius, s.walls, reach)
         if was_at_wall and not listed:
             listed = was_active(s, i, j)

@@ -163,6 +163,14 @@ class Violation:
 
 
 @wp.struct
+class Turning:
+    """Gravity that turns."""
+
+    start: wp.vec2d  # gravity at time 0 [m/s2]
+    rate: f64  # [rad/s]; 0 where gravity is constant
+
+
+@wp.struct
 class SceneRecord:
     """One scene: its state, its list of contacts, and its parameters."""
 
@@ -186,7 +194,8 @@ class SceneRecord:
     tuning: Tuning
     walls: Walls
     scheme: TimeScheme
-    gravity: wp.vec2d  # [m/s2]
+    gravity: wp.vec2d  # at the start of the step [m/s2]
+    turning: Turning
     drag: f64  # [kg/s]
     spin_drag: f64  # [kg m2/s]
     friction: f64  # coefficient between grains
@@ -202,7 +211,19 @@ Scene = wp.ref[SceneRecord]
 @wp.func
 def grain_count(s: Scene) -> int:
     """Return the number of grains."""
+    return s.grains.radius.shape[0]
+
+
+@wp.func
+def body_count(s: Scene) -> int:
+    """Return the number of bodies that have a velocity: grains and, if one is driven, walls."""
     return s.grains.position.shape[0]
+
+
+@wp.func
+def is_driven(s: Scene) -> bool:
+    """Return whether a force acts on a wall (driven.py)."""
+    return s.walls.drive.shape[0] > 0
 
 
 @wp.func

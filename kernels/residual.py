@@ -11,9 +11,10 @@ carry, at most eta each.
 import warp as wp
 
 from . import law
-from .access import at, first_of, gap_rate_of, larger, normal_of, put, vn_of
+from .access import at, first_of, gap_rate_of, larger, normal_of, put, second_of, vn_of
 from .contacts import apply, contact_count, contacts_of, gap_rates_now, is_wall_set
-from .record import Scene, pair_count
+from .driven import lever, push_wall, share_of_wall
+from .record import Scene, is_driven, pair_count
 from .threads import Team, thread_range, update_max
 
 f64 = wp.float64
@@ -21,7 +22,7 @@ f64 = wp.float64
 
 @wp.func
 def begin_rebuild(s: Scene, i: int):
-    """Begin with the free velocity."""
+    """Begin with the free velocity of a body."""
     put(s.grains.rebuilt_velocity, i, at(s.grains.free_velocity, i))
 
 
@@ -34,7 +35,21 @@ def rebuild(team: Team, s: Scene, k: int):
     velocity = s.grains.rebuilt_velocity
     while c < end:
         apply(contacts, velocity, c, at(contacts.dv, c) * normal_of(contacts.contact, c), at_wall)
+        if at_wall and is_driven(s):
+            push_wall(s, velocity, c, at(contacts.dv, c))
         c += 1
+
+
+@wp.func
+def residual_at_driven(s: Scene, c: int) -> f64:
+    """Return the residual of a contact with a wall where one is driven [m/s] (eq. 30)."""
+    velocity, contact = s.grains.rebuilt_velocity, s.contacts.contact
+    i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
+    along = lever(s, j, n)
+    compliance = f64(1.0) + along * share_of_wall(s, i, j, n)
+    vn = wp.dot(at(velocity, i), n) - along * at(velocity, j)[0]
+    change = law.driven_correction(vn, at(s.contacts.dv, c), gap_rate_of(contact, c), compliance)
+    return compliance * wp.abs(change)
 
 
 @wp.func
@@ -42,6 +57,8 @@ def residual_of(s: Scene, c: int) -> f64:
     """Return the residual of a contact [m/s]."""
     velocity, contact, dv = s.grains.rebuilt_velocity, s.contacts.contact, at(s.contacts.dv, c)
     if c >= pair_count(s):
+        if is_driven(s):
+            return residual_at_driven(s, c)
         v = at(velocity, first_of(contact, c))
         gap, back = gap_rates_now(s.contacts, c, v)
         return law.wall_residual(wp.dot(v, normal_of(contact, c)), dv, gap, back)

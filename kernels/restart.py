@@ -18,7 +18,7 @@ import warp as wp
 from .accelerated import mass_in_phi
 from .access import at, put
 from .contacts import CHUNK, chunks_in, part_count
-from .record import Scene, grain_count
+from .record import Scene, body_count
 from .stopping import count_iteration, phase_after_sweep, reduce_max
 from .threads import Team, thread_range
 
@@ -63,7 +63,7 @@ def accept_or_reject(s: Scene, zeta: f64):
         part = part + at(s.momentum.contact_part, k)
     energy = f64(0.0)
     size = f64(0.0)
-    for k in range(chunks_in(grain_count(s))):
+    for k in range(chunks_in(body_count(s))):
         moving = at(s.momentum.grain_part, k)
         energy = energy + moving[0]
         size = size + moving[1]
@@ -99,13 +99,13 @@ def roll_back(s: Scene, part: int):
 
 @wp.func
 def roll_back_velocity(s: Scene, i: int):
-    """Restore the velocity that a grain had before a rejected sweep."""
+    """Restore the velocity that a body had before a rejected sweep."""
     put(s.grains.next_velocity, i, at(s.momentum.last_velocity, i))
 
 
 @wp.func
 def take_rebuilt_velocity(s: Scene, i: int):
-    """Set a grain's velocity to the rebuilt one, and shift the last one by the difference."""
+    """Set a body's velocity to the rebuilt one, and shift the last one by the difference."""
     rebuilt = at(s.grains.rebuilt_velocity, i)
     last = at(s.momentum.last_velocity, i)
     put(s.momentum.last_velocity, i, last + (rebuilt - at(s.grains.next_velocity, i)))
@@ -115,7 +115,7 @@ def take_rebuilt_velocity(s: Scene, i: int):
 @wp.func
 def extrapolate(team: Team, s: Scene):
     """Extrapolate the velocities to y, and sum up the kinetic part of phi."""
-    n = grain_count(s)
+    n = body_count(s)
     grains, contacts = s.grains, s.contacts
     last_velocity = s.momentum.last_velocity
     beta = s.momentum.state.beta

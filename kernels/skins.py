@@ -3,7 +3,7 @@
 import warp as wp
 
 from .access import at, larger, put
-from .record import Scene, grain_count, is_accelerated
+from .record import Scene, body_count, is_accelerated
 from .verlet import peak_of
 
 f64 = wp.float64
@@ -60,7 +60,7 @@ def find_lifetime(s: Scene):
 
     The frame's skin allows for a free fall of that duration.
     """
-    n = grain_count(s)
+    n = body_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))
     i = int(0)
     while i < n:

@@ -51,7 +51,7 @@ from .conditions import (
     unsolved,
 )
 from .contacts import contact_count, part_count
-from .record import grain_count
+from .record import body_count, grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 SEARCH = [
@@ -96,24 +96,24 @@ def sweeping_order(has_friction: bool) -> list[Stage]:
 def warm_started(has_friction: bool) -> list[Stage]:
     """Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
     return [
-        Each(grain_count, warm_start.begin_attempt),
+        Each(body_count, warm_start.begin_attempt),
         *only(has_friction, [Each(grain_count, friction.begin_rim)]),
         Sets(friction.start_with_friction if has_friction else warm_start.start),
         Serial(verlet.clear_check),
         Serial(verlet.find_frame),
-        Each(grain_count, verlet.begin_check),
+        Each(body_count, verlet.begin_check),
         Serial(stopping.begin_iterating),
     ]
 
 
 REBUILD = [
-    Each(grain_count, residual.begin_rebuild),
+    Each(body_count, residual.begin_rebuild),
     Sets(residual.rebuild),
     Shared(residual.measure_residual),
 ]
 
 REBUILD_WITH_FRICTION = [
-    Each(grain_count, residual.begin_rebuild),
+    Each(body_count, residual.begin_rebuild),
     Each(grain_count, friction.begin_rebuilt_rim),
     Sets(friction.rebuild_with_friction),
     Shared(friction.measure_with_friction),
@@ -128,7 +128,7 @@ def plain_sweeps(sweep: wp.Function, rebuild: list[Stage]) -> list[Stage]:
             [
                 Sets(sweep),
                 Serial(gauss_seidel.end_sweep),
-                If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(grain_count, verlet.sample)]),
+                If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(body_count, verlet.sample)]),
                 If(measuring, [*rebuild, Serial(stopping.end_measurement)]),
             ],
         ),
@@ -145,9 +145,9 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
         Each(part_count, working_set.scatter),
         *only(has_friction, [Each(part_count, accelerated_friction.scatter_tangential)]),
     ]
-    check_list = [*scatter, Each(grain_count, working_set.check_peak), Serial(stopping.end_list_check)]
+    check_list = [*scatter, Each(body_count, working_set.check_peak), Serial(stopping.end_list_check)]
     take_rebuilt = [
-        Each(grain_count, restart.take_rebuilt_velocity),
+        Each(body_count, restart.take_rebuilt_velocity),
         *only(has_friction, [Each(grain_count, accelerated_friction.take_rebuilt_rim)]),
     ]
     measure = [
@@ -187,7 +187,7 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
 SWEEP = [
     Sets(accelerated.sweep_ahead),
     Serial(restart.end_sweep_ahead),
-    If(rejected, [Each(part_count, restart.roll_back), Each(grain_count, restart.roll_back_velocity)]),
+    If(rejected, [Each(part_count, restart.roll_back), Each(body_count, restart.roll_back_velocity)]),
 ]
 
 SWEEP_WITH_FRICTION = [
@@ -231,12 +231,12 @@ def save(has_friction: bool) -> list[Stage]:
 def finish(has_friction: bool) -> list[Stage]:
     """Move the grains, and report."""
     return [
-        Each(grain_count, integrate.move),
+        Each(body_count, integrate.move),
         *only(has_friction, [Each(grain_count, friction.turn)]),
         Each(contact_count, warm_start.keep_correction),
         *only(has_friction, [Each(contact_count, friction.keep_tangential)]),
         Serial(integrate.end_step),
-        Each(grain_count, verlet.remember),
+        Each(body_count, verlet.remember),
         Serial(verlet.shift_frame),
         Shared(statistics.overlaps),
         Serial(statistics.report),
@@ -251,7 +251,7 @@ def expire(has_friction: bool) -> list[Stage]:
         *save(has_friction),
         Serial(contact_list.expire),
         Serial(skins.adapt_base_skin),
-        Each(grain_count, skins.renew_skin),
+        Each(body_count, skins.renew_skin),
         Serial(skins.find_lifetime),
     ]
 
@@ -277,7 +277,7 @@ def step(kind: Kind) -> list[Stage]:
                     [
                         If(starting, warm_started(has_friction)),
                         *METHODS[kind],
-                        Each(grain_count, verlet.verify),
+                        Each(body_count, verlet.verify),
                         Serial(stopping.judge),
                         If(accepted, finish(has_friction)),
                         If(expired, expire(has_friction)),

@@ -20,7 +20,9 @@ from .record import (
     UNPROVED,
     Phase,
     Scene,
+    grain_count,
     is_accelerated,
+    is_driven,
     pair_count,
 )
 from .types import Floats
@@ -272,6 +274,14 @@ def grain_beyond_wall(s: Scene) -> int:
 
 
 @wp.func
+def is_circle_closed(s: Scene) -> bool:
+    """Return whether a driven outer circle would become so small that the smallest grain does not fit."""
+    outer = grain_count(s)
+    radius = at(s.grains.position, outer)[0] + s.dt * at(s.grains.next_velocity, outer)[0]
+    return not (radius >= s.tuning.smallest_radius)
+
+
+@wp.func
 def judge(s: Scene):
     """Accept the step, repeat it with a new list, or refuse it."""
     check_all(s, s.tuning.rounding)
@@ -288,6 +298,9 @@ def judge(s: Scene):
         s.verlet.flags.bad_grain = grain_beyond_wall(s)
         if s.verlet.flags.bad_grain >= 0:
             outcome = BEYOND_WALL
+    if outcome == SOLVED and is_driven(s) and is_circle_closed(s):
+        s.verlet.flags.bad_grain = grain_count(s)
+        outcome = BEYOND_WALL
     if s.control.cancelled != 0 and not converged:
         outcome = CANCELLED
     s.step.converged = 1 if converged else 0

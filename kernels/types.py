@@ -16,6 +16,10 @@ Pose = wp.types.vector(length=7, dtype=f64)
 """Where a wall is at the end of a step: cosine and sine of its angle, and its shift [m]. Then the velocity
 that a point of it at the origin would have in the step [m/s], and the angular velocity [rad/s]."""
 
+Drive = wp.types.vector(length=5, dtype=f64)
+"""What drives a wall (driven.py): 1 / mass [1/kg], 0 where no force acts on it; force [N]; pressure [N/m];
+and the direction of its motion, which the outer circle has not."""
+
 
 @wp.struct
 class Contact:
@@ -45,7 +49,10 @@ class WorkingContact:
 
 @wp.struct
 class Grains:
-    """State of the grains."""
+    """State of the grains, in scenes with driven walls followed by that of the walls (driven.py).
+
+    A wall has one component of position and velocities, the first one, and a contact mass.
+    """
 
     position: Vectors  # [m]
     velocity: Vectors  # at the end of the last good step [m/s]

@@ -12,7 +12,8 @@ as the gaps were then. A pair acts only if (v_i - v_j) . n > gap / dt. So as lon
 
 an absent pair has gap >= dt (|w_i - w_j| + p_i + p_j) >= dt (v_i - v_j) . n at all times and stays silent;
 leaving it out gives the same bits (MODEL.md, eq. 11). The walls do not move with the frame: for them the path
-of the frame itself is added.
+of the frame itself is added. A wall that a force drives (driven.py) has a w, a displacement, a peak and a
+skin like a grain, and there is no frame: u = 0.
 
 p_i is updated after every correction that is large. The small ones of a sweep change no velocity by more than
 max_row_sum times the largest of them, where max_row_sum is the largest sum of a grain's shares of its
@@ -26,7 +27,7 @@ import warp as wp
 
 from . import law
 from .access import at, larger, put
-from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, grain_count
+from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count, is_driven
 from .walls import is_near_wall
 
 f64 = wp.float64
@@ -94,6 +95,8 @@ def stayed_silent(s: Scene, i: int, j: int) -> bool:
     x, radius, n = at(s.grains.position, i), at(s.grains.radius, i), grain_count(s)
     if j >= n:
         path = s.dt * (wp.length(at(s.verlet.reference_velocity, i)) + peak_of(s, i))
+        if is_driven(s):
+            path = path + s.dt * (wp.length(at(s.verlet.reference_velocity, j)) + peak_of(s, j))
         return not is_near_wall(j - n, x, radius, s.walls, path + s.tuning.rounding)
     normal, distance = law.normal(x, at(s.grains.position, j))
     gap = law.pair_gap(distance, radius, at(s.grains.radius, j))
@@ -121,11 +124,11 @@ def clear_check(s: Scene):
 def find_frame(s: Scene):
     """Find u, the mean of v_i - w_i: a motion common to all grains, such as a fall, changes no gap.
 
-    In an attempt that resumes with a new list, the w_i include it already.
+    In an attempt that resumes with a new list, the w_i include it already. Driven walls do not move with it.
     """
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))
-    if s.control.resuming == 0:
+    if s.control.resuming == 0 and not is_driven(s):
         i = int(0)
         while i < n:
             w = at(s.verlet.reference_velocity, i)
@@ -187,7 +190,7 @@ def check_all(s: Scene, least: f64):
     if not (numbers.elapsed + f64(0.5) * s.dt <= numbers.lifetime):  # a whole number of steps, rounded
         s.verlet.flags.list_expired = 1
     if s.verlet.flags.bad_grain >= 0:
-        for i in range(grain_count(s)):
+        for i in range(body_count(s)):
             if not is_finite(at(s.grains.position, i) + s.dt * at(s.grains.next_velocity, i)):
                 s.verlet.flags.bad_grain = i
 

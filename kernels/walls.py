@@ -13,7 +13,7 @@ from . import annulus, arc, disc, law, straight_wall
 from .access import at, checked, put
 from .annulus import Annulus
 from .motion import from_frame, moving_time, pose_at, speed_of_surface, to_frame
-from .types import Motion, Pose, Shape
+from .types import Drive, Motion, Pose, Shape
 
 f64 = wp.float64
 
@@ -26,6 +26,7 @@ class Walls:
     shape: wp.array(dtype=Shape)  # of the walls inside it
     motion: wp.array(dtype=Motion)  # of these, and
     pose: wp.array(dtype=Pose)  # where they are at the end of the step; both empty if none moves
+    drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
 
 

@@ -5,7 +5,8 @@ import warp as wp
 from . import law
 from .access import at, first_of, put, second_of, set_frame
 from .contacts import apply, contacts_of, is_wall_set
-from .record import Scene, grain_count, pair_count
+from .driven import push_wall
+from .record import Scene, grain_count, is_driven, pair_count
 from .threads import Team
 from .walls import surface_speed, wall_frame
 
@@ -48,6 +49,8 @@ def start(team: Team, s: Scene, k: int):
             dv = at(s.contacts.dv_start, c)
             put(s.contacts.dv, c, dv)
             apply(s.contacts, s.grains.next_velocity, c, dv * n, at_wall)
+            if at_wall and is_driven(s):
+                push_wall(s, s.grains.next_velocity, c, dv)
         c += 1
 
 

@@ -11,10 +11,11 @@ The copies of a part (contacts.py) begin at the index of its first contact: thre
 import warp as wp
 
 from . import law
-from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, put, vn_of
+from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, put, second_of, vn_of
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
+from .driven import lever
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, pair_count
+from .record import Scene, is_driven, pair_count
 from .stopping import reduce_max, stop_or_sweep
 from .threads import Team, thread_range, update_max
 from .verlet import keep_peak
@@ -36,7 +37,7 @@ def nearness(s: Scene) -> f64:
 
 @wp.func
 def check_peak(s: Scene, i: int):
-    """Update a grain's peak; the list expires if its skin does not allow for contacts near a violation."""
+    """Update a body's peak; the list expires if its skin does not allow for contacts near a violation."""
     allowed = at(s.verlet.peak_limit, i) - nearness(s)
     peak = keep_peak(s, i, at(s.grains.next_velocity, i))
     if allowed < f64(0.0) or peak > allowed * allowed:
@@ -139,6 +140,26 @@ def select_walls(s: Scene, begin: int, end: int):
     return free, violation
 
 
+@wp.func(inline=False)
+def select_driven_walls(s: Scene, begin: int, end: int):
+    """Select contacts with walls, one of which is driven. Returns what `selecting` does."""
+    near, velocity, contact = nearness(s), s.grains.next_velocity, s.contacts.contact
+    violation = f64(0.0)
+    free = int(begin)
+    c = int(begin)
+    while c < end:
+        j, n = second_of(contact, c), normal_of(contact, c)
+        vn = wp.dot(at(velocity, first_of(contact, c)), n) - lever(s, j, n) * at(velocity, j)[0]
+        closing = vn - gap_rate_of(contact, c)
+        carries = at(s.contacts.dv, c) != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
+        violation = larger(violation, wp.where(carries, f64(0.0), closing))
+        if carries or closing + near > f64(0.0):
+            select(s, free, c)
+            free += 1
+        c += 1
+    return free, violation
+
+
 @wp.func
 def select_set(team: Team, s: Scene, k: int):
     """Select the contacts of a set that are swept, and find the largest violation of the others."""
@@ -151,7 +172,9 @@ def select_set(team: Team, s: Scene, k: int):
         begin = wp.max(start, origin + chunk * CHUNK)
         end = wp.min(stop, origin + (chunk + 1) * CHUNK)
         after, worst = int(begin), f64(0.0)
-        if at_wall:
+        if at_wall and is_driven(s):
+            after, worst = select_driven_walls(s, begin, end)
+        elif at_wall:
             after, worst = select_walls(s, begin, end)
         else:
             after, worst = select_pairs(s, begin, end)

@@ -89,6 +89,24 @@ def bullet(path: Path) -> Numbers:
     }
 
 
+def jamming(path: Path) -> Numbers:
+    """Draw grains before, during and after their compression, and print what the packing is like."""
+    scene = wg.Scene.load("jamming")
+    packing, simulation, row = wg.compress(scene), wg.Simulation(scene), Row(path, 3)
+    row.show(simulation, "pressure", packing.largest_force)
+    simulation.run(duration=1.6)
+    row.show(simulation, "pressure", packing.largest_force)
+    row.show(packing.simulation, "pressure", packing.largest_force)
+    return {
+        "packing fraction": packing.fraction,
+        "packing fraction away from the wall": packing.bulk_fraction,
+        "contacts a grain": packing.contacts,
+        "rattlers": packing.rattlers,
+        "forces of the wall / (2 pi R p)": packing.pressure,
+        "largest force / mean": packing.largest_force / packing.mean_force,
+    }
+
+
 def jam(path: Path) -> Numbers:
     """Wedge five grains between the walls, where there is room for a little less than five."""
     y = -0.55 - 0.1 * np.arange(5)
@@ -170,6 +188,7 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "slope": straight_walls.draw_slope,
     "hopper": straight_walls.draw_hopper,
     "collapse": straight_walls.draw_collapse,
+    "jamming": jamming,
     "jam": jam,
     "batch": batch,
 }

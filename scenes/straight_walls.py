@@ -7,6 +7,7 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains.scenes.exhibits import Numbers, Row, moments
+from warpgrains.scenes.run_out import connected
 
 BELOW = -0.1
 """Height of the opening of the hopper [m]."""
@@ -50,11 +51,7 @@ def draw_collapse(path: Path) -> Numbers:
         if time == 0.5:
             height = float((simulation.position[:, 1] + scene.radius).max() + 0.3)
     width, end = 0.3, simulation.position
-    touching = np.hypot(*(end[:, np.newaxis] - end).transpose(2, 0, 1)) < 2.2 * scene.radius.max()
-    reached = np.zeros(scene.n, bool)
-    reached[np.argmin(end[:, 0])] = True  # grains that are connected with the pile
-    while not np.array_equal(grown := touching[reached].any(axis=0), reached):
-        reached = grown
+    reached = connected(end, 2.2 * float(scene.radius.max()))
     front = float((end[reached, 0] + scene.radius[reached]).max() + 0.6)
     return {
         "height of the column over its width": height / width,

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.segment import Segment
     from warpgrains.scene.state import State
+    from warpgrains.simulation.compress import Packing, compress
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport, Summary
 
@@ -35,6 +36,7 @@ __all__ = [
     "Disc",
     "InputError",
     "OutputError",
+    "Packing",
     "Recording",
     "Scene",
     "SceneError",
@@ -47,6 +49,7 @@ __all__ = [
     "Summary",
     "accuracy",
     "analysis",
+    "compress",
 ]
 
 _HOME = {
@@ -55,6 +58,7 @@ _HOME = {
     "Disc": "scene.disc",
     "InputError": "errors",
     "OutputError": "errors",
+    "Packing": "simulation.compress",
     "Recording": "analysis.recording",
     "Scene": "scene.scene",
     "SceneError": "errors",
@@ -65,6 +69,7 @@ _HOME = {
     "State": "scene.state",
     "StepReport": "solver.statistics",
     "Summary": "solver.statistics",
+    "compress": "simulation.compress",
 }
 
 

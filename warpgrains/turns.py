@@ -1,9 +1,9 @@
 """Mutual exclusion of Python threads: for building kernels, and for advancing an object."""
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from threading import RLock
+from typing import Self
 
 from warpgrains.errors import SimulationError
 
@@ -27,34 +27,47 @@ class ExclusiveUse:
 
     def __init__(self, what: str) -> None:
         self._what, self._lock, self._is_advancing = what, RLock(), False
+        self._advancing = _Advancing(self)
 
-    @contextmanager
-    def exclusive(self) -> Iterator[None]:
-        """Exclude other threads during the block.
+    def exclusive(self) -> Self:
+        """Return the context that excludes other threads.
 
-        Raises SimulationError if another thread is in such a block.
+        Entering it raises SimulationError if another thread is in such a context.
         """
+        return self
+
+    def advancing(self) -> AbstractContextManager[None]:
+        """Return the context that excludes other threads and also callbacks, as `exclusive` does."""
+        return self._advancing
+
+    def __enter__(self) -> Self:
         if not self._lock.acquire(blocking=False):
             self._refuse("another thread")
-        try:
-            if self._is_advancing:
-                self._refuse("the call that runs this callback")
-            yield
-        finally:
+        if self._is_advancing:
             self._lock.release()
+            self._refuse("the call that runs this callback")
+        return self
 
-    @contextmanager
-    def advancing(self) -> Iterator[None]:
-        """Exclude other threads and also callbacks during the block, as `exclusive` does."""
-        with self.exclusive():
-            self._is_advancing = True
-            try:
-                yield
-            finally:
-                self._is_advancing = False
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
 
     def _refuse(self, by: str) -> None:
         raise SimulationError(
             f"this {self._what} is being advanced by {by}: wait until it has ended,"
             f" or use one {self._what} per thread"
         )
+
+
+class _Advancing(AbstractContextManager[None]):
+    """The context `ExclusiveUse.advancing`."""
+
+    def __init__(self, use: ExclusiveUse) -> None:
+        self._use = use
+
+    def __enter__(self) -> None:
+        self._use.__enter__()
+        self._use._is_advancing = True
+
+    def __exit__(self, *_: object) -> None:
+        self._use._is_advancing = False
+        self._use.__exit__()

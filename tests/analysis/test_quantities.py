@@ -6,8 +6,8 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from warpgrains import Scene, Simulation
-from warpgrains.analysis import quantities, snapshot
+from warpgrains import Disc, Scene, Segment, Simulation
+from warpgrains.analysis import height_profile, quantities, snapshot
 from warpgrains.analysis.quantities import SWEEP_QUANTITIES
 from warpgrains.scene.geometry import area_below
 from warpgrains.scene.walls import Annulus
@@ -41,6 +41,7 @@ def test_many_runs_at_once(n):
         spin=generator.normal(size=(m, n)),
         wall_force=force,
         gravity=generator.normal(size=(m, 2)) * (np.arange(m) > 0)[:, np.newaxis],
+        discs=generator.uniform(0.0, 0.2, (m, 2, 3)),
         walls=Annulus(np.linspace(0.0, 0.4, m), np.full(m, 1.5)),
     )
     for name, of_runs in SWEEP_QUANTITIES.items():
@@ -128,6 +129,17 @@ def test_wall_carries_the_weight(place, walls, expected):
         # eps m / dt^2, and a few of them are carried from step to step
         assert found[name] == pytest.approx(value, rel=8 * EPS, abs=8 * EPS * 0.2 / 0.01**2)
     assert found["kinetic_energy"] == pytest.approx(0.0, abs=1e-20)
+
+
+def test_discs_inside_are_no_space():
+    """A disc that moves up, of which half is below the mean height; segments and rings fill none."""
+    disc = Disc((0.0, -0.5), 0.2, velocity=(0.0, 5.0))
+    walls = [Segment((-0.9, 0.0), (-0.8, 0.0)), disc, Disc((0.0, 0.0), 0.95, inside=True)]
+    simulation = Simulation(scene([[-0.5, 0.0], [0.5, 0.0]], walls=walls, gravity=(0.0, 0.0)))
+    assert quantities(simulation)["packing_fraction"] == pytest.approx(0.01 / (0.5 - 0.2**2))
+    assert height_profile(simulation, bins=2).packing_fraction == pytest.approx([0.01 / (0.5 - 0.04), 0.02])
+    simulation.advance(10)
+    assert quantities(simulation)["packing_fraction"] == pytest.approx(0.01 / (0.5 - 0.2**2 / 2.0))
 
 
 def test_height_is_against_gravity():

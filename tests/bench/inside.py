@@ -22,7 +22,7 @@ CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")
 
 UP_TO_THE_LIST = (Each(grain_count, free_velocity), *warm_started(False))
 """What a step does before it finds that its list will not do."""
-ANOTHER_LIST = (*expire(False), While(searching, SEARCH), *sweeping_order(False, False))
+ANOTHER_LIST = (*expire(False), While(searching, SEARCH), *sweeping_order(False))
 """What it does then."""
 
 

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -19,6 +19,8 @@ from .timing import in_turn, seconds
 
 FLOWING = 100  # grains
 FIRST_RUNS = 3
+CALLS = 200  # of one step each
+SCENES = 16  # of a batch that is called step by step
 
 
 def solo(options: Options) -> Iterator[dict[str, str]]:
@@ -32,6 +34,26 @@ def solo(options: Options) -> Iterator[dict[str, str]]:
     subject = Subject("a step in a run of the flowing scene, accelerated", flow.n, flow.order)
     target = "<= 1.1" if flow.n == FLOWING else ""
     yield row(subject, alone, "us", "a batch of one", in_a_batch, target=target)
+    simulation = Simulation(course, threads=1)
+    single = _us_a_call(simulation.step, simulation.advance, options.repeats)
+    yield row(Subject("Simulation.step() above its kernel", course.n), single, "us", target="<= 10")
+    for threads in (1, 2):
+        batch = Batch([course] * SCENES, threads=threads)
+        single = _us_a_call(partial(batch.run, 1), batch.run, options.repeats)
+        subject = Subject(f"Batch.run(1) above its kernels, {SCENES} scenes", course.n, threads=str(threads))
+        yield row(subject, single, "us", target="<= 80")
+
+
+def _us_a_call(call: Callable[[], object], run: Callable[[int], object], repeats: int) -> list[float]:
+    """Return by how much calls of one step each take longer than one call of as many."""
+    run(CALLS)  # once, so that the kernels are loaded
+
+    def calls() -> None:
+        for _ in range(CALLS):
+            call()
+
+    one_by_one, at_once = in_turn(repeats, partial(seconds, calls), partial(seconds, partial(run, CALLS)))
+    return [(many - one) / CALLS * 1e6 for many, one in zip(one_by_one, at_once, strict=True)]
 
 
 def _us_a_step(scene: Scene, repeats: int) -> list[list[float]]:

@@ -27,7 +27,7 @@ def command(module: str, *arguments: object) -> str:
 @pytest.mark.parametrize(
     ("parts", "count"),
     [
-        (QUICK, 44),
+        (QUICK, 41),
         pytest.param(["moving"], 11, marks=pytest.mark.slow),
         pytest.param(["compiling"], 1, marks=pytest.mark.slow),
     ],

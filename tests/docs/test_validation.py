@@ -1,4 +1,4 @@
-"""The validation of friction: its quick numbers, and how it measures."""
+"""The validation of friction and walls: quick numbers, smaller experiments, and how they measure."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from warpgrains import Scene, Simulation
 from warpgrains.analysis import snapshot
-from warpgrains.scenes import closed_forms, friction, hard_steps, solutions
+from warpgrains.scenes import beverloo, closed_forms, friction, hard_steps, janssen, run_out, solutions, walls
 
 
 def test_closed_forms_are_met(tmp_path):
@@ -68,3 +68,35 @@ def test_short_steps_are_found_and_solved_again():
     assert [state.steps for state in states] == sorted({state.steps for state in states})
     few, many = hard_steps.residuals(scene, states[-1], "gauss-seidel")[[0, -1]]
     assert many < few
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.6], ids=["slides", "rolls"])
+def test_discs_on_slopes_follow_closed_forms(friction):
+    for tangent in (0.25, 1.0, 1.7):
+        exact = 0.125 * closed_forms.acceleration_on_a_slope(tangent, friction)
+        assert walls.way(walls.on_a_slope(tangent, friction)) == pytest.approx(exact, rel=1e-9)
+    exact = walls.way_when_tilted(friction, 2.0)
+    errors = [abs(walls.way(walls.tilted(friction, dt)) - exact) for dt in (0.02, 0.01)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
+
+
+@pytest.mark.slow
+def test_a_silo_empties_at_a_constant_rate():
+    time, left = beverloo.departures(beverloo.silo(10.0, seed=0, count=1000), last=250)
+    half = np.searchsorted(left, 155)
+    early, late = (beverloo.rate(time[part], left[part], 60) for part in (slice(half), slice(half, None)))
+    assert early == pytest.approx(late, rel=0.2)
+    assert 280 < beverloo.rate(time, left, 60) < 450  # 380 by the fit of the page
+
+
+@pytest.mark.slow
+def test_a_column_runs_out():
+    found = run_out.collapse(2.0, count=500)[1]
+    assert found.run_out == pytest.approx(run_out.law(np.array(found.aspect)), rel=0.2)
+
+
+@pytest.mark.slow
+def test_side_walls_carry_a_filling():
+    smooth, rough = janssen.silo(2.0, 0, 0.0, max_iterations=1000), janssen.silo(2.0, 0)
+    assert janssen.load(smooth) == pytest.approx(smooth.mass.sum(), rel=0.01)
+    assert 0.45 < janssen.load(rough) / rough.mass.sum() < 0.7

@@ -1,4 +1,7 @@
-"""Walls that move as given in advance: against the C reference, closed forms, and runs that are continued."""
+"""Walls that move as given in advance: against the C reference, closed forms, and runs that are continued.
+
+Some cases have gravity that turns, too.
+"""
 
 from dataclasses import replace
 from math import cos, cosh, inf, sin
@@ -30,6 +33,7 @@ ROUGH: dict[str, Any] = {
     "angular_velocity_out": 0.5,
     "walls": ROUGH_WALLS,
 }
+TURNING: dict[str, Any] = {**ROUGH, "gravity": {"vector": (3.0, -9.0), "rotate": -4.0}}
 
 
 def stirred(n: int = 140, seed: int = 1, walls: tuple[Obstacle, ...] = WALLS, **changes: object) -> Scene:
@@ -54,7 +58,7 @@ def stirred(n: int = 140, seed: int = 1, walls: tuple[Obstacle, ...] = WALLS, **
 
 
 @pytest.mark.parametrize(
-    "friction", [{}, ROUGH, {**ROUGH, "radius_in": 0.05}], ids=["smooth", "rough", "two"]
+    "friction", [{}, TURNING, {**ROUGH, "radius_in": 0.05}], ids=["smooth", "rough, turning", "two"]
 )
 @pytest.mark.parametrize(("scheme", "order"), [("text", "sequential"), ("leapfrog", "color")])
 def test_bits_of_the_reference(tmp_path: Path, scheme: str, order: str, friction: dict[str, Any]) -> None:
@@ -102,7 +106,7 @@ def test_a_belt_drives_a_grain_until_it_rolls() -> None:
     assert 0.1 * simulation.spin[0] == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
+@pytest.mark.parametrize("friction", [{}, ROUGH, TURNING], ids=["smooth", "rough", "turning"])
 def test_energy_balance_closes(friction: dict[str, Any]) -> None:
     simulation = Simulation(stirred(60, **friction))
     before = analysis.kinetic_energy(simulation)
@@ -114,7 +118,10 @@ def test_energy_balance_closes(friction: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])
 def test_all_methods_find_the_exact_step(method: str) -> None:
-    scene = stirred(60, method=method, stop="residual", tolerance=1e-8, max_iterations=20_000)
+    gravity = TURNING["gravity"]
+    scene = stirred(
+        60, method=method, stop="residual", tolerance=1e-8, max_iterations=20_000, gravity=gravity
+    )
     simulation = Simulation(scene)
     simulation.advance(60)
     assert simulation.step().converged
@@ -175,13 +182,13 @@ def test_no_overlap_exceeds_dt_eta_in_many_scenes(first: int) -> None:
 
 @pytest.mark.parametrize("order", ["sequential", "color"])
 def test_runs_that_are_continued_have_the_same_bits(tmp_path: Path, order: str) -> None:
-    scene = stirred(order=order, **ROUGH)
+    scene = stirred(order=order, **TURNING)
     whole, other = Simulation(scene), Simulation(scene)
     whole.advance(90)
     other.advance(31)
     other.save(tmp_path / "state.npz")
     continued = Simulation.load(tmp_path / "state.npz")
-    assert continued.scene.walls == scene.walls
+    assert (continued.scene.walls, continued.scene.gravity) == (scene.walls, scene.gravity)
     continued.advance(59)
     batch = Batch([scene, stirred(60, **{**ROUGH, "walls": ()}), scene])
     batch.run(90)
@@ -236,6 +243,25 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
         pose.place(reader.walls[1].first).mean(axis=0), abs=1e-6
     )
     simulation.plot(forces=True).save(tmp_path / "end.png")
+
+
+def test_a_recording_of_a_later_state_has_its_normals(tmp_path: Path) -> None:
+    """Walls are where they are at the time of a frame, not at the time since the first frame."""
+    scene = stirred(60, walls=(PISTON, BLADE, RING), dt=1e-3, order="color")
+    simulation = Simulation(scene)
+    simulation.advance(500)
+    simulation.run(steps=20, record=tmp_path / "run.usdc", fps=1000.0, forces=True)
+    recording, now = Recording(tmp_path / "run.usdc"), analysis.snapshot(simulation)
+    frame = recording.frame(-1)
+    assert (frame.steps, frame.time) == (520, simulation.time)
+    assert {2, 3} <= set(frame.wall[:, 1].tolist())
+    assert np.array_equal(frame.wall, now.wall)
+    difference = np.abs(frame.loads.normal - now.loads.normal).max()
+    assert difference < 0.02  # grains move by about 2 mm in a step, where the blade has turned by 1 rad
+    dataset = recording.to_xarray()
+    last = dataset["contact_normal"].values[dataset["contact_frame"].values == 20]
+    own = np.concatenate([frame.normal, frame.loads.normal[2 * len(frame.pair) :]])
+    assert np.array_equal(last, own)
 
 
 @pytest.mark.parametrize(

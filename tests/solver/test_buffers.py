@@ -22,6 +22,7 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
         np.full_like(GRAINS, CONTACTS),
         np.array([1, 3, 2, 1]),
         np.array([0, 1, 0, 1]),
+        np.array([0, 0, 1, 0]),
         np.array([0, 1, 0, 1]),
         accelerated,
         friction,
@@ -43,7 +44,9 @@ def test_arrays_do_not_overlap(sizes: Sizes) -> None:
 def test_every_array_has_a_length(sizes: Sizes) -> None:
     """Those that a scene does not need are empty."""
     length = dict(zip((field.name for field in fields()), Layout.of(sizes).length, strict=True))
-    assert (length["grains.position"] == GRAINS).all()
+    assert (length["grains.radius"] == GRAINS).all()
+    assert (length["grains.position"] == GRAINS + np.array([0, 0, 2, 0])).all()
+    assert (length["walls.drive"] == [0, 0, 2, 0]).all()
     assert (length["contacts.weights"] == CONTACTS * sizes.weighted).all()
     assert (length["momentum.last_dv"] == CONTACTS * sizes.accelerated).all()
     assert (length["grains.spin"] == GRAINS * sizes.friction).all()

@@ -17,7 +17,7 @@ def test_same_as_one_by_one(which, moved):
     crowd = explosion()
     shift = {"position": 0.5 * crowd.position + [0.0, -0.2], "velocity": crowd.velocity - [0.0, 3.0]}
     stiff = crowd.replace(drag=0.1, scheme="leapfrog", **shift)
-    scenes = [crowd, stiff, crowd.replace(gravity=(9.0, 1.0), mass=0.1)]
+    scenes = [crowd, stiff, crowd.replace(gravity={"vector": (9.0, 1.0), "rotate": 7.0}, mass=0.1)]
     if not moved:
         scenes = [Scene.load("annulus", [f"physics.drag={drag}"]) for drag in (0.1, 0.2, 0.5)]
     engine = Engine(scenes, find_device("cpu"))
@@ -28,14 +28,14 @@ def test_same_as_one_by_one(which, moved):
     ends = engine.ends(np.array(which, np.int64))
     assert len(ends.dt) == len(which)
     for place, k in enumerate(which):
-        state, scene, statistics = engine.state(k), scenes[k], engine.statistics(k)
+        state, scene, statistics = engine.state(k), scenes[k], engine.outcomes.statistics(k)
         expected = {
             "mass": scene.mass,
             "radius": scene.radius,
             "position": state.position,
             "velocity": state.velocity,
             "wall_force": contact_mass(scene)[:, None] * at_each_wall(state.corrections, scene) / scene.dt,
-            "gravity": scene.gravity,
+            "gravity": scene.gravity_at(state.steps * scene.dt),
         }
         for name, value in expected.items():
             assert np.array_equal(getattr(ends.grains, name)[place], value), name

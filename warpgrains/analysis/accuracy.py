@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpgrains.errors import missing_extra
+from warpgrains.errors import InputError, missing_extra
 from warpgrains.simulation.simulation import Simulation
 
 
@@ -52,7 +52,8 @@ def certify(simulation: Simulation) -> ErrorBound:
     Raises
     ------
     InputError
-        clarabel or qdldl is not installed; the extra ``[report]`` installs both.
+        clarabel or qdldl is not installed; the extra ``[report]`` installs both. Or a force or a pressure
+        drives a wall.
     SimulationError
         No step has been taken, or no velocities satisfy every gap of the step.
 
@@ -64,6 +65,8 @@ def certify(simulation: Simulation) -> ErrorBound:
     >>> bound.solver_error < 0.1 * bound.error
     True
     """
+    if simulation.scene.has_driven_walls:
+        raise InputError("certify: steps in which a force drives a wall cannot be certified")
     try:
         from warpgrains.analysis.coulomb_step import solve_with_frozen_slip
         from warpgrains.analysis.exact_step import (

@@ -273,7 +273,7 @@ def _region_and_centers(now: Snapshot, region: Where) -> tuple[Region, FloatArra
     discs = region_of(now).discs
     if not any(scene.gravity):
         return Region(bulk, discs=discs), now.position
-    x, y = upwards(scene.gravity)
+    x, y = upwards(scene.gravity_at(now.time))
     turned = np.stack([now.position @ np.array([y, -x]), heights(now)], axis=1)
     discs = tuple(disc._replace(x=y * disc.x - x * disc.y, y=x * disc.x + y * disc.y) for disc in discs)
     return Region(bulk._replace(high=(np.inf, mean_heights(now.grains).item())), discs=discs), turned

@@ -8,6 +8,7 @@ import numpy as np
 
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
+from warpgrains.errors import InputError
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.solver.final_states import Grains
@@ -38,7 +39,7 @@ def kinetic_energies(grains: Grains) -> FloatArray:
 
 
 def potential_energy(of: Snapshot | HasState) -> float:
-    """Return the sum of -m g . x [J], 0 at the origin.
+    """Return the sum of -m g . x [J], 0 at the origin, with gravity as it is at the time.
 
     Examples
     --------
@@ -101,8 +102,9 @@ class EnergyBalance(NamedTuple):
     """
 
     gravity_work: float
-    """Work of gravity. It equals the loss of potential energy up to a term of order dt, because a step moves
-    grains with the velocities at its end, and velocities of the leapfrog scheme are half a step behind."""
+    """Work of gravity. Where it is constant, it equals the loss of potential energy up to a term of order dt,
+    because a step moves grains with the velocities at its end, and velocities of the leapfrog scheme are half
+    a step behind."""
     drag_loss: float
     """Energy dissipated by drag, on translation and on rotation."""
     contact_loss: float
@@ -126,6 +128,11 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     velocity is v* = v' - dt F_contacts / M with the contact mass M (kernels/MODEL.md, eq. 17b), and v follows
     from it by eq. 2, or by eqs. 16 and 17; free spins follow with the inertia J r^2 / 2 of eq. 22.
 
+    Raises
+    ------
+    InputError
+        A force or a pressure drives a wall.
+
     Examples
     --------
     >>> balance = analysis.step_energy_balance(simulation)
@@ -135,14 +142,16 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     now = snapshot(of)
     if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
-    scene, mass, gravity = now.scene, now.scene.mass[:, np.newaxis], np.array(now.scene.gravity)
+    if now.scene.has_driven_walls:
+        raise InputError("the energy balance of a step does not know the work of walls that forces drive")
+    scene, mass, start = now.scene, now.scene.mass[:, np.newaxis], (now.steps - 1) * now.scene.dt
     normal_force = _sums(now, now.loads.force, now.loads.normal)
     free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]
-    kick = kick_of(scene, free, now.velocity, staggered=now.steps > 1)
+    kick = kick_of(scene, free, now.velocity, staggered=now.steps > 1, time=start)
     mean = 0.5 * (kick.before + now.velocity)
     pushed = _work_of_pushing(now) if scene.has_moving_walls else 0.0
     balance = EnergyBalance(
-        gravity_work=float((kick.time * mass * mean * gravity).sum()),
+        gravity_work=float((kick.time * mass * mean * scene.gravity_at(start)).sum()),
         drag_loss=float((scene.drag * kick.path * mean).sum()),
         contact_loss=pushed - float((scene.dt * normal_force * mean).sum()),
         wall_work=pushed,

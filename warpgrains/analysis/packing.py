@@ -55,7 +55,7 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
 
     The mean height is weighted by area. A pile is dense below it, so that neither its loose surface nor the
     empty space above counts. Grains and space are cut exactly at that height.
-    Walls inside the annulus count as space.
+    The whole area of a disc inside the annulus is that of a wall. Rings are not considered.
 
     Parameters
     ----------
@@ -82,7 +82,15 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
 def packing_fractions(grains: Grains) -> FloatArray:
     """Return the packing fractions of many runs, shape (m,)."""
     radius, height, mean = grains.radius, _heights(grains), mean_heights(grains)
-    return area_below(radius, mean[:, np.newaxis] - height).sum(axis=-1) / grains.walls.area_below(mean)
+    return area_below(radius, mean[:, np.newaxis] - height).sum(axis=-1) / space_below(grains, mean)
+
+
+def space_below(grains: Grains, level: FloatArray) -> FloatArray:
+    """Return the area between the walls, without discs inside, below levels [m] of many runs [m2], (m,)."""
+    height = (grains.discs[..., :2] @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
+    discs = area_below(grains.discs[..., 2], level[:, np.newaxis] - height).sum(axis=-1)
+    space: FloatArray = grains.walls.area_below(level) - discs
+    return space
 
 
 def mean_heights(grains: Grains) -> FloatArray:

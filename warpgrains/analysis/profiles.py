@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.packing import heights
+from warpgrains.analysis.packing import heights, space_below
 from warpgrains.analysis.region import Region
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
@@ -57,7 +57,7 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
     now = snapshot(of)
-    walls, up = now.scene.annulus, upwards(now.scene.gravity)
+    walls, up = now.scene.annulus, upwards(now.scene.gravity_at(now.time))
     edges = np.linspace(-walls.depth, walls.depth, bins + 1)
     height, velocity = heights(now), _components(now.velocity, np.broadcast_to(up, (now.n, 2)))
     if region is not None:
@@ -65,7 +65,8 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
         areas = [counted.between(up, low, high).area for low, high in pairwise(edges)]
         return _in_region(edges, height, now, counted, areas, velocity)
     area = np.array([area_below(now.scene.radius, edge - height) for edge in edges])
-    space = np.array([walls.area_below(edge) for edge in edges])
+    grains = now.grains
+    space = np.array([space_below(grains, np.array([edge])).item() for edge in edges])
     return _profile(edges, area, space, velocity)
 
 

@@ -16,6 +16,7 @@ from warpgrains.drawing.frame_times import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.walls import OUTER
 from warpgrains.shown import Shown
 from warpgrains.tables import library
 from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
@@ -114,6 +115,20 @@ class Recording(Shown):
             fields["spin"] = self._reader.rotation(0)[0]
         return Scene(position=position, velocity=velocity, radius=self.radius, **fields)
 
+    def _scene_at(self, k: int) -> Scene:
+        """Return the scene with the walls that forces drive where frame k draws them."""
+        scene = self.scene
+        if not scene.has_driven_walls:
+            return scene
+        drawn, places = self._reader.moved_walls(k), np.zeros(1 + len(scene.bodies_inside))
+        places[OUTER] = np.hypot(*drawn[OUTER].first.T).mean() if OUTER in drawn else scene.radius_out
+        for back, wall in enumerate(reversed(scene.walls), start=1):
+            if wall.drive is not None:
+                band = drawn[len(self._reader.walls) - back]
+                middle = np.mean([band.first, band.second], axis=(0, 1))
+                places[-back] = (middle - wall.middle) @ np.array(wall.drive[3:])
+        return scene.with_walls_at(places)
+
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
         """Return a frame as a snapshot, for `warpgrains.analysis`.
 
@@ -148,8 +163,8 @@ class Recording(Shown):
             wall_tangential_force = chains.tangential_force[~between]
         spin, angle = self._reader.rotation(k)
         return Snapshot(
-            scene=self.scene,
-            steps=FrameTimes(self.scene.dt, self._reader.rate).step(k),
+            scene=self._scene_at(k),
+            steps=self._reader.first_step + FrameTimes(self.scene.dt, self._reader.rate).step(k),
             position=position,
             velocity=self._reader.velocity(k),
             start=position,
@@ -223,8 +238,9 @@ class Recording(Shown):
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames under the names that `to_xarray` uses."""
         chains = [self._reader.chains(k) for k in range(len(self))]
+        time = self._reader.first_step * self.scene.dt + self.time
         normal = [
-            contact_normals(self.scene, self.position[k], of.pair, float(self.time[k]))
+            contact_normals(self._scene_at(k), self.position[k], of.pair, float(time[k]))
             for k, of in enumerate(chains)
         ]
         frame = np.repeat(np.arange(len(self)), [len(of.force) for of in chains])

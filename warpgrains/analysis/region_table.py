@@ -79,7 +79,9 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
     if "angle" in given:
         limits.append(_wedges(given["angle"]))
     if "below" in given and not isinstance(given["below"], str):
-        limits.append([[(upwards(now.scene.gravity), checks.number("region.below", given["below"]))]])
+        limits.append(
+            [[(upwards(now.scene.gravity_at(now.time)), checks.number("region.below", given["below"]))]]
+        )
     elif "below" in given:
         checks.one_of("region.below", given["below"], ["surface"])
         columns = columns_below_surface(now)

@@ -123,7 +123,8 @@ class Snapshot:
             velocity=self.velocity[np.newaxis],
             spin=self.spin[np.newaxis],
             wall_force=wall_force,
-            gravity=np.array([scene.gravity]),
+            gravity=np.array([scene.gravity_at(self.time)]),
+            discs=scene.discs_at(self.time)[np.newaxis],
             walls=Annulus(*radii),
         )
 
@@ -209,6 +210,8 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         return of
     scene, state = (of.scene, of.state()) if state is None else (of, state)
     start = state.position - scene.dt * state.velocity
+    if state.driven is not None:
+        scene = scene.with_walls_at(state.driven[:, 0])
     contacts = pair_contacts(scene, start, state.corrections)
     walls = wall_contacts(scene, start, state.corrections, state.steps * scene.dt)
     return Snapshot(

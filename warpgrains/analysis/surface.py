@@ -36,7 +36,7 @@ class Column(NamedTuple):
 
 def columns_below_surface(now: Snapshot) -> list[Column]:
     """Return the columns that hold grains, up to a mean diameter below the uppermost center in each."""
-    up, reach = upwards(now.scene.gravity), now.scene.radius_out
+    up, reach = upwards(now.scene.gravity_at(now.time)), now.scene.radius_out
     diameter = 2.0 * float(now.scene.radius.mean())
     count = max(1, min(MOST_COLUMNS, int(reach / diameter)))
     edges = np.linspace(-reach, reach, count + 1)

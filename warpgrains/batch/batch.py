@@ -1,14 +1,14 @@
 """`Batch`: many scenes advanced together on one device, with the results of each alone."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar, cast, overload
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import Ending, ResidentSets, StepsDone
+from warpgrains.batch.resident import Ending, ResidentSets, SetOutcomes
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
@@ -22,6 +22,32 @@ from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
 from warpgrains.turns import ExclusiveUse
+
+T = TypeVar("T")
+
+
+class Results(Sequence[T]):
+    """Results of the scenes of a batch, each made when it is read: a list that cannot be changed."""
+
+    def __init__(self, count: int, make: Callable[[int], T]):
+        self._numbers, self._make = range(count), make
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, which: int) -> T: ...
+    @overload
+    def __getitem__(self, which: slice) -> list[T]: ...
+    def __getitem__(self, which: int | slice) -> T | list[T]:
+        numbers = self._numbers[which]
+        return self._make(numbers) if isinstance(numbers, int) else list(map(self._make, numbers))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and list(self) == list(other)
+
+    def __repr__(self) -> str:
+        return repr(list(self))
 
 
 @dataclass(frozen=True, repr=False)
@@ -98,19 +124,20 @@ class Batch(Shown):
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
         self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
-        self._reports: list[StepReport | None] = [None] * len(self.scenes)
+        self._stepped: dict[int, SetOutcomes] = {}  # in which scenes took their last steps
+        self._restored: dict[int, StepReport | None] = {}
         self._use = ExclusiveUse("batch")
 
     def __getstate__(self) -> tuple[Any, ...]:
         states = [self.state(k) for k in range(len(self))]
-        return self.scenes, self._device.alias, self._threads_wanted, states, self._reports
+        return self.scenes, self._device.alias, self._threads_wanted, states, list(self.reports)
 
     def __setstate__(self, kept: tuple[Any, ...]) -> None:
         *given, states, reports = kept
         Batch.__init__(self, *given)
         for k, state in enumerate(states):
             self.restore(k, state)
-        self._reports = list(reports)
+        self._restored = dict(enumerate(reports))
 
     def summary(self) -> dict[str, str]:
         """Return the fields of the one-line summary by name."""
@@ -122,7 +149,7 @@ class Batch(Shown):
     def __len__(self) -> int:
         return len(self.scenes)
 
-    def step(self) -> list[StepReport]:
+    def step(self) -> Results[StepReport]:
         """Advance every scene by one time step.
 
         Raises
@@ -132,10 +159,10 @@ class Batch(Shown):
             other scenes have advanced), or another thread advances this batch.
         """
         outcomes = self._advance([1] * len(self), lambda _: None)
-        failures = [f"scene {done.k}: {done.error}" for done in outcomes if done.error is not None]
-        if failures:
-            raise SimulationError("; ".join(failures))
-        return [done.report for done in outcomes if done.report is not None]
+        errors = sorted(error for each in outcomes for error in each.errors.items())
+        if errors:
+            raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors))
+        return cast(Results[StepReport], self.reports)
 
     def run(
         self,
@@ -143,7 +170,7 @@ class Batch(Shown):
         duration: float | None = None,
         progress: bool = False,
         until: str | Question | None = None,
-    ) -> list[SceneSummary]:
+    ) -> Results[SceneSummary]:
         """Advance every scene by many time steps.
 
         A scene that fails stops at its last good state, and the other scenes continue.
@@ -163,7 +190,7 @@ class Batch(Shown):
 
         Returns
         -------
-        list of SceneSummary
+        sequence of SceneSummary
             One summary per scene; `error` is the reason of a failure, and `met` is True if `until` was met.
 
         Raises
@@ -171,34 +198,45 @@ class Batch(Shown):
         InputError
             `steps` is invalid, or `until` is no criterion for one of the scenes.
         """
-        each = list(steps) if isinstance(steps, Sequence) else [steps] * len(self)
+        wanted = self._steps_of_each(steps, duration)
+        criteria = [] if until is None else [criterion(until, scene) for scene in self.scenes]
+        endings = [(found, RunStatistics()) for found in criteria if found is not None]
+        with progress_bar(sum(wanted), shown=progress) as bar:
+            outcomes = self._advance(wanted, bar.update, endings or None)
+        of_scene = {k: each for each in outcomes for k in each.place}
+
+        def summary(k: int) -> SceneSummary:
+            done = of_scene[k].done(k)
+            return SceneSummary(**vars(done.statistics.summary(None)), error=done.error)
+
+        return Results(len(self), summary)
+
+    def _steps_of_each(self, steps: int | Sequence[int] | None, duration: float | None) -> list[int]:
+        """Return the number of steps of each scene."""
+        if steps is not None and not isinstance(steps, Sequence):
+            return [steps_of(self.scenes[0], steps, duration)] * len(self)
+        each = [None] * len(self) if steps is None else steps
         if len(each) != len(self):
             raise InputError(
                 f"steps has {len(each)} numbers: it must have one for each of the {len(self)} scenes"
             )
-        wanted = [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
-        criteria = [criterion(until, scene) for scene in self.scenes]
-        endings = [(found, RunStatistics()) for found in criteria if found is not None]
-        with progress_bar(sum(wanted), shown=progress) as bar:
-            outcomes = self._advance(wanted, bar.update, endings or None)
-        return [SceneSummary(**vars(done.statistics.summary(None)), error=done.error) for done in outcomes]
+        return [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
 
     def _advance(
         self, steps: list[int], on_progress: OnProgress, endings: list[Ending] | None = None
-    ) -> list[StepsDone]:
-        """Advance each scene, see `ResidentSet.advance`, and keep the last reports."""
-        outcomes: list[StepsDone] = []
+    ) -> list[SetOutcomes]:
+        """Advance each scene, see `ResidentSet.advance`, and keep the outcomes of the last steps."""
         with self._use.advancing():
-            for resident in self._sets.advance(steps, on_progress, endings):
-                outcomes += map(resident.done, resident.scenes)
-            for done in outcomes:
-                self._reports[done.k] = done.report or self._reports[done.k]
-        return sorted(outcomes)
+            outcomes = [each.outcomes for each in self._sets.advance(steps, on_progress, endings)]
+            for each in outcomes:
+                self._stepped |= dict.fromkeys(each.stepped, each)
+        return outcomes
 
     @property
-    def reports(self) -> list[StepReport | None]:
+    def reports(self) -> Results[StepReport | None]:
         """The last report of every scene; None before its first step."""
-        return list(self._reports)
+        stepped, restored = dict(self._stepped), self._restored
+        return Results(len(self), lambda k: stepped[k].done(k).report if k in stepped else restored.get(k))
 
     def position(self, k: int) -> FloatArray:
         """Return the centers of the grains of scene k [m], shape (n, 2); a read-only copy."""

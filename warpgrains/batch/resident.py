@@ -4,7 +4,7 @@ Scenes are divided into sets that fit in memory together. One set at a time is r
 kept as states.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import deepcopy
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.memory import free_memory, require_memory
+from warpgrains.solver.outcomes import Outcomes
 from warpgrains.solver.service import exact_solver
 from warpgrains.solver.sizes import Counts, Sizes
 from warpgrains.solver.statistics import RunStatistics, StepReport
@@ -47,8 +48,8 @@ class ResidentScene:
     scene : Scene
     """
 
-    def __init__(self, k: int, scene: Scene, engine: Engine, index: int):
-        self._k, self.scene, self._engine, self._index = k, scene, engine, index
+    def __init__(self, scene: Scene, engine: Engine, index: int):
+        self.scene, self._engine, self._index = scene, engine, index
 
     @property
     def steps(self) -> int:
@@ -78,31 +79,68 @@ class ResidentScene:
         """Load a state, from which the scene continues."""
         self._engine.load(self._index, state)
 
-    def done(self) -> StepsDone:
-        """Return what the scene did since its last steps were submitted."""
-        statistics = self._engine.statistics(self._index)
-        report = self._engine.report(self._index) if statistics.steps else None
-        return StepsDone(self._k, statistics, report, self._engine.error(self._index))
+
+class SetOutcomes(NamedTuple):
+    """What the scenes of a set did in the last `ResidentSet.advance`. Later steps do not change it."""
+
+    engines: list[Outcomes]
+    place: dict[int, tuple[int, int]]
+    """Of every scene, by its number in the batch: its engine, and its index there."""
+    ended: dict[int, StepsDone]
+    """Of scenes with a criterion: what they did in the whole run."""
+
+    @property
+    def errors(self) -> dict[int, str]:
+        """Reasons why scenes stopped early."""
+        if not any(outcomes.errors for outcomes in self.engines):
+            return {}
+        errors = {k: self.engines[engine].errors.get(index) for k, (engine, index) in self.place.items()}
+        return {k: error for k, error in errors.items() if error is not None}
+
+    @property
+    def stepped(self) -> Iterable[int]:
+        """Scenes that took at least one step."""
+        if self.ended:
+            return [k for k, done in self.ended.items() if done.report is not None]
+        if all(outcomes.sums["steps"].all() for outcomes in self.engines):
+            return self.place
+        return [k for k, (engine, index) in self.place.items() if self.engines[engine].sums["steps"][index]]
+
+    def done(self, k: int) -> StepsDone:
+        """Return what scene k did."""
+        if k in self.ended:
+            return self.ended[k]
+        engine, index = self.place[k]
+        outcomes = self.engines[engine]
+        statistics = outcomes.statistics(index)
+        report = outcomes.report(index) if statistics.steps else None
+        return StepsDone(k, statistics, report, outcomes.errors.get(index))
 
 
 class ResidentSet:
     """Scenes in memory, by their numbers in the batch. Scenes of one kind share an engine.
 
     Of the `threads`, groups of `team` threads share a scene.
+
+    Attributes
+    ----------
+    scenes : dict of int to ResidentScene
+    outcomes : SetOutcomes
     """
 
     def __init__(self, scenes: dict[int, Scene], device: wp.Device, threads: int, team: int):
         self._threads = threads
         self._engines: list[tuple[Engine, list[int]]] = []
         self._is_canceled = False
-        self._done: dict[int, StepsDone] = {}
         self.scenes: dict[int, ResidentScene] = {}
+        self.outcomes = SetOutcomes([], {}, {})
         for kind in sorted({scene.kernel_kind for scene in scenes.values()}):
             numbers = [k for k, scene in scenes.items() if scene.kernel_kind == kind]
             engine = Engine([scenes[k] for k in numbers], device, team)
             engine.begin()
+            self.outcomes.place.update({k: (len(self._engines), index) for index, k in enumerate(numbers)})
             self._engines.append((engine, numbers))
-            self.scenes |= {k: ResidentScene(k, scenes[k], engine, index) for index, k in enumerate(numbers)}
+            self.scenes |= {k: ResidentScene(scenes[k], engine, index) for index, k in enumerate(numbers)}
 
     def advance(
         self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
@@ -111,36 +149,33 @@ class ResidentSet:
 
         A scene that fails or is interrupted stops between two steps.
         """
-        self._is_canceled, self._done = False, {}
+        self._is_canceled = False
         if endings is None:
             self._launch(steps, on_progress)
             return
         going = {k: endings[k][1].steps + steps[k] for k in self.scenes if steps[k] > 0}
-        self._done = {k: StepsDone(k, endings[k][1], None, None) for k in self.scenes}
+        ended = {k: StepsDone(k, endings[k][1], None, None) for k in self.scenes}
         while going and not self._is_canceled:
             due = [0] * len(steps)
             for k, end in going.items():
                 taken = endings[k][1].steps
                 due[k] = min(end - taken, steps_to_test(taken))
             self._launch(due, on_progress)
-            going = {k: end for k, end in going.items() if self._continues(k, due[k], end, *endings[k])}
+            for k, end in tuple(going.items()):
+                last, (criterion, statistics) = self.outcomes.done(k), endings[k]
+                statistics.add(last.statistics)
+                ended[k] = StepsDone(k, statistics, last.report or ended[k].report, last.error)
+                is_whole = last.error is None and last.statistics.steps == due[k]
+                if not is_whole or criterion.is_met(self.scenes[k], statistics) or statistics.steps >= end:
+                    del going[k]
+        self.outcomes = self.outcomes._replace(ended=ended)
 
     def _launch(self, steps: Sequence[int], on_progress: OnProgress) -> None:
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
         advance([engine for engine, _ in self._engines], self._threads, on_progress)
-
-    def _continues(self, k: int, due: int, end: int, criterion: Criterion, statistics: RunStatistics) -> bool:
-        """Update the statistics after the last steps of scene k; return True if it continues to `end`."""
-        last = self.scenes[k].done()
-        statistics.add(last.statistics)
-        self._done[k] = last._replace(statistics=statistics, report=last.report or self._done[k].report)
-        is_whole = last.error is None and last.statistics.steps == due
-        return is_whole and not criterion.is_met(self.scenes[k], statistics) and statistics.steps < end
-
-    def done(self, k: int) -> StepsDone:
-        """Return what scene k did in the last `advance`; with an ending, in its whole run."""
-        return self._done.get(k) or self.scenes[k].done()
+        outcomes = [engine.outcomes.copy() for engine, _ in self._engines]
+        self.outcomes = SetOutcomes(outcomes, self.outcomes.place, {})
 
     def cancel(self) -> None:
         """Stop after the steps under way; slow steps are abandoned."""

@@ -152,6 +152,16 @@ def _add_batch(parser: ArgumentParser) -> None:
     )
 
 
+def _add_compress(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("scene", metavar="SCENE", help="a TOML file, or the name of a shipped scene such as jamming")
+    add("--pressure", type=float, metavar="P", help="pressure [N/m] (default: the scene's)")
+    add("--duration", type=float, metavar="T", help="longest simulated time [s] (default: the scene's)")
+    add("-o", "--output", metavar="FILE", help="checkpoint of the packing to write, .npz")
+    _add_set(parser)
+    add("--json", action="store_true", help="print the results as one JSON object")
+
+
 def _add_check(parser: ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="the recording, a USD file")
 
@@ -243,6 +253,13 @@ COMMANDS = {
         _add_batch,
         "run a sweep of scenes",
         "Run all scenes of a sweep; exit code 1: a run failed or is not finished.",
+    ),
+    "compress": Command(
+        "tools.compress",
+        _add_compress,
+        "compress grains to a jammed packing",
+        "Compress the grains of a scene without gravity by a pressure on the outer wall until they rest,"
+        " and print packing fraction, contacts and forces.",
     ),
     "check": Command(
         "tools.check",

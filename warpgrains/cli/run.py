@@ -85,7 +85,9 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
     with stdout_to_stderr(), ExitStack() as held:
         until = criterion(options.until, start.scene)
         series = _series(start, options, arguments)
-        recorder = held.enter_context(runs.open_outputs(options, start.scene, start.statistics))
+        begun_at = start.state.steps - start.statistics.steps
+        outputs = runs.open_outputs(options, start.scene, start.statistics, begun_at)
+        recorder = held.enter_context(outputs)
         observer = None if series is None else held.enter_context(series)
         _simulate(start, options, runs.Outputs(recorder, observer, until), arguments)
 

@@ -52,8 +52,8 @@ def _serve(page: type["Page"], player: Player, port: int) -> bool:
 def _homework(arguments: Namespace, serve: Callable[[Player], bool]) -> bool:
     scene = Scene.load(arguments.what, arguments.overrides or [])
     is_the_texts = scene.scheme == "text" and scene.wall == "tangent" and scene.radius_in > 0.0
-    if not is_the_texts or scene.n > MOST_GRAINS:
-        needs = "scheme text, wall tangent, an inner wall"
+    if not is_the_texts or scene.gravity_rate or scene.n > MOST_GRAINS:
+        needs = "scheme text, wall tangent, an inner wall, constant gravity"
         raise InputError(f"--homework needs {needs} and at most {MOST_GRAINS} grains")
     processes = Processes()
     with TemporaryDirectory() as folder:

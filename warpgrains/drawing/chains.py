@@ -75,6 +75,7 @@ def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
     With friction, a band has the size and direction of the total force: it is turned about the contact point.
     """
     contacts, wall_contacts = frame.forces()
+    scene = frame.placed(scene)
     pushes = contacts.force > 0.0
     pair = with_walls(contacts.pair[pushes], wall_contacts.wall)
     force = np.concatenate([contacts.force[pushes], wall_contacts.force])

@@ -71,6 +71,12 @@ class Frame:
     """Angles by which grains have turned [rad], shape (n,)."""
     time: float = 0.0
     """[s]."""
+    places: FloatArray | None = None
+    """Coordinates of walls, see `State.driven` [m], shape (walls,); None where no force drives a wall."""
+
+    def placed(self, scene: Scene) -> Scene:
+        """Return the scene with the walls that forces drive where they are."""
+        return scene if self.places is None else scene.with_walls_at(self.places)
 
     def rotation(self) -> tuple[FloatArray, FloatArray]:
         """Return spin and angle of the grains; ValueError where they are missing."""
@@ -223,14 +229,18 @@ def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return a speed [m/s] that grains may reach: by a fall across the domain, at the start, or at a wall."""
+    """Return a speed [m/s] that grains may reach: by a fall across the domain, by the pressure, or at a wall.
+
+    It is no less than that at the start.
+    """
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
     falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
     out, inside = scene.radius_out * scene.angular_velocity_out, scene.radius_in * scene.angular_velocity_in
-    return max(thrown, float(falling), abs(out), abs(inside))
+    pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / scene.mass.sum())
+    return max(thrown, float(falling), float(pressed), abs(out), abs(inside))
 
 
 def spin_scale(scene: Scene) -> float:
@@ -241,12 +251,14 @@ def spin_scale(scene: Scene) -> float:
 def pressure_scale(scene: Scene) -> float:
     """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
 
-    Without gravity, it is the pressure on a mean grain that is stopped within one step from the scene's
-    largest speed, or if that is zero, from a speed of one radius per step.
+    It is at least four times the pressure on the outer wall. Without both, it is the pressure on a mean grain
+    that is stopped within one step from the scene's largest speed, or if that is zero, from a speed of one
+    radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
-    if weight > 0.0:
-        return weight / (scene.annulus.depth / 2.0)
+    given = 4.0 * abs(scene.pressure or 0.0)
+    if weight > 0.0 or given > 0.0:
+        return max(given, weight / (scene.annulus.depth / 2.0))
     radius = float(scene.radius.mean())
     stopping = float(scene.mass.mean()) * (speed_scale(scene) or radius / scene.dt) / scene.dt
     return stopping / (2.0 * np.pi * radius)

@@ -58,20 +58,23 @@ class FrameTimes:
         spin: FloatArray | None = None,
         angle: FloatArray | None = None,
         time: float | None = None,
+        driven: FloatArray | None = None,
     ) -> Frame:
         """Return frame k from the state after `step(k)`, at a time [s] unless the run began with frame 0.
 
         Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
-        The positions and angles are those at the time of the frame.
+        The positions and angles are those at the time of the frame, and so are the coordinates of walls, from
+        `State.driven`.
         """
         before = self.step(k) - k * self._steps_a_frame
         if before > _TOLERANCE:
             position = position - float(before) * self.dt * velocity
             if spin is not None and angle is not None:
                 angle = angle - float(before) * self.dt * spin
+        places = None if driven is None else driven[:, 0] - float(before) * self.dt * driven[:, 1]
         end = self.step(k) * self.dt if time is None else time
         time = end - float(before) * self.dt
-        return Frame(position, velocity, contacts, wall_contacts, spin, angle, time)
+        return Frame(position, velocity, contacts, wall_contacts, spin, angle, time, places)
 
     @cached_property
     def _steps_a_frame(self) -> Fraction:

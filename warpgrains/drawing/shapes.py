@@ -119,15 +119,25 @@ def drawn_walls(scene: Scene) -> dict[str, Band]:
     return drawn
 
 
-def moved_walls(scene: Scene, time: float) -> dict[int, Band]:
-    """Return those drawn walls that move as they are at a time [s], by their index in `drawn_walls`."""
-    if not scene.has_moving_walls:
+def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> dict[int, Band]:
+    """Return those drawn walls that move as they are at a time [s], by their index in `drawn_walls`.
+
+    Walls that forces drive are at `places`, see `State.driven` [m], or where they begin.
+    """
+    if not (scene.has_moving_walls or scene.has_driven_walls):
         return {}
     every = list(drawn_walls(scene).values())
-    first = len(every) - len(scene.walls)
-    return {
-        first + k: every[first + k].moved(wall.pose(time)) for k, wall in enumerate(scene.walls) if wall.moves
-    }
+    first, thickness = len(every) - len(scene.walls), _THICKNESS * scene.radius_out
+    now = scene if places is None else scene.with_walls_at(places)
+    moved = {}
+    if scene.pressure is not None:
+        moved[0] = ring(now.radius_out, now.radius_out + thickness)
+    for k, wall in enumerate(now.walls):
+        if wall.leaves:
+            moved[first + k] = (
+                every[first + k].moved(wall.pose(time)) if wall.moves else wall.drawn(thickness)
+            )
+    return moved
 
 
 def _in_mark() -> BoolArray:

@@ -90,7 +90,7 @@ def start_of(scene: Scene) -> Call:
     n = scene.n
     arrays = (*scene.position.T, *scene.velocity.T, scene.radius, scene.mass, np.zeros(n + n * (n - 1) // 2))
     limits = (scene.dt, scene.tolerance, scene.max_iterations, scene.radius_in, scene.radius_out)
-    return Call(n, -1, *limits, scene.gravity, scene.drag, np.concatenate(arrays))
+    return Call(n, -1, *limits, scene.gravity_at(0.0), scene.drag, np.concatenate(arrays))
 
 
 def _iterations(reference: Child, step: Call) -> tuple[list[Call], FloatArray]:

@@ -226,10 +226,12 @@ class Film:
         spin: FloatArray | None = None,
         angle: FloatArray | None = None,
         time: float | None = None,
+        driven: FloatArray | None = None,
     ) -> None:
         """Append one frame, see `Recorder.record`."""
         k = self._writer.frames
-        frame = self.times.frame(k, position, velocity, contacts, wall_contacts, spin, angle, time)
+        moving = position, velocity, contacts, wall_contacts, spin, angle, time, driven
+        frame = self.times.frame(k, *moving)
         self._writer.add(self._painter.shot(frame, k / self.times.rate))
 
     def flush(self) -> None:

@@ -95,7 +95,7 @@ class Painter:
         chains = None if scale is None else chains_of(self._scene, scale, frame)
         angle = frame.rotation()[1] if self.setting.rotates else None
         shown = frame.time if time is None else time
-        walls = moved_walls(self._scene, frame.time)
+        walls = moved_walls(self._scene, frame.time, frame.places)
         return Shot(shown, frame.position, self._colors.of(frame), chains, angle, walls)
 
     def shot_of(self, simulation: Simulation) -> Shot:
@@ -105,7 +105,9 @@ class Painter:
             contacts, wall_contacts = simulation.contacts(), simulation.wall_contacts()
         moving = simulation.position, simulation.velocity
         turned = simulation.spin, simulation.angle
-        frame = Frame(*moving, contacts, wall_contacts, *turned, simulation.time)
+        driven = simulation.driven
+        places = None if driven is None else driven[:, 0]
+        frame = Frame(*moving, contacts, wall_contacts, *turned, simulation.time, places)
         return self.shot(frame)
 
 

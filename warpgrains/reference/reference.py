@@ -13,7 +13,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
-from warpgrains.scene.state import State
+from warpgrains.scene.state import State, first_state
 from warpgrains.scene.walls import INNER, OUTER, body_of
 
 SOURCE = Path(__file__).parent / "grains.c"
@@ -22,6 +22,7 @@ MOST_GRAINS = 3000  # of scenes that are timed; the program stores and visits al
 
 _Doubles = ctypes.POINTER(ctypes.c_double)
 _ROTATING = ("w", "angle", "u", "dtContacts", "dtBoundary", "dtWalls")
+_DRIVEN = ("drives", "places", "speeds")
 _PER_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
@@ -40,7 +41,10 @@ class Grains(ctypes.Structure):
         *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "speedOut")),
         *((name, _Doubles) for name in ("speedWalls", "frictionWalls")),
         *((name, ctypes.c_int) for name in ("rough", "moving", "steps")),
+        ("turning", ctypes.c_double),
         *((name, _Doubles) for name in ("motions", *_ROTATING)),
+        ("driven", ctypes.c_int),
+        *((name, _Doubles) for name in _DRIVEN),
     )
 
 
@@ -97,13 +101,20 @@ class Reference:
         self._arrays["frictionWalls"] = np.array(scene.wall_frictions[2 - int(scene.has_two_circles) :])
         self._arrays["motions"] = np.array([np.hstack(wall.motion) for wall in walls]).ravel()
         self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
+        self._grains.turning = scene.gravity_rate
         rotating = (
             scene.spin_at_start.copy(),
             *np.zeros((2, n)),
             *map(np.zeros, (n * (n - 1) // 2, n, n * len(walls))),
         )
         self._arrays |= dict(zip(_ROTATING, rotating, strict=True))
-        for name in ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", *_ROTATING):
+        driven = first_state(scene).driven if state is None else state.driven
+        self._grains.driven = driven is not None
+        places, speeds = np.zeros((2, 1 + len(walls))) if driven is None else driven.T.copy()
+        self._arrays |= {"drives": scene.drives.ravel(), "places": places, "speeds": speeds}
+        if driven is not None:
+            self._grains.radiusOut = places[OUTER]
+        for name in ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", *_ROTATING, *_DRIVEN):
             setattr(self._grains, name, self._arrays[name].ctypes.data_as(_Doubles))
         self._grains.nWalls = self._walls = len(walls)
         self._grains.leapfrog, self._grains.round = scene.scheme == "leapfrog", scene.wall == "round"
@@ -137,9 +148,12 @@ class Reference:
         inside it, shape (m, 2). With friction, wall 0 is the inner circle, if there is one.
         """
         scene, arrays = self._scene, self._arrays
-        free = free_velocity(scene, self.velocity, bool(self._grains.staggered))
+        time = self._grains.steps * scene.dt
+        free = free_velocity(scene, self.velocity, bool(self._grains.staggered), time)
         arrays["vx"][:], arrays["vy"][:] = free.T
         arrays["u"][:] = scene.radius * free_spin(scene, self.spin, bool(self._grains.staggered))
+        if self._grains.driven:
+            self._arrays["speeds"] += self._kicks()
         self._iterate(0, order)
         iterations, zeta = 0, np.inf
         while iterations < scene.max_iterations and zeta > scene.tolerance:
@@ -149,9 +163,22 @@ class Reference:
         arrays["y"] += scene.dt * arrays["vy"]
         arrays["w"][:] = arrays["u"] / scene.radius
         arrays["angle"] += scene.dt * arrays["w"]
+        if self._grains.driven:
+            arrays["places"] += scene.dt * arrays["speeds"]
+            self._grains.radiusOut = arrays["places"][OUTER]
         self._grains.staggered = self._grains.leapfrog
         self._grains.steps += 1
         return iterations, zeta
+
+    def _kicks(self) -> FloatArray:
+        """Return how forces change the speeds of walls in a step [m/s], shape (walls,) (eq. 27)."""
+        half = self._grains.leapfrog and not self._grains.staggered
+        kick = 0.5 * self._scene.dt if half else self._scene.dt
+        inverse_mass, force, pressure = self._scene.drives[:, :3].T
+        kicks: FloatArray = kick * (
+            (force - pressure * (2.0 * np.pi * self._grains.radiusOut)) * inverse_mass
+        )
+        return kicks
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:
         arguments = (self._grains, self._scene.dt, iteration)
@@ -193,6 +220,11 @@ class Reference:
     def obstacle_correction(self) -> FloatArray:
         """Corrections of all grains at the walls inside the annulus [m/s], shape (n, walls)."""
         return self._arrays["dvWalls"].reshape(self._scene.n, -1)
+
+    @property
+    def driven(self) -> FloatArray:
+        """Coordinate [m] and speed [m/s] of every wall, shape (walls, 2), see `State.driven`."""
+        return np.stack([self._arrays["places"], self._arrays["speeds"]], axis=1)
 
     @property
     def pair_friction(self) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, pi
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
+from warpgrains.scene.walls import INNER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -45,11 +46,29 @@ def require_compatible_settings(scene: Scene) -> None:
     """Raise InputError unless the settings are compatible with each other and with the grains."""
     _require_short_step(scene)
     _require_slow_walls(scene)
+    _require_slow_gravity(scene)
     _require_friction(scene)
+    _require_driven(scene)
     if scene.method == "exact" and scene.has_friction:
         raise InputError("method is 'exact': it solves steps without friction only; use 'accelerated'")
     if scene.method == "exact" and scene.stop == "zeta":
         raise InputError("stop is 'zeta': method 'exact' stops on the residual")
+
+
+def _require_driven(scene: Scene) -> None:
+    """Raise InputError unless steps of walls that forces drive can be solved with the settings."""
+    if scene.wall_mass is not None and scene.pressure is None:
+        raise InputError(f"wall_mass is {scene.wall_mass} kg: the outer wall is fixed; give pressure")
+    if not scene.has_driven_walls:
+        return
+    which = "pressure" if scene.pressure is not None else "force of a wall"
+    if scene.method == "exact":
+        raise InputError(f"{which} is given and method is 'exact': use 'accelerated' or 'gauss-seidel'")
+    for k, wall in enumerate(scene.walls):
+        if wall.drive is not None and scene.wall_frictions[INNER + 1 + k] > 0.0:
+            raise InputError(f"walls[{k}] has a force and friction: set friction = 0 for this wall")
+    if scene.wall == "round":
+        raise InputError(f"{which} is given and wall is 'round': use 'tangent'")
 
 
 def _require_slow_walls(scene: Scene) -> None:
@@ -62,6 +81,15 @@ def _require_slow_walls(scene: Scene) -> None:
                 f"velocity of walls[{k}]: the {wall.kind} moves by {path:.3g} m in a step of {scene.dt} s;"
                 f" it must be less than the smallest radius, {smallest} m"
             )
+
+
+def _require_slow_gravity(scene: Scene) -> None:
+    """Raise InputError unless gravity turns by less than half a turn in a step."""
+    if not abs(scene.gravity_rate) * scene.dt < pi:
+        raise InputError(
+            f"gravity.rotate is {scene.gravity_rate} rad/s: in a step of {scene.dt} s gravity turns by half a"
+            f" turn or more; dt must be less than {pi / abs(scene.gravity_rate)} s"
+        )
 
 
 def _require_friction(scene: Scene) -> None:

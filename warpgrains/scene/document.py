@@ -73,7 +73,9 @@ def parameters_text(scene: Scene) -> str:
     tables: Table = {"walls": [wall.table for wall in scene.walls]} if scene.walls else {}
     for section, names in SECTIONS.items():
         values = {name: getattr(scene, name) for name in names}
-        tables[section] = {name: value for name, value in values.items() if value is not None}
+        tables[section] = {
+            name: getattr(value, "table", value) for name, value in values.items() if value is not None
+        }
     return toml_text(tables)
 
 

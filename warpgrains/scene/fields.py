@@ -15,6 +15,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import described, described_fields
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.gravity import EARTH, TurningGravity, checked_gravity
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.wall_kinds import checked_walls
@@ -45,10 +46,12 @@ if TYPE_CHECKING:
 
     Array = ConvertedField[FloatArray, ArrayLike]
     OptionalArray = ConvertedField[FloatArray, ArrayLike | None]
-    Vector = ConvertedField[tuple[float, float], Sequence[float] | FloatArray]
+    Gravity = ConvertedField[
+        tuple[float, float] | TurningGravity, Sequence[float] | FloatArray | Mapping[str, Any]
+    ]
     Walls = ConvertedField[tuple[Obstacle, ...], Sequence[Obstacle | Mapping[str, Any]]]
 else:
-    Array, OptionalArray, Vector = FloatArray, FloatArray | None, tuple[float, float]
+    Array, OptionalArray, Gravity = FloatArray, FloatArray | None, tuple[float, float] | TurningGravity
     Walls = tuple[Obstacle, ...]
 
 
@@ -59,6 +62,11 @@ def _key(meaning: str, section: str = "", check: Any = None, *, default: Any = M
     allowed names. Fields of grains and walls have none, because `checked_grains` checks them together.
     """
     return described(meaning, section=section, check=check, default=default)
+
+
+def _optional(check: Any) -> Any:
+    """Return the check of a field that may be None."""
+    return lambda field, value: None if value is None else check(field, value)
 
 
 @dataclass_transform(eq_default=False, frozen_default=True, kw_only_default=True, field_specifiers=(_key,))
@@ -94,6 +102,19 @@ class SceneFields:
         "domain",
         default="tangent",
     )
+    pressure: float | None = _key(
+        "Pressure on the outer wall [N/m], which then moves: its radius changes by pressure and contacts. By"
+        " default the wall is fixed.",
+        "domain",
+        _optional(checks.number),
+        default=None,
+    )
+    wall_mass: float | None = _key(
+        "Mass of the outer wall under a pressure [kg]; by default that of all grains.",
+        "domain",
+        _optional(checks.positive),
+        default=None,
+    )
     angular_velocity_out: float = _key(
         "Angular velocity at which the outer wall rotates about the origin [rad/s]. Only with friction.",
         "domain",
@@ -112,8 +133,13 @@ class SceneFields:
         check=checked_walls,
         default=(),
     )
-    gravity: Vector = _key(
-        "Acceleration of gravity, two components [m/s2].", "physics", checks.vector, default=(0.0, -9.81)
+    gravity: Gravity = _key(
+        "Acceleration of gravity, two components [m/s2]; or ``{vector = [0.0, -9.81], rotate = 0.05}``,"
+        " gravity that turns: ``vector`` at time 0, by default that of the Earth, and its angular velocity"
+        " ``rotate``, counterclockwise [rad/s].",
+        "physics",
+        checked_gravity,
+        default=EARTH,
     )
     drag: float = _key("Linear drag coefficient [kg/s].", "physics", checks.not_negative, default=0.0)
     spin_drag: float = _key(
@@ -131,7 +157,7 @@ class SceneFields:
     wall_friction: float | None = _key(
         "Coefficient of friction between grains and walls; by default that between grains.",
         "contact",
-        lambda field, value: None if value is None else checks.not_negative(field, value),
+        _optional(checks.not_negative),
         default=None,
     )
     dt: float = _key("Time step [s].", "time", checks.positive, default=0.01)

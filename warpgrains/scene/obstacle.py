@@ -93,8 +93,22 @@ class Obstacle:
         return area
 
     @property
+    def drive(self) -> tuple[float, float, float, float, float] | None:
+        """What drives the wall (kernels/types.py, `Drive`), or None if no force acts on it."""
+        return None
+
+    @property
+    def leaves(self) -> bool:
+        """True if the wall leaves its place, as given in advance or because a force drives it."""
+        return self.moves or self.drive is not None
+
+    def shifted(self, way: float) -> "Obstacle":
+        """Return the wall after a force has driven it by a way [m]."""
+        return self
+
+    @property
     def moves(self) -> bool:
-        """True if the wall moves at some time."""
+        """True if the wall moves at some time as given in advance."""
         return self.velocity != (0.0, 0.0) or self.angular_velocity != 0.0
 
     @cached_property

@@ -20,6 +20,7 @@ from warpgrains.scene.disc import Disc
 from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
 from warpgrains.scene.geometry import left_of, overlapping_pairs
+from warpgrains.scene.gravity import TurningGravity
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
@@ -117,12 +118,13 @@ class Scene(SceneFields, Shown):
     def summary(self) -> dict[str, str]:
         """Return the line that describes the scene, by name."""
         inner = f"{self.radius_in:g} to " if self.radius_in > 0.0 else ""
+        turning = f", turning at {self.gravity_rate:g} rad/s" if self.gravity_rate else ""
         return {
             self.name: f"of {self.n} grains",
             "radius": f"{_range(self.radius)} m",
             "mass": f"{_range(self.mass)} kg",
             "walls": f"{inner}{self.radius_out:g} m",
-            "gravity": f"({self.gravity[0]:g}, {self.gravity[1]:g}) m/s2",
+            "gravity": f"({self.gravity[0]:g}, {self.gravity[1]:g}) m/s2{turning}",
             "drag": f"{self.drag:g} kg/s",
             "dt": f"{self.dt:g} s",
             "duration": f"{self.duration:g} s",
@@ -167,6 +169,15 @@ class Scene(SceneFields, Shown):
         return bool((self.mass == self.mass[0]).all())
 
     @property
+    def gravity_rate(self) -> float:
+        """Angular velocity at which gravity turns, counterclockwise [rad/s]; 0 if it is constant."""
+        return self.gravity.rotate if isinstance(self.gravity, TurningGravity) else 0.0
+
+    def gravity_at(self, time: float) -> tuple[float, float]:
+        """Return the acceleration of gravity at a time [m/s2] (MODEL.md, eq. 31)."""
+        return self.gravity.at(time) if isinstance(self.gravity, TurningGravity) else self.gravity
+
+    @property
     def has_friction(self) -> bool:
         """True if contacts have friction, so that grains rotate."""
         return self.friction > 0.0 or any(coefficient > 0.0 for coefficient in self.wall_frictions)
@@ -187,6 +198,30 @@ class Scene(SceneFields, Shown):
     def has_moving_walls(self) -> bool:
         """True if a wall inside the annulus moves."""
         return any(wall.moves for wall in self.walls)
+
+    @property
+    def has_driven_walls(self) -> bool:
+        """True if a force or a pressure drives a wall."""
+        return self.pressure is not None or any(wall.drive is not None for wall in self.walls)
+
+    @property
+    def drives(self) -> FloatArray:
+        """What drives each wall of the device (kernels/types.py, `Drive`), shape (walls, 5)."""
+        mass = float(self.mass.sum()) if self.wall_mass is None else self.wall_mass
+        outer = None if self.pressure is None else (1.0 / mass, 0.0, self.pressure, 0.0, 0.0)
+        return np.array(
+            [drive or (0.0,) * 5 for drive in (outer, *(wall.drive for wall in self.bodies_inside))]
+        )
+
+    def with_walls_at(self, coordinates: FloatArray) -> Self:
+        """Return the scene with its walls at coordinates of `State.driven` [m]; without any, as it is."""
+        if len(coordinates) == 0:
+            return self
+        ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
+        walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
+        scene = object.__new__(type(self))
+        vars(scene).update(vars(self) | {"radius_out": float(coordinates[OUTER]), "walls": walls})
+        return scene
 
     def surface_speed(self, wall: int) -> float:
         """Return the speed of a circle's surface along the tangent of contacts [m/s] (MODEL.md, eq. 23)."""
@@ -222,7 +257,7 @@ class Scene(SceneFields, Shown):
     @property
     def has_two_circles(self) -> bool:
         """True if the circles are two bodies on the device, as with friction, instead of one."""
-        return self.has_friction and self.radius_in > 0.0
+        return (self.has_friction or self.has_driven_walls) and self.radius_in > 0.0
 
     @property
     def bodies_inside(self) -> tuple[Obstacle, ...]:
@@ -238,6 +273,8 @@ class Scene(SceneFields, Shown):
     @property
     def has_equal_shares(self) -> bool:
         """True if grains take equal shares of every correction, and W = 3 in eq. 22."""
+        if self.has_driven_walls:
+            return False
         if not self.has_friction:
             return self.has_equal_masses
         return self.has_equal_masses and bool((self.contact_mass == self.rim_mass).all())
@@ -277,6 +314,17 @@ class Scene(SceneFields, Shown):
         for wall in self.walls:
             area = wall.remaining_area(area)
         return area
+
+    def discs_at(self, time: float) -> FloatArray:
+        """Return center and radius [m] of the disc that each wall inside fills at a time [s], (walls, 3).
+
+        The radius is 0 if a wall fills no area or, like a ring, surrounds the grains.
+        """
+        found = np.zeros((len(self.walls), 3))
+        for own, wall in zip(found, self.walls, strict=True):
+            if isinstance(wall, Disc) and not wall.inside:
+                own[:] = *wall.pose(time).place(np.array([wall.center]))[0], wall.radius
+        return found
 
     @property
     def wall_numbers(self) -> list[int]:

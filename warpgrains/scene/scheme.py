@@ -14,12 +14,13 @@ if TYPE_CHECKING:
 SCHEMES = ("text", "leapfrog")
 
 
-def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool) -> FloatArray:
+def free_velocity(scene: Scene, velocity: FloatArray, staggered: bool, time: float = 0.0) -> FloatArray:
     """Return v* [m/s], shape (n, 2), from the velocities at the start of a step (eqs. 2, 16, 17).
 
-    `staggered`: the velocities are those of the middle of the last step, see `State`.
+    `staggered`: the velocities are those of the middle of the last step, see `State`. `time`: that at which
+    the step starts [s], for gravity that turns.
     """
-    dt, gravity, drag = scene.dt, np.array(scene.gravity), scene.drag
+    dt, gravity, drag = scene.dt, np.array(scene.gravity_at(time)), scene.drag
     mass = scene.mass[:, np.newaxis]
     if scene.scheme == "text":
         return velocity + dt * (gravity - drag / mass * velocity)
@@ -51,14 +52,16 @@ class Kick(NamedTuple):
     """Time integral of the velocity [m] or spin [rad] on which drag acted, shape (n, 2) or (n,)."""
 
 
-def kick_of(scene: Scene, free: FloatArray, velocity: FloatArray, staggered: bool) -> Kick:
+def kick_of(scene: Scene, free: FloatArray, velocity: FloatArray, staggered: bool, time: float) -> Kick:
     """Return the kick of a step from its free velocities and its end velocities [m/s], shape (n, 2).
+
+    `time` is that at which the step starts [s].
 
     `before` inverts `free_velocity`. It is not finite in the leapfrog scheme if drag dt = 2 m, because then
     drag removes the whole velocity.
     """
     rate = (scene.drag / scene.mass)[:, np.newaxis]
-    return _kick(scene, np.array(scene.gravity), rate, free, velocity, staggered)
+    return _kick(scene, np.array(scene.gravity_at(time)), rate, free, velocity, staggered)
 
 
 def spin_kick_of(scene: Scene, free: FloatArray, spin: FloatArray, staggered: bool) -> Kick:

@@ -1,5 +1,6 @@
 """A straight wall inside the annulus. This is the host's side; kernels/straight_wall.py is the device's."""
 
+from dataclasses import replace
 from math import dist
 from typing import ClassVar
 
@@ -10,7 +11,7 @@ from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, bar
-from warpgrains.scene.obstacle import ThinWall, kind_of_wall
+from warpgrains.scene.obstacle import Obstacle, ThinWall, kind_of_wall
 
 
 @kind_of_wall
@@ -40,6 +41,12 @@ class Segment(ThinWall):
     kind_number: ClassVar[int] = 2
     start: tuple[float, float] = described("One end [m], two components.", key="from")
     end: tuple[float, float] = described("The other end [m], two components.", key="to")
+    force: float | None = described(
+        "Force that drives the wall along its normal [N], which is to the left of the way from one end to the"
+        " other; by default no force does.",
+        default=None,
+    )
+    mass: float | None = described("Mass of a wall that a force drives [kg].", default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,6 +57,16 @@ class Segment(ThinWall):
         if sum((b - a) ** 2 for a, b in zip(start, end, strict=True)) == 0.0:
             raise InputError(f"to of a segment is {end}: it must be another point than from")
         self._check(start=start, end=end)
+        if (self.force is None) != (self.mass is None):
+            missing = "force" if self.force is None else "mass"
+            raise InputError(f"{missing} of a segment is missing: a wall that a force drives needs both")
+        if self.force is not None:
+            self._check(
+                force=checks.number("force of a segment", self.force),
+                mass=checks.positive("mass of a segment", self.mass),
+            )
+            if self.moves:
+                raise InputError("velocity of a segment is given, and a force: a wall has only one of them")
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -75,6 +92,26 @@ class Segment(ThinWall):
         start, along = np.array(self.start), np.subtract(self.end, self.start)
         share = np.clip((position - start) @ along / (along @ along), 0.0, 1.0)
         return start + share[:, np.newaxis] * along - position
+
+    @property
+    def drive(self) -> tuple[float, float, float, float, float] | None:
+        """What drives the segment, or None."""
+        if self.force is None or self.mass is None:
+            return None
+        return 1.0 / self.mass, self.force, 0.0, *self._normal
+
+    def shifted(self, way: float) -> Obstacle:
+        """Return the segment moved along its normal [m]."""
+        if self.force is None:
+            return self
+        x, y = (way * along for along in self._normal)
+        start, end = ((point[0] + x, point[1] + y) for point in (self.start, self.end))
+        return replace(self, start=start, end=end)
+
+    @property
+    def _normal(self) -> tuple[float, float]:
+        x, y = np.subtract(self.end, self.start) / dist(self.start, self.end)
+        return -float(y), float(x)
 
     def drawn(self, thickness: float) -> Band:
         """Return the drawing of the segment, half as thick as a circle, because grains touch both sides."""

@@ -7,7 +7,7 @@ indices would let the kernels access memory outside their arrays.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
-from warpgrains.scene.walls import body_of
+from warpgrains.scene.walls import OUTER, body_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -68,9 +68,9 @@ class VerletList:
         Listed pairs i < j, shape (m, 2), and listed (grain, wall), shape (k, 2), in lexicographic order. Both
         circles of the annulus are wall 0 here.
     skin, recent_deviation : ndarray
-        Skin [m] and recent deviation [m/s] of every grain, shape (n,).
+        Skin [m] and recent deviation [m/s] of every grain, and wall if one is driven, shape (n,).
     reference_position, reference_velocity : ndarray
-        Position [m] and velocity [m/s] of every grain when the list was built, shape (n, 2).
+        Position [m] and velocity [m/s] of these when the list was built, shape (n, 2).
     frame, scalar : ndarray
         The vectors and the numbers of `kernels.types.VerletNumbers`, shapes (3, 2) and (7,).
     """
@@ -105,6 +105,10 @@ class State:
         difference.
     spin, angle : ndarray or None
         Angular velocities [rad/s] and rotations since the start [rad], shape (n,); None without friction.
+    driven : ndarray or None
+        Coordinate [m] and speed [m/s] of every wall, shape (walls, 2), if a force drives one; else None. The
+        first wall is the outer circle, whose coordinate is its radius, followed by the inner one, if there is
+        one, and those of `Scene.walls`, whose coordinate is the way that they have moved.
 
     Examples
     --------
@@ -123,17 +127,21 @@ class State:
     staggered: bool = False
     spin: FloatArray | None = None
     angle: FloatArray | None = None
+    driven: FloatArray | None = None
 
 
 def first_state(scene: Scene) -> State:
     """Return the initial state of a scene."""
     nobody, nothing = np.zeros((0, 2), np.int32), np.zeros(0)
     corrections = Corrections(nobody, nothing, nobody, nothing)
-    if not scene.has_friction:
-        return State(0, scene.position, scene.velocity, corrections)
-    return State(
-        0, scene.position, scene.velocity, corrections, spin=scene.spin_at_start, angle=np.zeros(scene.n)
-    )
+    state = State(0, scene.position, scene.velocity, corrections)
+    if scene.has_friction:
+        state = replace(state, spin=scene.spin_at_start, angle=np.zeros(scene.n))
+    if scene.has_driven_walls:
+        driven = np.zeros((1 + len(scene.bodies_inside), 2))
+        driven[OUTER, 0] = scene.radius_out
+        state = replace(state, driven=driven)
+    return state
 
 
 def require_state(state: State, scene: Scene) -> None:
@@ -150,10 +158,25 @@ def require_state(state: State, scene: Scene) -> None:
         if getattr(state, name) is not None:
             _require_array(name, getattr(state, name), np.float64, (n,))
             checks.require_finite(f"{name} of the state, that", getattr(state, name))
+    bodies = n + _require_driven(state.driven, scene)
     _require_corrections(state.corrections, n, walls)
     if state.lists is not None:
-        _require_lists(state.lists, n, walls)
+        _require_lists(state.lists, n, walls, bodies)
         _require_listed(state.corrections, state.lists, n, scene.has_two_circles)
+
+
+def _require_driven(driven: Any, scene: Scene) -> int:
+    """Return the number of walls that have a speed; raise InputError unless the state has that of each."""
+    if not scene.has_driven_walls:
+        if driven is not None:
+            raise InputError("driven of the state is given, and no force drives a wall of the scene")
+        return 0
+    walls = 1 + len(scene.bodies_inside)
+    _require_array("driven", driven, np.float64, (walls, 2))
+    if not np.isfinite(driven).all():
+        raise InputError(f"driven of the state is {driven.tolist()}: it must be finite")
+    checks.positive("radius of the outer wall in the state", driven[OUTER, 0])
+    return walls
 
 
 def _require_corrections(corrections: Corrections, n: int, walls: Sequence[int]) -> None:
@@ -175,13 +198,13 @@ def _require_corrections(corrections: Corrections, n: int, walls: Sequence[int])
             checks.require_finite(f"{name}_friction of the state, that", tangential)
 
 
-def _require_lists(lists: VerletList, n: int, walls: Sequence[int]) -> None:
+def _require_lists(lists: VerletList, n: int, walls: Sequence[int], bodies: int) -> None:
     _require_kind("lists", lists, VerletList)
     _require_pairs("listed pair", lists.pair, n)
     _require_walls("listed wall", lists.wall, n, walls)
     shapes = {"frame": (3, 2), "scalar": (7,)}
-    shapes |= dict.fromkeys(("skin", "recent_deviation"), (n,))
-    shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (n, 2))
+    shapes |= dict.fromkeys(("skin", "recent_deviation"), (bodies,))
+    shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (bodies, 2))
     for name, shape in shapes.items():
         _require_array(name, getattr(lists, name), np.float64, shape)
         if np.isnan(getattr(lists, name)).any():

@@ -134,7 +134,7 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
 
 
 def _table(value: Any) -> Any:
-    """Return a wall as the keys of its `[[walls]]` table."""
+    """Return a wall, or gravity that turns, as its table in a scene file."""
     return value.table
 
 

@@ -61,9 +61,11 @@ class Outputs(NamedTuple):
 
 @contextmanager
 def open_outputs(
-    options: RunOptions, scene: Scene, statistics: RunStatistics
+    options: RunOptions, scene: Scene, statistics: RunStatistics, first_step: int = 0
 ) -> Iterator[Recorder | Film | None]:
     """Yield the recorder of a run, or None. Its file is locked meanwhile and completed at the end.
+
+    `first_step` is the number of time steps before the run.
 
     The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
 
@@ -72,7 +74,7 @@ def open_outputs(
     InputError
         An output cannot be written.
     """
-    recorder = _recorder(options, scene, statistics)
+    recorder = _recorder(options, scene, statistics, first_step)
     if recorder is None:
         yield None
         return
@@ -141,7 +143,9 @@ def _flushed(observer: Observer | None) -> Iterator[None]:
             observer.flush()
 
 
-def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> Recorder | Film | None:
+def _recorder(
+    options: RunOptions, scene: Scene, statistics: RunStatistics, first_step: int
+) -> Recorder | Film | None:
     """Return the recorder of a run; None if no frame is left to record, or only the final picture."""
     if options.record is None:
         return None
@@ -169,6 +173,7 @@ def _recorder(options: RunOptions, scene: Scene, statistics: RunStatistics) -> R
         forces=options.forces,
         draw_as=options.draw_as,
         resume_at=statistics.frames or None,
+        first_step=first_step,
     )
 
 
@@ -186,7 +191,8 @@ def _write_outputs(
         contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
         spin, angle = simulation.spin, simulation.angle
         position, velocity, time = simulation.position, simulation.velocity, simulation.time
-        recorder.record(position, velocity, *contacts, spin=spin, angle=angle, time=time)
+        driven = simulation.driven
+        recorder.record(position, velocity, *contacts, spin=spin, angle=angle, time=time, driven=driven)
         statistics.frames += 1
     checkpoint = options.checkpoint_after(statistics.steps)
     if checkpoint is not None:

@@ -144,7 +144,7 @@ class Simulation(Stepper):
         with (
             self._use.exclusive(),
             nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
-            open_outputs(options, self.scene, statistics) as recorder,
+            open_outputs(options, self.scene, statistics, self.steps) as recorder,
         ):
             carry_out(self, options, statistics, Outputs(recorder, observer, ends), progress)
         return statistics.summary(options.record)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.errors import SimulationError
+from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
@@ -16,6 +16,7 @@ from warpgrains.shown import Shown
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
+from warpgrains.solver.outcomes import Outcomes
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import find_device, threads_for
 from warpgrains.turns import ExclusiveUse
@@ -105,8 +106,8 @@ class Stepper(Shown):
             memory; or another thread advances this simulation.
         """
         with self._use.exclusive():
-            self._advance(1, None, history)
-            return self._engine.report(0)
+            report = self._advance(1, None, history).report(0)
+            return replace(report, history=self._engine.history(0)) if history else report
 
     def advance(self, steps: int, on_progress: OnProgress | None = None) -> RunStatistics:
         """Advance by many time steps without outputs or callbacks between them.
@@ -130,19 +131,19 @@ class Stepper(Shown):
         if on_progress is not None:
             checks.function("on_progress", on_progress)
         with self._use.exclusive():
-            self._advance(steps, on_progress)
-            return self._engine.statistics(0)
+            return self._advance(steps, on_progress).statistics(0)
 
-    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> None:
+    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> Outcomes:
         before = self.steps
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
         with self._use.advancing():
             advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before
-        error = self._engine.error(0)
-        if error is not None:
-            raise SimulationError(error)
+        outcomes = self._engine.outcomes
+        if outcomes.errors:
+            raise SimulationError(outcomes.errors[0])
+        return outcomes
 
     @property
     def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:
@@ -160,6 +161,11 @@ class Stepper(Shown):
         with self._use.exclusive():
             state = self.state()
             scene = self.scene.replace(**fields)
+            if scene.has_driven_walls != self.scene.has_driven_walls:
+                raise InputError(
+                    "change: a pressure or a force can be changed, but not given to a wall or taken away;"
+                    " make a scene of the present positions"
+                )
             if not _has_walls_of(scene, self.scene):
                 state = replace(state, lists=None)  # they hold for other walls
             require_state(state, scene)
@@ -218,6 +224,18 @@ class Stepper(Shown):
         spin = checks.frozen(self._engine.grains(0, "last_spin")) if self.scene.has_friction else None
         return StepStart(position, velocity, self._engine.last_staggered(0), spin)
 
+    @property
+    def driven(self) -> FloatArray | None:
+        """Coordinates [m] and speeds [m/s] of walls as in `State.driven`; None if no force drives one."""
+        if not self.scene.has_driven_walls:
+            return None
+        return checks.frozen(self._engine.driven(0))
+
+    @property
+    def present_scene(self) -> Scene:
+        """The scene with walls that forces drive where they are; without such walls `scene` itself."""
+        return self._engine.scene_at(0, "position")
+
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""
         last_position = self._engine.grains(0, "last_position")
@@ -226,7 +244,8 @@ class Stepper(Shown):
     def wall_contacts(self) -> WallContacts:
         """Return the wall contacts of the last step that carry a correction."""
         last_position = self._engine.grains(0, "last_position")
-        return wall_contacts(self.scene, last_position, self._engine.corrections(0), self.time)
+        scene = self._engine.scene_at(0, "last_position")
+        return wall_contacts(scene, last_position, self._engine.corrections(0), self.time)
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import IndexArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.kernels import advance as advance_kernel
 from warpgrains.kernels.access import CHECKED
@@ -32,10 +32,11 @@ from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.solver import tuning
 from warpgrains.solver.crew import Crew
 from warpgrains.solver.final_states import FinalStates
+from warpgrains.solver.outcomes import Outcomes
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.service import REFUSED, Service
-from warpgrains.solver.statistics import RunStatistics, StepReport
+from warpgrains.solver.statistics import StepHistory
 from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
 
@@ -68,6 +69,8 @@ class Engine:
     scenes : sequence of Scene
     left, outcome, seconds : ndarray
         Remaining steps, outcome of the last step, and total time of the steps [s] of every scene.
+    is_brief : bool
+        Whether the submitted steps end before a user could want to interrupt them.
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, team: int = 1):
@@ -85,8 +88,12 @@ class Engine:
         self.left, self.outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
         self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
-        self._most = np.array([float(scene.n * scene.max_iterations) for scene in scenes])
+        self._most = float(sum(scene.n * scene.max_iterations for scene in scenes))
+        self.is_brief = True
         self._tasks: list[Callable[[], None]] = []
+        host, service = self._records.host, self._service
+        arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, self._steps
+        self._outcomes = Outcomes(scenes, *arrays, service.proofs, service.errors)
         self._crew = Crew(team, *tuning.crew(scenes[0], team))
         self._graphs: dict[int, wp.Graph] = {}
 
@@ -140,7 +147,15 @@ class Engine:
 
     def grains(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return a copy of a grain array of scene k, such as "position"."""
-        return self._pulled(k).array(f"grains.{name}").copy()
+        return self._pulled(k).grains(name).copy()
+
+    def driven(self, k: int) -> FloatArray:
+        """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
+        return self._pulled(k).driven()
+
+    def scene_at(self, k: int, name: str) -> Scene:
+        """Return scene k with its driven walls where they are in "position", or were in "last_position"."""
+        return self.scenes[k].with_walls_at(self._pulled(k).coordinates(name))
 
     def last_staggered(self, k: int) -> bool:
         """Return True if the velocities of scene k were half a step behind before its last good step."""
@@ -165,9 +180,10 @@ class Engine:
     def submit(self, steps: Sequence[int]) -> None:
         """Set the number of steps to do for each scene, and reset the statistics."""
         self.left[:] = self._submitted[:] = steps
+        self.is_brief = self._most * max(steps) < BRIEF
         self.outcome[:] = SOLVED
         self.seconds[:] = 0.0
-        self._records.host["statistics"] = 0
+        self._outcomes.sums[...] = 0
         self._service.forget()
 
     def tasks(self, threads: int) -> list[Callable[[], None]]:
@@ -215,11 +231,6 @@ class Engine:
             self._graphs[k] = capture.graph
         return self._graphs[k]
 
-    @property
-    def is_brief(self) -> bool:
-        """True if the remaining steps end before a user could want to interrupt them."""
-        return bool(self.left @ self._most < BRIEF)
-
     def cancel(self) -> None:
         """Cancel: CPU threads abandon their steps and start no other; a GPU ends its step."""
         self._cancel[0] = 1
@@ -227,8 +238,8 @@ class Engine:
 
     def service(self) -> bool:
         """Serve the requests of scenes; return True if one of the scenes can continue."""
-        if not self.outcome.any():  # all are solved; only between two launches a team changes its size
-            return bool(self.left.any() and not self._cancel[0])
+        if not np.count_nonzero(self.outcome):  # all are solved; a team changes its size between launches
+            return bool(np.count_nonzero(self.left) and not self._cancel[0])
         unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
         for k in unproved:
             self._service.look_for_proof(k, self._done(k))
@@ -259,7 +270,7 @@ class Engine:
         if self._cancel[0]:
             self._cancel[0] = 0
             self._records.host["control"]["cancelled"] = 0
-        if self.outcome.any():  # not all are solved
+        if np.count_nonzero(self.outcome):  # not all are solved
             self._solve_open_steps()
             for k in np.flatnonzero(np.isin(self.outcome, FAILURES)).tolist():
                 self._service.explain(k, self.outcome[k], self._done(k))
@@ -287,25 +298,20 @@ class Engine:
             left[amid] += self.left[amid] - 1
             self.left[:] = left
 
-    def report(self, k: int) -> StepReport:
-        """Return the report of the last step of scene k."""
-        return self._pulled(k).report(dict(self._service.proofs[k]).get(self._done(k), ()))
+    @property
+    def outcomes(self) -> Outcomes:
+        """What the scenes did since their steps were submitted; the next steps change it."""
+        for k in range(len(self.scenes) * self._device.is_cuda):
+            self._records.pull(k)
+        return self._outcomes
 
-    def statistics(self, k: int) -> RunStatistics:
-        """Return the statistics of scene k since its steps were submitted."""
-        statistics = self._pulled(k).statistics()
-        statistics.infeasible = len(self._service.proofs[k])
-        statistics.infeasible_grains = self._service.proofs[k][0][1] if self._service.proofs[k] else ()
-        statistics.seconds = self.seconds[k].item()
-        return statistics
+    def history(self, k: int) -> StepHistory:
+        """Return zeta and residual of every iteration of the last step of scene k, which were kept."""
+        return self._pulled(k).history()
 
     def infeasible_steps(self, k: int) -> list[tuple[int, tuple[int, ...]]]:
         """Return the steps of scene k since `submit` without a solution, and the grains that cannot fit."""
         return list(self._service.proofs[k])
-
-    def error(self, k: int) -> str | None:
-        """Return the reason why scene k stopped early, or None."""
-        return self._service.errors.get(k)
 
 
 def _module_name(method: str, has_friction: bool, device: str = "") -> str:

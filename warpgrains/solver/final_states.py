@@ -31,7 +31,10 @@ class Grains(NamedTuple):
     wall_force: FloatArray
     """Force of each wall (0 outer, 1 inner, ...) on each grain [N], shape (m, n, walls)."""
     gravity: FloatArray
-    """[m/s2], shape (m, 2)."""
+    """As it is at the time [m/s2], shape (m, 2)."""
+    discs: FloatArray
+    """Center and radius of the disc that each wall inside the annulus fills at the time [m], see
+    `Scene.discs_at`, shape (m, walls - 2, 3)."""
     walls: Annulus
     """The annulus of each scene; its radii are arrays [m], shape (m,)."""
 
@@ -49,18 +52,23 @@ class FinalStates(NamedTuple):
     def of(cls, records: SceneRecords, which: IndexArray) -> Self:
         """Return the final states of some scenes from their host memory."""
         host, sums = records.host, records.host["statistics"]
-        contact_mass, dt = records.stacked("grains.contact_mass", which), host["dt"][which]
-        radii: Any = (records.parameter(name, which) for name in ("radius_in", "radius_out"))
+        dt = host["dt"][which]
+        radii: Any = records.parameter("radius_in", which), host["walls"]["annulus"]["radius_out"][which]
         spin = records.stacked("grains.spin", which) if records.sizes.friction else None
         mass = records.stacked("grains.mass", which)
+        contact_mass, position, velocity = (
+            records.stacked(f"grains.{name}", which)[:, : mass.shape[1]]
+            for name in ("contact_mass", "position", "velocity")
+        )
         grains = Grains(
             mass=mass,
             radius=records.stacked("grains.radius", which),
-            position=records.stacked("grains.position", which),
-            velocity=records.stacked("grains.velocity", which),
+            position=position,
+            velocity=velocity,
             spin=np.zeros_like(mass) if spin is None else spin,
             wall_force=contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None],
-            gravity=host["gravity"][which],
+            gravity=records.gravity(which),
+            discs=records.discs(which),
             walls=Annulus(*radii),
         )
         return cls(grains, dt, {name: sums[name][which] for name in sums.dtype.names})

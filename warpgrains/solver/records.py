@@ -103,6 +103,8 @@ class SceneRecords:
         host, scenes, sizes = self.host, self._scenes, self.sizes
         for name in ("gravity", "drag", "spin_drag", "friction", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
+        host["turning"]["start"] = host["gravity"]
+        host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]
         host["walls"]["annulus"]["radius_out"] = [scene.radius_out for scene in scenes]
         one_wall = [0.0 if scene.has_two_circles else scene.radius_in for scene in scenes]
         host["walls"]["annulus"]["radius_in"] = one_wall
@@ -124,9 +126,11 @@ class SceneRecords:
         for k, scene in enumerate(scenes):
             if sizes.walls[k] > 1:
                 self.array(k, "walls.shape")[:] = [wall.shape for wall in scene.bodies_inside]
-            if scene.has_moving_walls:
+            if sizes.moving[k]:
                 motions = [(*np.hstack(wall.motion), wall.speed) for wall in scene.bodies_inside]
                 self.array(k, "walls.motion")[:] = motions
+            if scene.has_driven_walls:
+                self.array(k, "walls.drive")[:] = scene.drives
             if scene.has_friction:
                 self._write_surfaces(self.array(k, "walls.surface"), scene)
         host["by_color"] = [scene.order == "color" for scene in scenes]
@@ -141,8 +145,8 @@ class SceneRecords:
         surface[:2, 1] = [scene.surface_speed(wall) for wall in (OUTER, INNER)][: len(surface)]
 
     def begin(self) -> bool:
-        """Write all initial states at once; return False if the layouts of the scenes differ."""
-        if self.together("verlet.skin") is None:
+        """Write all initial states at once; return False if layouts differ, or a wall is driven."""
+        if self.together("verlet.skin") is None or self.sizes.driven.any():
             return False
         for name in ("radius", "mass", "contact_mass", "position", "velocity"):
             array = self._together(f"grains.{name}")
@@ -190,6 +194,25 @@ class SceneRecords:
     def parameter(self, name: str, which: IndexArray) -> FloatArray:
         """Return a field of some scenes, such as "radius_in", shape (m,)."""
         return np.array([getattr(self._scenes[k], name) for k in which])
+
+    def gravity(self, which: IndexArray) -> FloatArray:
+        """Return gravity as it is at the times of some scenes [m/s2], shape (m, 2)."""
+        found: FloatArray = self.host["gravity"][which]
+        for row in np.nonzero(self.host["turning"]["rate"][which])[0].tolist():
+            found[row] = self._scenes[which[row]].gravity_at(self._time(which[row]))
+        return found
+
+    def discs(self, which: IndexArray) -> FloatArray:
+        """Return `Scene.discs_at` of some scenes at their times [m], shape (m, walls, 3).
+
+        The scenes have equal numbers of walls.
+        """
+        if not self._scenes[which[0]].walls:
+            return np.zeros((len(which), 0, 3))
+        return np.array([self._scenes[k].discs_at(self._time(k)) for k in which])
+
+    def _time(self, k: int) -> float:
+        return self.host["steps"][k].item() * self._scenes[k].dt
 
     def wall_corrections(self, which: IndexArray) -> FloatArray:
         """Return the corrections of the grains of some scenes at each wall [m/s], shape (m, n, walls).

@@ -1,4 +1,4 @@
-"""One scene in memory: writing a state to it, and reading state, report and statistics from it."""
+"""One scene in memory: writing a state to it, and reading its state from it."""
 
 from __future__ import annotations
 
@@ -6,20 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import IntArray
-from warpgrains.kernels.record import Phase, StepState
-from warpgrains.kernels.record import RunStatistics as Sums
+from warpgrains.arrays import FloatArray, IntArray
+from warpgrains.kernels.record import Phase
 from warpgrains.scene.state import Corrections, State, VerletList
-from warpgrains.scene.walls import INNER, body_of, wall_of
+from warpgrains.scene.walls import INNER, OUTER, body_of, wall_of
 from warpgrains.solver import tuning
-from warpgrains.solver.statistics import RunStatistics, StepHistory, StepReport
+from warpgrains.solver.statistics import StepHistory
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.records import SceneRecords
 
-STEP = tuple(StepState.vars)  # names of its fields
-SUMS = tuple(Sums.vars)
 VERLET = ("skin", "recent_deviation", "reference_position", "reference_velocity")
 
 
@@ -46,6 +43,21 @@ class SceneMemory:
     def array(self, name: str) -> np.ndarray[Any, Any]:
         """Return an array of the record, such as "grains.position"; it is valid until the list grows."""
         return self._records.array(self._k, name)
+
+    def grains(self, name: str) -> np.ndarray[Any, Any]:
+        """Return a view of the entries of grains in an array such as "position"."""
+        return self.array(f"grains.{name}")[: self._scene.n]
+
+    def coordinates(self, name: str) -> FloatArray:
+        """Return the coordinates of walls [m], or their speeds [m/s], from an array such as "position".
+
+        The shape is (walls,); it is (0,) if none is driven.
+        """
+        return self.array(f"grains.{name}")[self._scene.n :, 0].copy()
+
+    def driven(self) -> FloatArray:
+        """Return coordinates [m] and speeds [m/s] of walls, shape (walls, 2)."""
+        return np.stack([self.coordinates(name) for name in ("position", "velocity")], axis=1)
 
     @property
     def contacts(self) -> int:
@@ -107,12 +119,14 @@ class SceneMemory:
             frame=numbers[:6].reshape(3, 2),
             scalar=numbers[6:],
         )
-        position, velocity = self.array("grains.position").copy(), self.array("grains.velocity").copy()
-        rotation = {}
+        position, velocity = self.grains("position").copy(), self.grains("velocity").copy()
+        more = {}
         if self._scene.has_friction:
-            rotation = {name: self.array(f"grains.{name}").copy() for name in ("spin", "angle")}
+            more = {name: self.array(f"grains.{name}").copy() for name in ("spin", "angle")}
+        if self._scene.has_driven_walls:
+            more["driven"] = self.driven()
         staggered = self.moment("staggered")
-        return State(steps, position, velocity, self.corrections(), lists, staggered, **rotation)
+        return State(steps, position, velocity, self.corrections(), lists, staggered, **more)
 
     def moment(self, name: str) -> bool:
         """Return a flag of the record's time scheme, such as "last_staggered"."""
@@ -130,20 +144,34 @@ class SceneMemory:
                 self.array(f"verlet.{name}")[:] = getattr(lists, name)
             self._records.verlet_numbers(self._k)[:] = np.concatenate([lists.frame.ravel(), lists.scalar])
         for name in ("radius", "mass", "contact_mass"):
-            self.array(f"grains.{name}")[:] = getattr(self._scene, name)
+            self.grains(name)[:] = getattr(self._scene, name)
         if self._scene.has_friction:
             self.array("grains.rim_mass")[:] = self._scene.rim_mass
             for name in ("spin", "angle"):
                 own = getattr(state, name)
                 self.array(f"grains.{name}")[:] = 0.0 if own is None else own
-        self.array("grains.velocity")[:] = state.velocity
+        self.grains("velocity")[:] = state.velocity
         for name in ("position", "last_position"):
-            self.array(f"grains.{name}")[:] = state.position
+            self.grains(name)[:] = state.position
+        if state.driven is not None:
+            self._load_driven(state.driven)
         record = self.record
         record["control"] = 0
         record["control"]["unordered"] = lists is not None
         record["scheme"]["staggered"] = state.staggered
         record["steps"] = state.steps
+
+    def _load_driven(self, driven: FloatArray) -> None:
+        """Write coordinates [m] and speeds [m/s] of the walls, shape (walls, 2), and their masses."""
+        n, inverse = self._scene.n, self._scene.drives[:, 0]
+        arrays = {name: self.array(f"grains.{name}") for name in ("position", "last_position", "velocity")}
+        for name, array in arrays.items():
+            array[n:] = 0.0
+            array[n:, 0] = driven[:, int(name == "velocity")]
+        self.array("grains.contact_mass")[n:] = np.divide(
+            1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0
+        )
+        self.record["walls"]["annulus"]["radius_out"] = driven[OUTER, 0]
 
     def _forget_list(self) -> None:
         """Invalidate the list, so that the next step requests a new one."""
@@ -198,35 +226,8 @@ class SceneMemory:
             self.array("verlet.skin")[:] = tuning.NO_SKIN
         control["phase"] = Phase.ENDED
 
-    def report(self, infeasible: tuple[int, ...]) -> StepReport:
-        """Return the report of the last step; `infeasible` are the grains that are proved not to fit."""
-        step = dict(zip(STEP, self.record["step"].tolist(), strict=True))
-        return StepReport(
-            iterations=step["iterations"],
-            zeta=step["zeta"],
-            residual=step["residual"],
-            gap_error=self._gap_error(step["residual"]),
-            converged=bool(step["converged"]),
-            infeasible=infeasible,
-            contacts=step["active"],
-            candidates=self.contacts,
-            overlap=step["overlap"],
-            rebuilds=step["rebuilds"],
-            restarts=step["restarts"],
-            factorizations=step["factorizations"],
-            history=self._history(step["iterations"]),
-        )
-
-    def _history(self, iterations: int) -> StepHistory | None:
-        """Return zeta and residual of the iterations of the last step, if they were kept."""
-        zeta, residual = (self.array(f"history.{name}") for name in StepHistory._fields)
-        return StepHistory(zeta[:iterations].copy(), residual[:iterations].copy()) if len(zeta) else None
-
-    def statistics(self) -> RunStatistics:
-        """Return the sums and maxima that the device has accumulated."""
-        sums = dict(zip(SUMS, self.record["statistics"].item(), strict=True))
-        return RunStatistics(**sums, gap_error=self._gap_error(sums["residual"]))
-
-    def _gap_error(self, residual: float) -> float:
-        """Return dt * residual in units of the smallest radius."""
-        return self._scene.dt * residual / self._scene.smallest_radius
+    def history(self) -> StepHistory:
+        """Return zeta and residual of the iterations of the last step, which were kept."""
+        iterations = self.record["step"]["iterations"]
+        zeta, residual = (self.array(f"history.{name}")[:iterations].copy() for name in StepHistory._fields)
+        return StepHistory(zeta, residual)

@@ -63,12 +63,13 @@ class Service:
         self._scenes, self._records, self._memory = scenes, records, memory
         solver = exact_solver(scenes[0].method)
         self._exact = [] if solver is None else list(map(solver, scenes, memory))
-        self.forget()
+        self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
+        self.errors: dict[int, str] = {}
 
     def forget(self) -> None:
         """Clear proofs and errors."""
-        self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in self._scenes]
-        self.errors: dict[int, str] = {}
+        self.proofs[:] = [[] for _ in self._scenes]
+        self.errors.clear()
 
     def reserve_contacts(self, k: int) -> bool:
         """Reserve memory for the list of scene k; return True if there is enough."""
@@ -108,6 +109,12 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
     if outcome == NOT_CONVERGED:
         return _not_converged(scene, memory)
     grain = int(memory.record["verlet"]["flags"]["bad_grain"])
+    if grain >= scene.n:
+        speed, at = (memory.coordinates(name)[grain - scene.n] for name in ("next_velocity", "position"))
+        return (
+            f"a driven wall, body {grain - scene.n}, reached a speed of {speed} m/s at {at} m: in a step of"
+            f" {scene.dt} s it would leave no room for the grains, or its place would not be finite"
+        )
     velocity = memory.array("grains.next_velocity")[grain].tolist()
     reached = f"grain {grain} reached a velocity of {velocity} m/s"
     if outcome == NOT_FINITE:
@@ -149,6 +156,8 @@ def _find_proof(
 
     The step ends `ahead` steps after the last one that is counted.
     """
+    if scene.has_driven_walls:
+        return None  # walls yield: the proof is about walls that do not
     where, how = memory.array(f"grains.{position}"), memory.array(f"grains.{velocity}")
     time = (memory.steps + ahead) * scene.dt
     return find_infeasibility_proof(scene, where, how, memory.corrections(), time)

@@ -39,6 +39,8 @@ class Sizes:
         Number of wall bodies (kernels/walls.py).
     moving : ndarray
         1 if a wall inside the annulus moves, else 0.
+    driven : ndarray
+        1 if a force drives a wall, else 0.
     weighted : ndarray
         0 if grains take equal shares of corrections (`Scene.has_equal_shares`), else 1.
     accelerated, friction : int
@@ -55,6 +57,7 @@ class Sizes:
     contacts: Counts
     walls: Counts
     moving: Counts
+    driven: Counts
     weighted: Counts
     accelerated: int
     friction: int
@@ -73,7 +76,8 @@ class Sizes:
             n,
             first_pairs(n) + n * np.minimum(walls, MANY_WALLS),
             walls,
-            np.array([scene.has_moving_walls for scene in scenes], np.int64),
+            np.array([any(wall.leaves for wall in scene.walls) for scene in scenes], np.int64),
+            np.array([scene.has_driven_walls for scene in scenes], np.int64),
             weighted,
             int(scenes[0].method != "gauss-seidel"),
             int(scenes[0].has_friction),
@@ -84,7 +88,7 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        names = ("grains", "contacts", "walls", "moving", "weighted")
+        names = ("grains", "contacts", "walls", "moving", "driven", "weighted")
         one_of = {name: getattr(self, name)[one] for name in names}
         return replace(self, **one_of)
 
@@ -97,6 +101,7 @@ def first_pairs(n: Counts) -> Counts:
 def lengths(size: Sizes) -> dict[str, Any]:
     """Return the length of every array of a record, by struct and name. This is the only such table."""
     n, contacts = size.grains, size.contacts
+    bodies = n + size.driven * size.walls
     cells = grid_width(n) ** 2 + 1
     rows = {"start": n + 1, "neighbor": contacts}
     search = {"firsts": n, "seconds": n + size.walls, "found": contacts, "by_second": contacts, "total": 1}
@@ -106,9 +111,9 @@ def lengths(size: Sizes) -> dict[str, Any]:
     parts = contacts + contacts // CHUNK + 2 + size.walls
     return {
         "grains": {
-            **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), n),
-            **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity"), n),
-            **dict.fromkeys(("radius", "mass", "contact_mass"), n),
+            **dict.fromkeys(("position", "velocity", "free_velocity", "next_velocity"), bodies),
+            **dict.fromkeys(("rebuilt_velocity", "last_position", "last_velocity", "contact_mass"), bodies),
+            **dict.fromkeys(("radius", "mass"), n),
             **dict.fromkeys(("spin", "last_spin", "angle", "rim_mass"), friction * n),
             **dict.fromkeys(("free_rim", "next_rim", "rebuilt_rim"), friction * n),
         },
@@ -124,18 +129,19 @@ def lengths(size: Sizes) -> dict[str, Any]:
         "walls": {
             "shape": size.walls - 1,
             **dict.fromkeys(("motion", "pose"), size.moving * (size.walls - 1)),
+            "drive": size.driven * size.walls,
             "surface": friction * size.walls,
         },
         "verlet": {
-            **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), n),
-            **dict.fromkeys(("reference_position", "reference_velocity"), n),
+            **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), bodies),
+            **dict.fromkeys(("reference_position", "reference_velocity"), bodies),
         },
         "momentum": {
             "last_dv": ahead * contacts,
             "last_dvt": ahead * friction * contacts,
             "last_rim": ahead * friction * n,
             "contact_part": ahead * parts,
-            **dict.fromkeys(("last_velocity", "grain_part"), ahead * n),
+            **dict.fromkeys(("last_velocity", "grain_part"), ahead * bodies),
         },
         "working": {
             **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),

@@ -2,10 +2,11 @@
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from threading import Condition
 
 GLANCE = 0.1  # seconds between two polls
+MOST = 1024  # threads at the same time
 
 
 def cores() -> int:
@@ -20,11 +21,8 @@ class _Tasks:
         self._tasks, self._waiting = tasks, set(range(len(tasks)))
         self._ended, self._changed = 0, Condition()
 
-    def submit(self, executor: Executor) -> list[Future[None]]:
-        """Submit all tasks."""
-        return [executor.submit(self._do, k) for k in range(len(self._tasks))]
-
-    def _do(self, k: int) -> None:
+    def do(self, k: int) -> None:
+        """Execute task k, unless it was begun before."""
         with self._changed:
             if k not in self._waiting:
                 return
@@ -36,10 +34,32 @@ class _Tasks:
                 self._ended += 1
                 self._changed.notify_all()
 
+    def __len__(self) -> int:
+        return len(self._tasks)
+
     def wait(self) -> None:
         """Wait until all tasks are done."""
         with self._changed:
             self._changed.wait_for(lambda: self._ended == len(self._tasks))
+
+
+class _Workers:
+    """Threads that are kept for later tasks, one for each task that runs at the same time."""
+
+    def __init__(self) -> None:
+        self.renew()
+        os.register_at_fork(after_in_child=self.renew)  # a child has none of them
+
+    def renew(self) -> None:
+        """Begin without threads."""
+        self._executor = ThreadPoolExecutor(MOST, "warpgrains")
+
+    def submit(self, tasks: _Tasks, first: int = 0) -> list[Future[None]]:
+        """Submit the tasks from number `first` on."""
+        return [self._executor.submit(tasks.do, k) for k in range(first, len(tasks))]
+
+
+_WORKERS = _Workers()
 
 
 def run_threads(
@@ -47,7 +67,10 @@ def run_threads(
     poll: Callable[[], None] | None = None,
     cancel: Callable[[], None] | None = None,
 ) -> None:
-    """Execute each task on one thread; a single task without polling runs on the calling thread.
+    """Execute each task on a thread of its own.
+
+    Without polling, tasks are short and share their work: this thread does the first, and drops those that no
+    thread has begun when it is done.
 
     Parameters
     ----------
@@ -60,18 +83,20 @@ def run_threads(
     if len(tasks) == 1 and poll is None:
         return tasks[0]()
     all_tasks = _Tasks(tasks)
-    with ThreadPoolExecutor(len(tasks)) as executor:
-        try:
-            futures = all_tasks.submit(executor)
-            while wait(futures, timeout=GLANCE).not_done:
-                if poll is not None:
-                    poll()
-        except BaseException:
-            if cancel is not None:
-                cancel()
-            all_tasks.submit(executor)  # a team with a missing thread would wait for ever
-            all_tasks.wait()
-            raise
+    try:
+        futures = _WORKERS.submit(all_tasks, int(poll is None))
+        if poll is None:
+            all_tasks.do(0)
+            futures = [future for future in futures if not future.cancel()]
+        while wait(futures, timeout=GLANCE).not_done:
+            if poll is not None:
+                poll()
+    except BaseException:
+        if cancel is not None:
+            cancel()
+        _WORKERS.submit(all_tasks)  # a team with a missing thread would wait for ever
+        all_tasks.wait()
+        raise
     for future in futures:
         future.result()
     if poll is not None:

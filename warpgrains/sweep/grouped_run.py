@@ -137,7 +137,8 @@ class GroupedRun:
         steps = self.statistics.steps
         if self._recorder is not None and steps == self._recorder.times.step(self.statistics.frames):
             reached = moving.state()
-            self._recorder.record(reached.position, reached.velocity, spin=reached.spin, angle=reached.angle)
+            more = {name: getattr(reached, name) for name in ("spin", "angle", "driven")}
+            self._recorder.record(reached.position, reached.velocity, **more)
             self.statistics.frames += 1
         if self._series is not None and steps % self._series.every == 0:
             self._series.observe(snapshot(self.scene, moving.state()))

@@ -164,7 +164,7 @@ class FolderRuns:
             for resident in sets.advance(steps, lambda _: None, endings or None):
                 for k, scene in resident.scenes.items():
                     if steps[k] > 0:
-                        runs[k].count(resident.done(k))
+                        runs[k].count(resident.outcomes.done(k))
                         runs[k].observe(scene)
             self._on_progress(sum(run.progress for run in runs) - before)
             now = perf_counter()

@@ -168,7 +168,7 @@ class ShortRuns:
                 short = waiting.pop(k)
                 ended[short.run.number] = (short.labels, values)
             for k in filter(waiting.__contains__, resident.scenes):
-                state, done = resident.scenes[k].state(), resident.done(k)
+                state, done = resident.scenes[k].state(), resident.outcomes.done(k)
                 self.longer.append(ResumePoint(waiting.pop(k).run, state, done.statistics, done.error))
         self.longer += [ResumePoint(short.run) for short in waiting.values()]
         self._on_progress(len(ended) - counted)
@@ -181,7 +181,7 @@ class ShortRuns:
         columns = self._folder.columns.after_labels
         if self._folder.columns.until is not None:
             for k, scene in resident.scenes.items():
-                statistics = resident.done(k).statistics
+                statistics = resident.outcomes.done(k).statistics
                 if statistics.met or statistics.steps == scene.scene.steps:
                     yield k, result(snapshot(scene.scene, scene.state()), statistics, columns)
             return

@@ -13,6 +13,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale
 from warpgrains.drawing.colors import ColorScale, encoded
 from warpgrains.errors import InputError
+from warpgrains.scene import checks
 from warpgrains.scene.band import Band
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
@@ -37,6 +38,8 @@ class RecordingReader:
         Time of each frame since the first one [s], shape (f,).
     rate : float
         Frames per second [1/s].
+    first_step : int
+        Time steps before the first frame.
     radius : ndarray
         Radii of the grains [m], shape (n,).
     walls : list of Band
@@ -72,10 +75,11 @@ class RecordingReader:
         )
         self.radius = np.broadcast_to(radius, (len(self.position(0)),))
         self.walls = list(read_walls(self._stage).values())
-        scales = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
-        self.scale = ColorScale.read(scales["colors"]) if "colors" in scales else None
+        data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
+        self.first_step = checks.whole_number("first_step", data.get("first_step", 0), least=0)
+        self.scale = ColorScale.read(data["colors"]) if "colors" in data else None
         has_forces = bool(self._stage.GetPrimAtPath(FORCES))
-        self.chain_scale = ChainScale.read(scales["forces"]) if has_forces else None
+        self.chain_scale = ChainScale.read(data["forces"]) if has_forces else None
 
     def position(self, frame: int) -> FloatArray:
         """Return the centers of the grains [m], shape (n, 2)."""

@@ -57,6 +57,8 @@ class Recorder:
     resume_at : int, optional
         First frame to write when the log or the file of an earlier run of the same scene is continued; later
         frames of it are dropped.
+    first_step : int
+        Time steps before the first frame, by which readers find where walls that move are.
 
     Attributes
     ----------
@@ -85,6 +87,7 @@ class Recorder:
         forces: bool = False,
         draw_as: str = "points",
         resume_at: int | None = None,
+        first_step: int = 0,
     ) -> None:
         self.path = Path(path)
         self.log = log_of(self.path)
@@ -94,13 +97,13 @@ class Recorder:
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains, MovingWalls(scene)]
-        scales: dict[str, dict[str, str | float]] = {}
+        data: dict[str, Any] = {"first_step": first_step} if first_step else {}
         if colors.scale is not None:
-            scales["colors"] = colors.scale.described()
+            data["colors"] = colors.scale.described()
         if forces:
             self._drawings.append(ForceChains(scene, grains.height * float(scene.radius.max())))
-            scales["forces"] = ChainScale.of(scene).described()
-        static = static_layer(scene, self.times.rate, self._drawings, scales)
+            data["forces"] = ChainScale.of(scene).described()
+        static = static_layer(scene, self.times.rate, self._drawings, data)
         self._frames = FrameLog(self.log, static.ExportToString())
         self._is_needed = resume_at is not None
         self._lock = lock_output(self.path)
@@ -144,6 +147,7 @@ class Recorder:
         spin: FloatArray | None = None,
         angle: FloatArray | None = None,
         time: float | None = None,
+        driven: FloatArray | None = None,
     ) -> None:
         """Append one frame.
 
@@ -157,6 +161,8 @@ class Recorder:
             Angular velocities [rad/s] and angles [rad], shape (n,); required with friction, unused without.
         time : float, optional
             Time of the step [s], at which walls that move are drawn; by default that since the first frame.
+        driven : ndarray, optional
+            Coordinates and speeds of walls, see `State.driven`; required if a force drives one.
 
         Raises
         ------
@@ -172,7 +178,8 @@ class Recorder:
         for name, value in (("spin", spin), ("angle", angle)):
             if value is not None and np.shape(value) != self._shape[:1]:
                 raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
-        frame = self.times.frame(self.frames, position, velocity, contacts, wall_contacts, spin, angle, time)
+        moving = position, velocity, contacts, wall_contacts, spin, angle, time, driven
+        frame = self.times.frame(self.frames, *moving)
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in self._drawings:
             arrays |= drawing.samples(frame)

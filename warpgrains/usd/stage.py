@@ -47,13 +47,13 @@ class Drawing(Protocol):
 
 
 def static_layer(
-    scene: Scene, rate: float, drawings: Iterable[Drawing], scales: Mapping[str, dict[str, str | float]]
+    scene: Scene, rate: float, drawings: Iterable[Drawing], data: Mapping[str, Any]
 ) -> Sdf.Layer:
     """Return an anonymous layer with the content that is the same in all frames.
 
     `rate` is in frames per second [1/s].
 
-    The layer's custom data hold the scene and the scales of colors and forces.
+    The layer's custom data hold the scene and `data`, such as the scales of colors and forces.
     """
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
@@ -73,7 +73,7 @@ def static_layer(
             "name": scene.name,
             "scene": scene.text,
             "parameters": parameters_text(scene),
-            **scales,
+            **data,
         },
         "cameraSettings": {"boundCamera": str(CAMERA)},  # the camera that Omniverse uses
     }
@@ -183,7 +183,7 @@ class MovingWalls:
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
         values: dict[str, NDArray[Any]] = {}
-        for k, wall in moved_walls(self._scene, frame.time).items():
+        for k, wall in moved_walls(self._scene, frame.time, frame.places).items():
             shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(self._names[k])
             values[f"{path}.points"] = shown
             values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))

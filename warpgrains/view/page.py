@@ -189,6 +189,7 @@ class Page:
         """Add sliders of drag, gravity, tolerance and friction, which start at the scene's values."""
         gui, scene = self._server.gui, player.scene
         size, angle = float(np.hypot(*scene.gravity)), float(np.degrees(np.arctan2(*scene.gravity[::-1])))
+        rate = scene.gravity_rate
         most_drag = 0.9 * float(scene.mass.min()) / scene.dt
 
         def on(field: str, value: Callable[[], Any]) -> Callable[[Any], None]:
@@ -198,10 +199,15 @@ class Page:
         drag.on_update(on("drag", lambda: value_of(drag)))
         pull = gui.add_slider("gravity [m/s2]", 0.0, max(20.0, size), 0.01, size)
         towards = gui.add_slider(
-            "gravity direction [degrees]", -180.0, 180.0, 1.0, angle, hint="0 is to the right, -90 is down"
+            "gravity direction [degrees]",
+            -180.0,
+            180.0,
+            1.0,
+            angle,
+            hint=f"0 is to the right, -90 is down{'; at time 0' if rate else ''}",
         )
         for slider in (pull, towards):
-            slider.on_update(on("gravity", lambda: _vector(value_of(pull), value_of(towards))))
+            slider.on_update(on("gravity", lambda: _gravity(value_of(pull), value_of(towards), rate)))
         exponent = float(np.log10(scene.tolerance)) if scene.tolerance > 0.0 else -12.0
         tolerance = gui.add_slider("log10 of tolerance [m/s]", min(-12.0, exponent), 0.0, 0.1, exponent)
         tolerance.on_update(on("tolerance", lambda: 10.0 ** value_of(tolerance)))
@@ -222,9 +228,10 @@ class Page:
         )
 
 
-def _vector(size: float, degrees: float) -> tuple[float, float]:
+def _gravity(size: float, degrees: float, rate: float) -> dict[str, Any]:
+    """Return gravity of a size [m/s2] and direction at time 0, which turns at a rate [rad/s]."""
     angle = np.radians(degrees)
-    return float(size * np.cos(angle)), float(size * np.sin(angle))
+    return {"vector": (float(size * np.cos(angle)), float(size * np.sin(angle))), "rotate": rate}
 
 
 def _table(rows: dict[str, str]) -> str:

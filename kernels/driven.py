@@ -1,0 +1,91 @@
+"""Walls on which a force acts, and that move as contacts let them (MODEL.md, eqs. 27 to 29).
+
+Such a wall is one more body with a velocity, of one component: its speed is at its index behind those of the
+grains, in all arrays of velocities, as what is there about lists (verlet.py) and masses. So every stage that
+treats velocities treats it as well. A scene with a driven wall has an entry for each of its walls; those that
+no force drives have the speed 0, which nothing changes.
+
+The coordinate of the outer circle is its radius, and that of another wall its way along a direction. All
+contacts of a driven wall share its speed. So all contacts with walls are one set, which one thread sweeps in
+the order of the loop over grains.
+"""
+
+from math import pi
+
+import warp as wp
+
+from . import law
+from .access import at, first_of, normal_of, put, second_of
+from .record import Scene, grain_count, is_driven
+from .types import Pose, Vectors
+
+f64 = wp.float64
+TURN = wp.constant(f64(2.0 * pi))
+
+
+@wp.func
+def lever(s: Scene, j: int, n: wp.vec2d) -> f64:
+    """Return the speed of the surface of wall j along a normal n into it, at unit speed (eq. 28)."""
+    if j == grain_count(s):
+        return f64(1.0)
+    drive = at(s.walls.drive, j - grain_count(s))
+    return n[0] * drive[3] + n[1] * drive[4]
+
+
+@wp.func
+def share_of_wall(s: Scene, i: int, j: int, n: wp.vec2d) -> f64:
+    """Return the change of the speed of wall j by a correction of 1 m/s of grain i (eq. 28)."""
+    return lever(s, j, n) * at(s.grains.contact_mass, i) * at(s.walls.drive, j - grain_count(s))[0]
+
+
+@wp.func
+def correct_wall(
+    s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64, gap_rate: f64, factor: f64
+) -> wp.vec3d:
+    """Correct the speed of wall j for a contact of grain i that has the correction dv [m/s] (eq. 29).
+
+    Returns the change of dv, by which grain i is still to be corrected, K, and vn - gap / dt. The change is
+    that for `factor` times this excess.
+    """
+    along, share = lever(s, j, n), share_of_wall(s, i, j, n)
+    compliance, speed = f64(1.0) + along * share, at(velocity, j)[0]
+    excess = wp.dot(at(velocity, i), n) - along * speed - gap_rate
+    change = law.driven_correction(factor * excess, dv, f64(0.0), compliance)
+    put(velocity, j, wp.vec2d(speed + change * share, f64(0.0)))
+    return wp.vec3d(change, compliance, excess)
+
+
+@wp.func
+def push_wall(s: Scene, velocity: Vectors, c: int, dv: f64):
+    """Add the correction dv [m/s] of a contact to the speed of its wall."""
+    i, j = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c)
+    speed = at(velocity, j)[0] + dv * share_of_wall(s, i, j, normal_of(s.contacts.contact, c))
+    put(velocity, j, wp.vec2d(speed, f64(0.0)))
+
+
+@wp.func
+def begin_driven_walls(s: Scene):
+    """Find the speeds of the walls without contacts (eq. 27), and place those inside the annulus."""
+    first = grain_count(s)
+    kick = s.dt
+    if s.scheme.leapfrog != 0 and s.scheme.staggered == 0:
+        kick = f64(0.5) * s.dt
+    for b in range(s.walls.drive.shape[0]):
+        drive = at(s.walls.drive, b)
+        force = drive[1] - drive[2] * (TURN * s.walls.annulus.radius_out)
+        speed = at(s.grains.velocity, first + b)[0] + kick * (force * drive[0])
+        put(s.grains.free_velocity, first + b, wp.vec2d(speed, f64(0.0)))
+        if b > 0 and drive[0] > f64(0.0):
+            path = at(s.grains.position, first + b)[0]
+            pose = Pose()
+            pose[0] = f64(1.0)
+            pose[2] = path * drive[3]
+            pose[3] = path * drive[4]
+            put(s.walls.pose, b - 1, pose)
+
+
+@wp.func
+def end_driven_walls(s: Scene):
+    """Give the outer circle the radius to which it has moved."""
+    if is_driven(s):
+        s.walls.annulus.radius_out = at(s.grains.position, grain_count(s))[0]

@@ -1,0 +1,347 @@
+"""Walls that forces drive: against the C reference, closed forms, lists, and runs that are continued."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from same_bits import contents
+from swept_order import full_order
+
+from warpgrains import (
+    Batch,
+    Disc,
+    InputError,
+    Recording,
+    Scene,
+    Segment,
+    Simulation,
+    SimulationError,
+    analysis,
+)
+from warpgrains.accuracy import certify
+from warpgrains.reference.reference import Reference, build
+from warpgrains.scene.state import Corrections, first_state
+from warpgrains.usd.check import report_on_recording
+
+PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
+STONE = Disc((0.2, -0.3), 0.1)
+ROUGH_PISTON = replace(PISTON, friction=0.0)
+ROUGH: dict[str, Any] = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
+
+
+def pressed(n: int = 120, seed: int = 1, **changes: Any) -> Scene:
+    """Return a scene of grains of many sizes at random velocities in a circle under a pressure."""
+    rng = np.random.default_rng(seed)
+    angle, distance = rng.uniform(0.0, 2.0 * np.pi, n), np.sqrt(rng.uniform(0.05, 0.85, n))
+    position = distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    for wall in changes.get("walls", ()):
+        position = position[~wall.covers(position)] if isinstance(wall, Disc) else position
+    fields: dict[str, Any] = {
+        "position": position,
+        "velocity": rng.uniform(-0.3, 0.3, position.shape),
+        "radius": rng.uniform(0.02, 0.05, len(position)),
+        "mass": rng.uniform(0.1, 1.0, len(position)),
+        "radius_out": 1.0,
+        "pressure": 50.0,
+        "gravity": (0.0, 0.0),
+        "dt": 5e-3,
+        "tolerance": 1e-6,
+        "max_iterations": 300,
+    }
+    return Scene(**{**fields, **changes})
+
+
+@pytest.mark.parametrize(
+    ("threads", "changes"),
+    [
+        (2, {"order": "sequential"}),
+        (1, {"order": "color", "scheme": "leapfrog", "drag": 0.5, "wall_mass": 0.5}),
+        (2, {"order": "color", "radius_in": 0.15, "walls": [ROUGH_PISTON], **ROUGH}),
+        (1, {"order": "sequential", "radius_in": 0.15, "gravity": (0.0, -9.81), "walls": [PISTON]}),
+        (2, {"order": "color", "pressure": None, "gravity": (0.0, -9.81), "walls": [STONE, PISTON]}),
+    ],
+    ids=["circle", "leapfrog", "rough", "both", "piston"],
+)
+def test_bits_of_the_reference(tmp_path: Path, threads: int, changes: dict[str, Any]) -> None:
+    scene = pressed(80, **changes)
+    simulation, reference = Simulation(scene, threads=threads), Reference(build(tmp_path), scene)
+    touched: set[int] = set()
+    rebuilds = 0
+    for step in range(100):
+        report = simulation.step()
+        assert (
+            report.iterations == reference.step(full_order(simulation) if scene.order == "color" else None)[0]
+        )
+        state = simulation.state()
+        assert np.array_equal(state.position, reference.position)
+        assert np.array_equal(state.velocity, reference.velocity)
+        assert np.array_equal(state.driven, reference.driven)
+        assert np.array_equal(simulation.angle, reference.angle)
+        rebuilds += report.rebuilds
+        touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
+        if step == 50:
+            simulation = Simulation(scene)
+            simulation.restore(state)
+            reference = Reference(build(tmp_path), scene, state)
+    assert rebuilds > 0
+    assert touched >= ({0} if scene.pressure is not None else {3})
+
+
+def test_the_reference_takes_a_step_alone(tmp_path: Path) -> None:
+    scene = pressed(40, scheme="leapfrog", walls=[PISTON])
+    library = build(tmp_path)
+    one, two = Reference(library, scene), Reference(library, scene)
+    for _ in range(20):
+        one.step()
+        two.update()
+        assert np.array_equal(one.position, two.position)
+        assert np.array_equal(one.driven, two.driven)
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
+@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
+def test_a_wall_without_contacts_accelerates(method: str, scheme: str) -> None:
+    """Its speed is F t / M; pressure acts on 2 pi R."""
+    wall = Segment((-0.2, 0.0), (0.2, 0.0), force=3.0, mass=2.0)
+    scene = Scene(
+        position=[(0.0, -0.9)], radius=0.05, mass=1.0, radius_out=1.0, gravity=(0.0, 0.0), walls=[wall],
+        dt=1e-3, pressure=0.5, wall_mass=1e6, method=method, scheme=scheme,
+    )  # fmt: skip
+    simulation = Simulation(scene)
+    simulation.advance(200)
+    place, speed = simulation.state().driven.T
+    behind = 0.5e-3 if scheme == "leapfrog" else 0.0  # speeds are those of the middle of the step
+    assert speed[1] == pytest.approx(1.5 * (0.2 - behind))
+    assert place[1] == pytest.approx(0.5 * 1.5 * 0.2**2, rel=1e-2 if scheme == "text" else 1e-9)
+    assert speed[0] == pytest.approx(-0.5 * 2.0 * np.pi * (0.2 - behind) / 1e6, rel=1e-5)
+    assert simulation.present_scene.radius_out == place[0] < 1.0
+    assert simulation.present_scene.walls[0].start == (-0.2, place[1])
+    assert simulation.scene.radius_out == 1.0
+
+
+@pytest.mark.parametrize(
+    ("method", "mass"),
+    [("gauss-seidel", 1e-6), ("gauss-seidel", 1.0), ("accelerated", 1e-6), ("accelerated", 1e6)],
+)
+def test_a_grain_carries_the_force_of_a_piston(method: str, mass: float) -> None:
+    """Between a piston and a fixed wall it comes to rest, and both contacts carry the force."""
+    walls = [Segment((-0.5, -0.1), (0.5, -0.1)), Segment((0.5, 0.15), (-0.5, 0.15), force=7.0, mass=mass)]
+    scene = Scene(
+        position=[(0.0, 0.02)], radius=0.1, mass=0.3, radius_out=1.0, gravity=(0.0, 0.0), walls=walls,
+        method=method, stop="residual", tolerance=1e-10, dt=1e-2 * max(1.0, mass**0.5),
+    )  # fmt: skip
+    simulation = Simulation(scene)
+    simulation.advance(300)
+    contacts = simulation.wall_contacts()
+    assert contacts.wall[:, 1].tolist() == [2, 3]
+    assert contacts.force == pytest.approx([7.0, 7.0], rel=1e-6, abs=1e-9 * mass / scene.dt)
+    assert np.abs(simulation.velocity).max() < 1e-9
+    assert simulation.state().driven[2] == pytest.approx((0.05, 0.0), abs=1e-8)
+    assert np.abs(contacts.gap).max() < 1e-8
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
+def test_an_impact_keeps_momentum(method: str) -> None:
+    """A grain that meets a free wall moves on with it at the speed of their common momentum."""
+    wall = Segment((0.0, 0.5), (0.0, -0.5), force=0.0, mass=3.0)
+    scene = Scene(
+        position=[(-0.3, 0.0)], velocity=[(2.0, 0.1)], radius=0.1, mass=1.0, radius_out=1.0,
+        gravity=(0.0, 0.0), walls=[wall], method=method, tolerance=1e-13, stop="residual",
+    )  # fmt: skip
+    simulation = Simulation(scene)
+    simulation.advance(30)
+    assert simulation.velocity[0] == pytest.approx((0.5, 0.1))
+    assert simulation.state().driven[1, 1] == pytest.approx(0.5)
+    assert simulation.position[0, 0] + 0.1 == pytest.approx(simulation.present_scene.walls[0].start[0])
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
+def test_two_grains_come_to_rest_across_the_circle(method: str) -> None:
+    """A circle of twice their radius holds them; the force of each on the wall is half of 2 pi R p."""
+    scene = Scene(
+        position=[(-0.3, 0.0), (0.3, 0.0)], radius=0.1, mass=1.0, radius_out=1.0, gravity=(0.0, 0.0),
+        pressure=5.0, method=method, tolerance=1e-9, stop="residual",
+    )  # fmt: skip
+    simulation = Simulation(scene)
+    simulation.advance(300)
+    assert simulation.present_scene.radius_out == pytest.approx(0.2, abs=1e-8)
+    half = 5.0 * np.pi * 0.2
+    assert simulation.wall_contacts().force == pytest.approx([half, half], rel=1e-6)
+    assert simulation.contacts().force == pytest.approx([half], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wall_mass", "rough"),
+    [(1.0, {}), (None, {}), (1e3, {}), (None, ROUGH)],
+    ids=["light", "", "heavy", "rough"],
+)
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
+def test_no_overlap_exceeds_dt_eta(method: str, wall_mass: float | None, rough: dict[str, Any]) -> None:
+    """Also at a light wall, which a large step would take through half of the grains."""
+    scene = pressed(
+        60, method=method, wall_mass=wall_mass, stop="residual", dt=2e-2, max_iterations=5000,
+        walls=[ROUGH_PISTON], **rough,
+    )  # fmt: skip
+    simulation = Simulation(scene)
+    converged = 0
+    for _ in range(60):
+        report = simulation.step()
+        converged += report.converged
+        now, driven = simulation.present_scene, simulation.state().driven
+        slide = scene.dt * np.abs(simulation.velocity).max()
+        if report.converged:
+            gap = now.side(0, simulation.position, scene.radius).gap.min()
+            assert gap >= -scene.dt * report.residual - slide**2 / driven[0, 0]
+            assert (
+                now.side(2, simulation.position, scene.radius).gap.min()
+                >= -scene.dt * report.residual - 1e-14
+            )
+    assert converged > (30 if rough else 50)
+
+
+def test_accelerated_sweeps_have_the_same_bits_for_any_number_of_threads() -> None:
+    scene = pressed(method="accelerated", max_iterations=5000, walls=[PISTON])
+    one, several = Simulation(scene, threads=1), Simulation(scene, threads=3)
+    assert one.advance(60).unconverged == 0
+    several.advance(60)
+    assert contents(one.state()) == contents(several.state())
+
+
+@pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
+@pytest.mark.parametrize("order", ["sequential", "color"])
+def test_runs_that_are_continued_have_the_same_bits(tmp_path: Path, order: str, method: str) -> None:
+    scene = pressed(order=order, method=method, walls=[PISTON])
+    whole, other = Simulation(scene), Simulation(scene)
+    whole.advance(90)
+    other.advance(31)
+    other.save(tmp_path / "state.npz")
+    continued = Simulation.load(tmp_path / "state.npz")
+    continued.advance(59)
+    batch = Batch([scene, pressed(60, order=order, method=method, pressure=None), scene])
+    batch.run(90)
+    expected = contents(whole.state())
+    assert contents(continued.state()) == contents(batch.state(2)) == expected
+
+
+def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
+    simulation = Simulation(pressed(30, walls=[PISTON]))
+    simulation.run(duration=0.5, record=tmp_path / "run.usdc", forces=True)
+    assert report_on_recording(tmp_path / "run.usdc") == ["OK: 13 frames, 30 grains"]
+    recording, now = Recording(tmp_path / "run.usdc"), simulation.present_scene
+    assert recording.scene.radius_out == 1.0
+    assert recording.scene.walls == (PISTON,)
+    shown = recording.frame(12).scene
+    assert shown.radius_out == pytest.approx(now.radius_out, abs=1e-6)
+    assert shown.walls[0].start == pytest.approx(now.walls[0].start, abs=1e-6)
+    assert now.walls[0].start[1] < 0.4
+    assert 0.2 < now.radius_out < 0.99
+    simulation.plot(forces=True).save(tmp_path / "end.png")
+
+
+def test_what_is_not_offered_is_refused() -> None:
+    simulation = Simulation(pressed(5))
+    simulation.step()
+    for question in (certify, analysis.step_energy_balance):
+        with pytest.raises(InputError, match="drive"):
+            question(simulation)
+    with pytest.raises(InputError, match="change: a pressure or a force can be changed, but not given"):
+        simulation.change(pressure=None)
+    simulation.change(pressure=100.0)
+    simulation.step()
+
+
+@pytest.mark.parametrize("speed", [0.0, -0.05, -3.3])
+def test_a_list_holds_for_a_wall_that_comes(tmp_path: Path, speed: float) -> None:
+    """Grains at rest keep a list for long; the wall must not come near those that it lists not.
+
+    A light wall creeps, a fast one meets rings of grains in single steps.
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, 6)[:-1]
+    position = np.concatenate(
+        [(d * np.stack([np.cos(turn + d), np.sin(turn + d)], axis=1)) for d in (0.2, 0.5, 0.8)]
+    )
+    scene = Scene(
+        position=position, radius=0.05, mass=0.1, radius_out=1.0, gravity=(0.0, 0.0), pressure=0.02,
+        wall_mass=1.0, drag=0.5, tolerance=1e-9,
+    )  # fmt: skip
+    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene)
+    state = simulation.state()
+    state.driven[0, 1] = speed
+    simulation.restore(state)
+    reference = Reference(build(tmp_path), scene, state)
+    rebuilds = 0
+    for _ in range(400):
+        rebuilds += simulation.step().rebuilds
+        reference.step()
+        assert np.array_equal(simulation.position, reference.position)
+        assert np.array_equal(simulation.state().driven, reference.driven)
+    assert rebuilds < 200
+    assert len(simulation.wall_contacts().wall) > 0
+
+
+def test_a_list_holds_for_a_speed_between_two_sweeps(tmp_path: Path) -> None:
+    """In the first sweep, grain 0 lets go of the wall, which then comes at 0.6 m/s until grain 2 stops it.
+
+    By then it has pushed grain 1, which is out of reach of the speeds before and after.
+    """
+    scene = Scene(
+        position=[(0.99, 0.0), (0.0, 0.9845), (-0.9899, 0.0)], radius=0.01, mass=[1.0, 1e-3, 100.0],
+        radius_out=1.0, gravity=(0.0, 0.0), pressure=1.0, wall_mass=0.1, tolerance=1e-12, dt=0.01,
+    )  # fmt: skip
+    state = first_state(scene)
+    nobody, kept = np.zeros((0, 2), np.int32), np.array([0.01 * 2.0 * np.pi])
+    held = Corrections(nobody, np.zeros(0), np.zeros((1, 2), np.int32), kept)
+    state = replace(state, velocity=np.array([(-2.0, 0.0), (0.0, 0.0), (0.0, 0.0)]), corrections=held)
+    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene, state)
+    simulation.restore(state)
+    report = simulation.step()
+    assert report.iterations == reference.step()[0]
+    assert np.array_equal(simulation.driven, reference.driven)
+    assert np.array_equal(simulation.velocity, reference.velocity)
+    assert abs(simulation.driven[0, 1]) < 0.02
+
+
+def test_a_wall_that_closes_on_a_grain_is_named() -> None:
+    scene = Scene(
+        position=[(0.01, 0.02)], radius=0.1, mass=1.0, radius_out=0.2, gravity=(0.0, 0.0), pressure=5.0
+    )
+    with pytest.raises(SimulationError, match="a driven wall, body 0, reached a speed of"):
+        Simulation(scene).advance(2000)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"method": "exact"}, "pressure is given and method is 'exact'"),
+        ({"friction": 0.3, "walls": [PISTON]}, "walls[0] has a force and friction: set friction = 0"),
+        ({"wall": "round"}, "pressure is given and wall is 'round'"),
+        ({"pressure": None, "wall_mass": 1.0}, "wall_mass is 1.0 kg: the outer wall is fixed"),
+        ({"pressure": np.inf}, "pressure is inf"),
+        ({"wall_mass": 0.0}, "wall_mass is 0.0"),
+        (
+            {"walls": [{"kind": "segment", "from": (0, 0), "to": (1, 0), "force": 1.0}]},
+            "walls[0]: mass of a seg",
+        ),
+        (
+            {
+                "walls": [
+                    {
+                        "kind": "segment",
+                        "from": (0, 0),
+                        "to": (1, 0),
+                        "force": 1,
+                        "mass": 1,
+                        "velocity": (1, 0),
+                    }
+                ]
+            },
+            "walls[0]: velocity of a segment is given, and a force",
+        ),
+    ],
+)
+def test_what_is_refused(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        pressed(5, **changes)
+    assert str(error.value).startswith(message)

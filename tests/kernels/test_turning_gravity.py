@@ -1,0 +1,122 @@
+"""Gravity that turns (eq. 31): closed forms, how scenes hold it, and what is refused."""
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from warpgrains import InputError, Recording, Scene, Segment, Simulation, analysis
+from warpgrains.scene.document import parameters_text, read_parameters
+from warpgrains.scene.gravity import TurningGravity
+
+G, RATE = complex(3.0, -9.0), -2.5
+TURNING = {"vector": (G.real, G.imag), "rotate": RATE}
+
+
+def grain(**changes: Any) -> Scene:
+    """Return one grain in a wide domain, at rest at first."""
+    fields = {"position": [[0.5, 0.25]], "radius": 0.25, "mass": 0.5, "radius_out": 90.0, "gravity": TURNING}
+    return Scene(**{**fields, **changes})
+
+
+def gravity(time: float) -> complex:
+    """Return gravity at a time, as a complex number."""
+    return G * np.exp(1j * RATE * time)
+
+
+@pytest.mark.parametrize(("scheme", "order"), [("text", 1.0), ("leapfrog", 2.0)])
+def test_free_flight_has_the_order_of_the_scheme(scheme: str, order: float) -> None:
+    """x = v_0 t + G ((exp(i w t) - 1) / (i w) - t) / (i w)."""
+    v0, end, turn = 1.0 + 0.5j, 1.0, 1j * RATE
+    exact = v0 * end + G * ((np.exp(turn * end) - 1.0) / turn - end) / turn
+    errors = []
+    for steps in (50, 100, 200):
+        flight = Simulation(grain(velocity=[[v0.real, v0.imag]], dt=end / steps, scheme=scheme))
+        flight.advance(steps)
+        moved = flight.position[0] - flight.scene.position[0]
+        errors.append(abs(complex(*moved) - exact))
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(order, abs=0.03)
+
+
+@pytest.mark.parametrize(("scheme", "first"), [("text", 1.0), ("leapfrog", 0.5)])
+def test_a_step_has_the_gravity_of_its_start(scheme: str, first: float) -> None:
+    """v_k = dt (g_0 / 2 + g_1 + ... + g_{k-1}), of second order; with all of g_0 in the text's scheme."""
+    scene, steps = grain(scheme=scheme), 40
+    flight = Simulation(scene)
+    flight.advance(steps)
+    kicks = gravity(scene.dt * np.arange(steps))
+    kicks[0] *= first
+    assert complex(*flight.velocity[0]) == pytest.approx(scene.dt * kicks.sum(), rel=1e-13)
+
+
+@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
+def test_walls_carry_a_grain_at_rest(scheme: str) -> None:
+    """A grain in a corner weighs on both walls with the components of m g, until g leaves the corner."""
+    corner = [Segment((-5.0, 0.0), (5.0, 0.0)), Segment((0.75, -5.0), (0.75, 5.0))]
+    scene = grain(
+        walls=corner, scheme=scheme, tolerance=1e-13, gravity={"vector": (0.0, -8.0), "rotate": 1.0}
+    )
+    simulation = Simulation(scene)
+    for step in range(1, 150):
+        simulation.step()
+        start = (step - 1) * scene.dt
+        expected = 0.5 * 8.0 * np.array([np.cos(start), np.sin(start)])
+        found = simulation.wall_contacts()
+        if step > 1:
+            assert found.force == pytest.approx(expected, rel=1e-12)
+            assert found.wall[:, 1].tolist() == [2, 3]
+    assert np.abs(simulation.position - scene.position).max() < 1e-14
+    simulation.advance(30)  # past a quarter turn, g lifts it
+    assert simulation.position[0, 1] > 0.25
+
+
+def test_heights_and_energies_follow_gravity() -> None:
+    scene = grain(gravity={"vector": (0.0, -8.0), "rotate": np.pi / 2.0}, drag=49.0, dt=0.01)
+    simulation = Simulation(scene)
+    simulation.advance(100)
+    assert scene.gravity_at(simulation.time) == pytest.approx((8.0, 0.0))
+    (x, _), now = simulation.position[0], analysis.snapshot(simulation)
+    assert analysis.heights(now) == pytest.approx([-x])
+    assert analysis.potential_energy(now) == pytest.approx(-0.5 * 8.0 * x)
+    assert analysis.height_profile(now).velocity.any()
+
+
+def test_a_scene_keeps_it(tmp_path: Path) -> None:
+    """In text, copies and recordings; `vector` is that of the Earth by default, and 0 rad/s is constant."""
+    scene = Scene.load("annulus", ["physics.gravity={rotate = 0.05}"])
+    assert scene.gravity == TurningGravity((0.0, -9.81), 0.05)
+    assert scene.summary()["gravity"] == "(0, -9.81) m/s2, turning at 0.05 rad/s"
+    assert pickle.loads(pickle.dumps(scene)).gravity == scene.gravity
+    assert scene.replace(drag=0.1).gravity == scene.gravity
+    read = read_parameters(parameters_text(scene))
+    assert scene.replace(gravity=read["gravity"]).gravity == scene.gravity
+    Simulation(scene).run(steps=4, record=tmp_path / "run.usdc")
+    assert Recording(tmp_path / "run.usdc").scene.gravity == scene.gravity
+    constant = scene.replace(gravity={"vector": (1.0, 2.0), "rotate": 0.0})
+    assert constant.gravity == (1.0, 2.0)
+    assert constant.gravity_at(5.0) is constant.gravity
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({}, "gravity.rotate is missing: give the angular velocity of gravity [rad/s]"),
+        ({"vector": [0.0, -9.81]}, "gravity.rotate is missing: give the angular velocity of gravity [rad/s]"),
+        ({"rotat": 0.1}, "unknown key in gravity 'rotat': did you mean 'rotate'? Known: rotate, vector"),
+        ({"rotate": "fast"}, "gravity.rotate is 'fast': it must be a number"),
+        ({"rotate": [0.1]}, "gravity.rotate is [0.1]: it must be a number"),
+        ({"rotate": 0.1, "vector": 9.81}, "gravity.vector is 9.81: it must be two numbers"),
+        ({"rotate": 0.1, "vector": [0.0, "x"]}, "gravity.vector[1] is 'x': it must be a number"),
+        (
+            {"rotate": -400.0},
+            "gravity.rotate is -400.0 rad/s: in a step of 0.01 s gravity turns by half a turn or more",
+        ),
+        ({"rotate": 1e300}, "gravity.rotate is 1e+300 rad/s: in a step of 0.01 s gravity turns by half"),
+    ],
+)
+def test_bad_tables(table: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as error:
+        grain(gravity=table)
+    assert str(error.value).startswith(message)

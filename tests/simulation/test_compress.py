@@ -1,0 +1,68 @@
+"""Jammed packings: what `compress` returns, by Python and by the command."""
+
+import json
+
+import numpy as np
+import pytest
+from command import exit_code, require_refusal
+
+import warpgrains as wg
+from warpgrains import InputError, Scene, analysis
+
+FEW = ["grains.count=60", "solver.tolerance=1e-7"]
+
+
+@pytest.fixture(scope="module")
+def packing() -> wg.Packing:
+    return wg.compress(Scene.load("jamming", FEW))
+
+
+def test_a_packing_carries_the_pressure(packing: wg.Packing) -> None:
+    assert packing.at_rest
+    assert packing.run.unconverged == 0
+    assert packing.pressure == pytest.approx(1.0, rel=1e-3)
+    assert packing.contacts == pytest.approx(4.0, abs=0.1)
+    scene = packing.simulation.present_scene
+    assert packing.radius == scene.radius_out
+    assert packing.fraction == pytest.approx(np.pi * (scene.radius**2).sum() / scene.area)
+    assert 0.7 < packing.fraction < 0.85
+    gap = scene.side(0, packing.simulation.position, scene.radius).gap
+    assert gap.min() == pytest.approx(0.0, abs=1e-6)
+    force = analysis.contact_forces(packing.simulation)
+    assert np.abs(force).max() < 1e-2 * packing.mean_force
+
+
+def test_grains_with_friction_carry_the_pressure_with_fewer_contacts() -> None:
+    packing = wg.compress(Scene.load("jamming", [*FEW, "contact.friction=0.5", "solver.max_iterations=2000"]))
+    assert packing.pressure == pytest.approx(1.0, rel=1e-2)
+    assert 2.5 < packing.contacts < 3.9
+
+
+def test_the_command_prints_the_same(packing: wg.Packing, tmp_path, capfd) -> None:
+    options = [word for override in FEW for word in ("--set", override)]
+    assert exit_code("compress", "jamming", "--json", "-o", str(tmp_path / "jammed.npz"), *options) == 0
+    printed = json.loads(capfd.readouterr().out)
+    assert printed["radius"] == packing.radius
+    assert printed["contacts"] == packing.contacts
+    assert printed["at_rest"] is True
+    assert printed["bulk_fraction"] is None  # there is too little away from the wall
+    again = wg.Simulation.load(tmp_path / "jammed.npz")
+    assert np.array_equal(again.position, packing.simulation.position)
+    assert again.step().converged
+
+
+def test_a_run_that_is_too_short_says_so(capfd) -> None:
+    assert exit_code("compress", "jamming", "--pressure", "2", "--duration", "0.1", "--set", FEW[0]) == 0
+    printed = capfd.readouterr().out
+    assert "steps             5, not at rest" in printed
+    assert "N/m of contacts, 2 N/m given" in printed
+    assert "contacts          0.000 a grain, without 60 rattlers" in printed
+
+
+def test_what_is_refused(capfd) -> None:
+    with pytest.raises(InputError, match=r"pressure is missing: give it, or domain\.pressure in the scene"):
+        wg.compress("annulus")
+    with pytest.raises(InputError, match=r"pressure is -1\.0 N/m: it must be positive to compress grains"):
+        wg.compress("jamming", pressure=-1.0)
+    assert exit_code("compress", "jamming", "--set", FEW[0], "--set", "solver.method=exact") == 2
+    require_refusal(capfd, "pressure is given and method is 'exact'")

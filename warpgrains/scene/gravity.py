@@ -1,0 +1,58 @@
+"""Gravity that turns (kernels/MODEL.md, eq. 31). This is the host's side; the device's is kernels/law.py."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, sin
+from typing import Any
+
+from warpgrains.errors import InputError
+from warpgrains.scene import checks
+
+Vector = tuple[float, float]
+
+EARTH: Vector = (0.0, -9.81)
+"""Default acceleration of gravity [m/s2]."""
+KEYS = ("vector", "rotate")
+
+
+@dataclass(frozen=True)
+class TurningGravity(Sequence[float]):
+    """Gravity that turns at a constant rate. As a sequence, it holds the two components at time 0 [m/s2]."""
+
+    vector: Vector
+    """Acceleration of gravity at time 0 [m/s2]."""
+    rotate: float
+    """Angular velocity at which it turns, counterclockwise [rad/s]."""
+
+    def __len__(self) -> int:
+        return len(self.vector)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.vector[index]
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """Keys and values of a scene file."""
+        return {"vector": list(self.vector), "rotate": self.rotate}
+
+    def at(self, time: float) -> Vector:
+        """Return the acceleration at a time [s]."""
+        (x, y), angle = self.vector, self.rotate * time
+        c, s = cos(angle), sin(angle)
+        return c * x - s * y, s * x + c * y
+
+
+def checked_gravity(field: str, value: Any) -> Vector | TurningGravity:
+    """Return two finite numbers as a pair, or gravity that turns from a table of `KEYS`."""
+    if isinstance(value, TurningGravity):
+        value = value.table
+    if not isinstance(value, Mapping):
+        return checks.vector(field, value)
+    for key in value:
+        if key not in KEYS:
+            raise checks.unknown(f"key in {field}", key, KEYS)
+    if "rotate" not in value:
+        raise InputError(f"{field}.rotate is missing: give the angular velocity of gravity [rad/s]")
+    vector = checks.vector(f"{field}.vector", value.get("vector", EARTH))
+    rotate = checks.number(f"{field}.rotate", value["rotate"])
+    return TurningGravity(vector, rotate) if rotate else vector

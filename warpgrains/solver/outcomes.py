@@ -1,0 +1,86 @@
+"""What scenes did since their steps were submitted; a report is made where one is read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.kernels.record import RunStatistics as Sums
+from warpgrains.kernels.record import StepState
+from warpgrains.solver.statistics import RunStatistics, StepReport
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+STEP = tuple(StepState.vars)  # names of its fields
+SUMS = tuple(Sums.vars)
+
+
+class Outcomes(NamedTuple):
+    """The last steps of the scenes of an engine."""
+
+    scenes: Sequence[Scene]
+    step: np.ndarray[Any, Any]
+    """Records of their last steps (kernels/record.py), shape (scenes,)."""
+    sums: np.ndarray[Any, Any]
+    """Sums and maxima over the steps, shape (scenes,)."""
+    contacts: np.ndarray[Any, Any]
+    """Numbers of listed contacts, shape (scenes,)."""
+    seconds: FloatArray
+    """Time that the steps took [s], shape (scenes,)."""
+    steps: IndexArray
+    """Steps since the start, shape (scenes,)."""
+    proofs: list[list[tuple[int, tuple[int, ...]]]]
+    """Of every scene, the steps without a solution, and the grains that cannot fit."""
+    errors: dict[int, str]
+    """Reasons why scenes stopped early."""
+
+    def copy(self) -> Self:
+        """Return a copy that later steps do not change."""
+        return self._replace(
+            step=self.step.copy(),
+            sums=self.sums.copy(),
+            contacts=self.contacts.copy(),
+            seconds=self.seconds.copy(),
+            steps=self.steps.copy(),
+            proofs=self.proofs.copy(),
+            errors=self.errors.copy(),
+        )
+
+    def report(self, k: int) -> StepReport:
+        """Return the report of the last step of scene k."""
+        step = dict(zip(STEP, self.step[k].tolist(), strict=True))
+        count = self.contacts[k]
+        return StepReport(
+            iterations=step["iterations"],
+            zeta=step["zeta"],
+            residual=step["residual"],
+            gap_error=self._gap_error(k, step["residual"]),
+            converged=bool(step["converged"]),
+            infeasible=dict(self.proofs[k]).get(int(self.steps[k]), ()) if self.proofs[k] else (),
+            contacts=step["active"],
+            candidates=int(count["pairs"] + count["walls"]),
+            overlap=step["overlap"],
+            rebuilds=step["rebuilds"],
+            restarts=step["restarts"],
+            factorizations=step["factorizations"],
+        )
+
+    def statistics(self, k: int) -> RunStatistics:
+        """Return the sums and maxima of scene k."""
+        sums = dict(zip(SUMS, self.sums[k].tolist(), strict=True))
+        proofs = self.proofs[k]
+        return RunStatistics(
+            **sums,
+            gap_error=self._gap_error(k, sums["residual"]),
+            infeasible=len(proofs),
+            infeasible_grains=proofs[0][1] if proofs else (),
+            seconds=self.seconds[k].item(),
+        )
+
+    def _gap_error(self, k: int, residual: float) -> float:
+        """Return dt * residual in units of the smallest radius."""
+        return self.scenes[k].dt * residual / self.scenes[k].smallest_radius
