@@ -158,7 +158,7 @@ class StructureFactor(NamedTuple):
 def structure_factor(
     of: Snapshot | HasState, k: ArrayLike | None = None, directions: int = 16, region: Where = None
 ) -> StructureFactor:
-    """Return S(k) = <|sum_j exp(-i k . x_j)|^2> / n, the mean over directions of k.
+    """Return S(k), the mean of ``|sum_j exp(-i k . x_j)|^2 / n`` over directions of k.
 
     It is evaluated directly, for the n grains in a region and for wave vectors at equal angles from the x
     axis on. With many directions it tends to sum_ij J_0(k r_ij) / n, freud's Debye form in two dimensions.

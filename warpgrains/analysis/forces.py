@@ -104,7 +104,7 @@ def force_distribution(
     region
         See `fabric_tensor`.
     part : str
-        ``"normal"`` for normal forces f, ``"tangential"`` for the moduli of tangential forces, |q|, or
+        ``"normal"`` for normal forces f, ``"tangential"`` for the moduli of tangential forces q, or
         ``"total"`` for the moduli of the total forces, sqrt(f^2 + q^2).
 
     Raises
