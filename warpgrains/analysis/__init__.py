@@ -12,7 +12,6 @@ from warpgrains.analysis.correlations import (
     partial_radial_distributions,
     radial_distribution,
     radius_classes,
-    structure_factor,
 )
 from warpgrains.analysis.energy import (
     EnergyBalance,
@@ -52,6 +51,7 @@ from warpgrains.analysis.region import Region
 from warpgrains.analysis.region_table import grains_in, region_of
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import Snapshot, snapshot
+from warpgrains.analysis.structure import structure_factor
 
 __all__ = [
     "GROUPS",
