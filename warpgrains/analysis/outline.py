@@ -74,16 +74,16 @@ def crosses_itself(corner: FloatArray) -> bool:
 
 def windings(edges: FloatArray, points: FloatArray) -> IndexArray:
     """Return how often the polygons go around points, shape (..., 2) to (...,): 0 outside."""
-    x, y = points[..., 0], points[..., 1]
+    x, y = points[..., 0].ravel(), points[..., 1].ravel()
     count = np.zeros(x.shape, np.int64)
     for (x0, y0), (x1, y1) in edges.tolist():
-        if y0 != y1:
-            left = (x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)
-            if y1 > y0:
-                count += (y >= y0) & (y < y1) & (left > 0.0)
-            else:
-                count -= (y >= y1) & (y < y0) & (left < 0.0)
-    return count
+        beside = np.flatnonzero((y >= min(y0, y1)) & (y < max(y0, y1)))
+        left = (x1 - x0) * (y[beside] - y0) - (x[beside] - x0) * (y1 - y0)
+        if y1 > y0:
+            count[beside] += left > 0.0
+        else:
+            count[beside] -= left < 0.0
+    return count.reshape(points.shape[:-1])
 
 
 def area_of(edges: FloatArray, circles: Iterable[Circle]) -> float:

@@ -123,7 +123,7 @@ class Region:
         The circle is cut at its intersections with the circles and lines that bound the region. An arc
         between two cuts is inside if its midpoint is. A circle within the clearance of its point is not cut.
         """
-        share, cut = self.contains(position).astype(np.float64), clearance <= r
+        share, cut = (clearance > 0.0).astype(np.float64), np.abs(clearance) <= r
         share[cut] = self._share_of_cut_circles(position[cut], r)
         return share
 
@@ -143,13 +143,14 @@ class Region:
         return np.asarray((arc * self.contains(points)).sum(axis=1) / (2.0 * np.pi))
 
     def clearance(self, position: FloatArray) -> FloatArray:
-        """Return a lower bound of the distance of points from the border [m], close to it, shape (n,)."""
+        """Return a lower bound of the distance of points from the border [m], < 0 outside, shape (n,)."""
         nearest = distance_to_edges(self.edges, position)
         for x, y, radius, _ in self.circles:
             nearest = np.minimum(nearest, np.abs(distance(position - (x, y)) - radius))
         for corner in (self.space.low, self.space.high):
             nearest = np.minimum(nearest, np.abs(position - corner).min(axis=1))
-        return np.asarray(nearest * (1.0 - 1e-9) - 1e-12 * self.space.ring.radius_out)
+        nearest = np.maximum(nearest * (1.0 - 1e-9) - 1e-12 * self.space.ring.radius_out, 0.0)
+        return np.where(self.contains(position), nearest, -nearest)
 
 
 def parts_in(polygons: Iterable[FloatArray], cells: Iterable[Sides]) -> tuple[FloatArray, ...]:
