@@ -18,6 +18,7 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 
 if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
+    from warpgrains.analysis.compress import Packing, compress
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.scene.segment import Segment
     from warpgrains.scene.state import State
-    from warpgrains.simulation.compress import Packing, compress
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.statistics import StepReport, Summary
 
@@ -58,7 +58,7 @@ _HOME = {
     "Disc": "scene.disc",
     "InputError": "errors",
     "OutputError": "errors",
-    "Packing": "simulation.compress",
+    "Packing": "analysis.compress",
     "Recording": "analysis.recording",
     "Scene": "scene.scene",
     "SceneError": "errors",
@@ -69,7 +69,7 @@ _HOME = {
     "State": "scene.state",
     "StepReport": "solver.statistics",
     "Summary": "solver.statistics",
-    "compress": "simulation.compress",
+    "compress": "analysis.compress",
 }
 
 

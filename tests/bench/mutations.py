@@ -32,7 +32,9 @@ TABLE = Path(__file__).with_suffix(".toml")
 COLUMNS = ("file", "line", "old", "new", "effect", "detected by", "seconds")
 TIME_LIMIT = 300.0  # seconds a mutant: one that never ends is detected as well
 DECIDING = {
-    "verlet": ("verlet", "resumed", "monitoring", "missing_contacts"),
+    "verlet": ("verlet", "resumed", "monitoring", "missing_contacts", "driven_walls"),
+    "neighbors": ("driven_walls",),
+    "gauss_seidel": ("driven_walls",),
     "skins": ("resumed", "missing_contacts"),
     "contact_list": ("contact_list", "resumed", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),

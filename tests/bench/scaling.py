@@ -8,7 +8,9 @@ from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 
-from warpgrains import Simulation
+import numpy as np
+
+from warpgrains import Segment, Simulation
 from warpgrains.console import start_warp
 
 from .options import Options
@@ -18,6 +20,7 @@ from .timing import in_turn, seconds
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 MANY = 1_000_000
+BELOW_SEGMENTS = 10_000
 
 
 def costs(options: Options) -> Iterator[dict[str, str]]:
@@ -42,6 +45,21 @@ def _ns_a_grain(simulation: Simulation) -> float:
         iterations = advance(simulation, steps)
 
     return seconds(work) / (n * iterations) * 1e9
+
+
+def segments(options: Options) -> Iterator[dict[str, str]]:
+    """A step of a pile below many segments, against one of the annulus alone, by both methods."""
+    settled = settled_pile(min(BELOW_SEGMENTS, options.largest), options.cache)
+    x, y = (part.ravel() for part in np.meshgrid(np.linspace(-0.6, 0.6, 10), np.linspace(0.05, 0.6, 10)))
+    walls = [Segment((a - 0.04, b), (a + 0.04, b)) for a, b in zip(x, y, strict=True)]
+    for changes in ({"method": "gauss-seidel"}, {"method": "accelerated", "order": "color"}):
+        simulations = settled.simulation(walls=walls, **changes), settled.simulation(**changes)
+        assert not simulations[0].wall_contacts().wall[:, 1].max(initial=0)
+        measures = (partial(_ns_a_grain, simulation) for simulation in simulations)
+        ours, its = in_turn(options.repeats, *measures)
+        name = f"cost a grain and iteration below {len(walls)} segments, {changes['method']}"
+        subject = Subject(name, settled.scene.n, changes.get("order", "sequential"))
+        yield row(subject, ours, "ns", "the annulus alone", its, target="<= 1.1")
 
 
 def memory(options: Options) -> Iterator[dict[str, str]]:

@@ -30,6 +30,7 @@ PARTS: dict[str, Callable[[Options], Iterator[dict[str, str]]]] = {
     "threads": threads.threads,
     "busy": busy.busy,
     "costs": scaling.costs,
+    "segments": scaling.segments,
     "memory": scaling.memory,
     "accelerated": accelerated.accelerated,
 }

@@ -12,7 +12,19 @@ from bench.mutations import mutants
 
 ROOT = Path(__file__).parents[2]
 COLUMNS = "name,n,order,threads,median,unit,compared with,its median,ratio,ratio is,target,repeats"
-QUICK = ["sweeps", "steps", "course", "solo", "lists", "threads", "busy", "costs", "memory", "accelerated"]
+QUICK = [
+    "sweeps",
+    "steps",
+    "course",
+    "solo",
+    "lists",
+    "threads",
+    "busy",
+    "costs",
+    "segments",
+    "memory",
+    "accelerated",
+]
 
 
 def command(module: str, *arguments: object) -> str:
@@ -27,7 +39,7 @@ def command(module: str, *arguments: object) -> str:
 @pytest.mark.parametrize(
     ("parts", "count"),
     [
-        (QUICK, 41),
+        (QUICK, 43),
         pytest.param(["moving"], 11, marks=pytest.mark.slow),
         pytest.param(["compiling"], 1, marks=pytest.mark.slow),
     ],

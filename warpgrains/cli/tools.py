@@ -72,7 +72,7 @@ def compress(arguments: Namespace) -> bool:
     with stdout_to_stderr(), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the results say whether the grains are at rest
         start_warp()
-        from warpgrains.simulation.compress import compress
+        from warpgrains.analysis.compress import compress
 
         packing = compress(scene, arguments.pressure, arguments.duration, progress=True)
         if arguments.output is not None:
