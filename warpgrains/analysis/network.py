@@ -10,7 +10,7 @@ from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene.geometry import left_of
 
-MOST_FREEDOMS = 3000  # of `rigidity`: a singular value decomposition of a matrix of this size takes some 10 s
+MOST_FREEDOMS = 3000  # of `rigidity`: a singular value decomposition of a matrix of this size takes some 20 s
 
 
 class _Contacts(NamedTuple):
