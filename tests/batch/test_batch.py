@@ -14,7 +14,7 @@ from sample_scenes import random_scene
 from warpgrains import Batch, InputError, Scene, Simulation
 from warpgrains.batch import resident
 from warpgrains.reference.reference import Reference
-from warpgrains.scene.fields import ORDERS
+from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.solver import sizes, tuning
 
 LARGE = 9  # of the mixed scenes
@@ -93,6 +93,20 @@ def test_a_scene_that_threads_share(
     batch.run(steps=STEPS - 1)
     batch.step()
     assert_as_alone(batch, list(range(12)), expected)
+
+
+def test_grains_of_all_scenes_as_one_array() -> None:
+    """Scenes of two kinds, before they are in memory and afterwards."""
+    course = Scene.load("annulus")
+    scenes = [course.replace(drag=drag, method=method) for drag in (0.1, 0.2) for method in METHODS[:2]]
+    batch = Batch(scenes, threads=2)
+    assert np.array_equal(batch.position()[3], scenes[3].position)
+    batch.run(steps=STEPS)
+    for whole, of_one in ((batch.position(), batch.position), (batch.velocity(), batch.velocity)):
+        assert whole.shape == (len(batch), 15, 2)
+        assert np.array_equal(whole, [of_one(k) for k in range(len(batch))])
+    with pytest.raises(InputError, match=r"the scenes have 15 to 200 grains: ask for one, position\(k\)"):
+        Batch([course, Scene.load("bidisperse")]).position()
 
 
 def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:

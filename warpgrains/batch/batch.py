@@ -238,13 +238,30 @@ class Batch(Shown):
         stepped, restored = dict(self._stepped), self._restored
         return Results(len(self), lambda k: stepped[k].done(k).report if k in stepped else restored.get(k))
 
-    def position(self, k: int) -> FloatArray:
-        """Return the centers of the grains of scene k [m], shape (n, 2); a read-only copy."""
-        return checks.frozen(self.state(k).position.copy())
+    def position(self, k: int | None = None) -> FloatArray:
+        """Return the centers of the grains of scene k [m], shape (n, 2); a read-only copy.
 
-    def velocity(self, k: int) -> FloatArray:
-        """Return the velocities of the grains of scene k [m/s], shape (n, 2); a read-only copy."""
-        return checks.frozen(self.state(k).velocity.copy())
+        Without k, return those of all scenes, shape (scenes, n, 2).
+
+        Raises
+        ------
+        InputError
+            The scenes differ in their numbers of grains, or `k` is out of range.
+        """
+        return self._vectors("position", k)
+
+    def velocity(self, k: int | None = None) -> FloatArray:
+        """Return the velocities of the grains of scene k, or of all scenes [m/s], as `position` does."""
+        return self._vectors("velocity", k)
+
+    def _vectors(self, name: str, k: int | None) -> FloatArray:
+        if k is not None:
+            return checks.frozen(getattr(self.state(k), name).copy())
+        counts = {scene.n for scene in self.scenes}
+        if len(counts) > 1:
+            raise InputError(f"the scenes have {min(counts)} to {max(counts)} grains: ask for one, {name}(k)")
+        with self._use.exclusive():
+            return checks.frozen(self._sets.vectors(name))
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k.

@@ -177,6 +177,11 @@ class ResidentSet:
         outcomes = [engine.outcomes.copy() for engine, _ in self._engines]
         self.outcomes = SetOutcomes(outcomes, self.outcomes.place, {})
 
+    def write_vectors(self, name: str, found: FloatArray) -> None:
+        """Write "position" or "velocity" of the scenes to an array of all scenes, shape (scenes, n, 2)."""
+        for engine, numbers in self._engines:
+            found[numbers] = engine.vectors(name)
+
     def cancel(self) -> None:
         """Stop after the steps under way; slow steps are abandoned."""
         self._is_canceled = True
@@ -248,6 +253,16 @@ class ResidentSets:
         if (resident := self._resident_scene(k)) is not None:
             return resident.state()
         return deepcopy(self._states[k]) or first_state(self._scenes[k])
+
+    def vectors(self, name: str) -> FloatArray:
+        """Return "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
+        found = np.empty((len(self._scenes), self._scenes[0].n, 2))
+        for k in range(len(self._scenes)):
+            if self._resident_scene(k) is None:
+                found[k] = getattr(self.state(k), name)
+        if self._resident is not None:
+            self._resident.write_vectors(name, found)
+        return found
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state, in memory or not."""

@@ -149,6 +149,13 @@ class Engine:
         """Return a copy of a grain array of scene k, such as "position"."""
         return self._pulled(k).grains(name).copy()
 
+    def vectors(self, name: str) -> FloatArray:
+        """Return a copy of "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
+        for k in range(len(self.scenes) * self._device.is_cuda):
+            self._records.pull(k)
+        stacked = self._records.stacked(f"grains.{name}", np.arange(len(self.scenes)))
+        return stacked[:, : self.scenes[0].n]
+
     def driven(self, k: int) -> FloatArray:
         """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
         return self._pulled(k).driven()
