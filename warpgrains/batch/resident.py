@@ -81,7 +81,7 @@ class ResidentScene:
 
 
 class SetOutcomes(NamedTuple):
-    """What the scenes of a set did in the last `ResidentSet.advance`. Later steps do not change it."""
+    """Outcomes of the scenes of a set in the last `ResidentSet.advance`. Later steps do not change them."""
 
     engines: list[Outcomes]
     place: dict[int, tuple[int, int]]

@@ -94,7 +94,7 @@ class Obstacle:
 
     @property
     def drive(self) -> tuple[float, float, float, float, float] | None:
-        """What drives the wall (kernels/types.py, `Drive`), or None if no force acts on it."""
+        """Force and mass that drive the wall (kernels/types.py, `Drive`), or None if no force acts on it."""
         return None
 
     @property

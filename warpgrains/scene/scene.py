@@ -206,7 +206,7 @@ class Scene(SceneFields, Shown):
 
     @property
     def drives(self) -> FloatArray:
-        """What drives each wall of the device (kernels/types.py, `Drive`), shape (walls, 5)."""
+        """Force and mass that drive each wall of the device (kernels/types.py, `Drive`), shape (walls, 5)."""
         mass = float(self.mass.sum()) if self.wall_mass is None else self.wall_mass
         outer = None if self.pressure is None else (1.0 / mass, 0.0, self.pressure, 0.0, 0.0)
         return np.array(

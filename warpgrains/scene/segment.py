@@ -95,7 +95,7 @@ class Segment(ThinWall):
 
     @property
     def drive(self) -> tuple[float, float, float, float, float] | None:
-        """What drives the segment, or None."""
+        """Force and mass that drive the segment, or None."""
         if self.force is None or self.mass is None:
             return None
         return 1.0 / self.mass, self.force, 0.0, *self._normal

@@ -307,7 +307,7 @@ class Engine:
 
     @property
     def outcomes(self) -> Outcomes:
-        """What the scenes did since their steps were submitted; the next steps change it."""
+        """Outcomes of the steps since `submit`; the next steps change them."""
         for k in range(len(self.scenes) * self._device.is_cuda):
             self._records.pull(k)
         return self._outcomes

@@ -1,4 +1,4 @@
-"""What scenes did since their steps were submitted; a report is made where one is read."""
+"""Outcomes of the steps of scenes, from which a report is made when it is read."""
 
 from __future__ import annotations
 

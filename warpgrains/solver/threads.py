@@ -67,7 +67,7 @@ def run_threads(
     poll: Callable[[], None] | None = None,
     cancel: Callable[[], None] | None = None,
 ) -> None:
-    """Execute each task on a thread of its own.
+    """Execute each task on a separate thread.
 
     Without polling, tasks are short and share their work: this thread does the first, and drops those that no
     thread has begun when it is done.
