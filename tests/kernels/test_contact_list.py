@@ -17,7 +17,7 @@ from warpgrains.kernels.step import SEARCH, save, sweeping_order
 
 N, WIDE, NARROW, NOTHING = 120, 0.35, 0.05, 0.0
 EXPIRE = [*save(False), Serial(contact_list.expire)]
-LISTED = [While(searching, SEARCH), *sweeping_order(False, False)]
+LISTED = [While(searching, SEARCH), *sweeping_order(False)]
 NOW, START, LAST = "contacts.dv", "contacts.dv_start", "momentum.last_dv"
 Bodies = tuple[int, int]  # a grain, and another one or the wall, which is body N
 
@@ -188,7 +188,7 @@ def test_new_colors_are_asked_for_once() -> None:
     assert (control["recoloring"], control["unordered"]) == (0, 1)
     assert np.array_equal(listed.record["workspace.old.start"], listed.record["neighbors.start"])
     listed.record[NOW][:] = np.nan
-    listed.record.run(*sweeping_order(False, False))
+    listed.record.run(*sweeping_order(False))
     assert listed.carried() == carried
 
 

@@ -1,5 +1,6 @@
 """Walls inside the annulus: against the C reference, closed forms, and scenes read and written."""
 
+from ctypes import CDLL
 from math import acos, cos, hypot, pi, sin, sqrt
 from pathlib import Path
 
@@ -46,14 +47,14 @@ ROUGH = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
 @pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
 @pytest.mark.parametrize("scheme", ["text", "leapfrog"])
 @pytest.mark.parametrize("wall", ["tangent", "round"])
-def test_bits_of_the_reference(tmp_path: Path, scheme: str, wall: str, friction: dict[str, float]) -> None:
-    scene = around(scheme=scheme, wall=wall, **friction)
-    assert follow_reference(scene, 100, tmp_path, threads=2) >= {2, 3, 4, 5, 6, 7}
+def test_bits_of_the_reference(c_library: CDLL, scheme: str, wall: str, friction: dict[str, float]) -> None:
+    scene = around(scheme=scheme, wall=wall, max_iterations=60, **friction)
+    assert follow_reference(scene, 100, c_library, threads=2) >= {2, 3, 4, 5, 6, 7}
 
 
 @pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
-def test_bits_of_the_reference_in_order_of_colors(tmp_path: Path, friction: dict[str, float]) -> None:
-    follow_reference(around(order="color", **friction), 60, tmp_path)
+def test_bits_of_the_reference_in_order_of_colors(c_library: CDLL, friction: dict[str, float]) -> None:
+    follow_reference(around(order="color", max_iterations=60, **friction), 60, c_library)
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])

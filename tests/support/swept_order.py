@@ -1,6 +1,6 @@
 """In which order a simulation sweeps its contacts, and the C reference held against it in that order."""
 
-from pathlib import Path
+import ctypes
 
 import numpy as np
 from graphs import complete
@@ -8,7 +8,7 @@ from same_bits import assert_same_bits
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import IntArray
-from warpgrains.reference.reference import Reference, build, pair_index
+from warpgrains.reference.reference import Reference, pair_index
 
 
 def swept_pairs(simulation: Simulation) -> IntArray:
@@ -38,12 +38,12 @@ def step_both(simulation: Simulation, reference: Reference, steps: int) -> None:
         assert_same_bits(simulation, reference)
 
 
-def follow_reference(scene: Scene, steps: int, folder: Path, threads: int | None = None) -> set[int]:
+def follow_reference(scene: Scene, steps: int, library: ctypes.CDLL, threads: int | None = None) -> set[int]:
     """Step a simulation and the reference, both restored half-way; return the walls that grains touched.
 
     Positions, velocities, angles and iterations are held against the reference after each step.
     """
-    simulation, reference = Simulation(scene, threads=threads), Reference(build(folder), scene)
+    simulation, reference = Simulation(scene, threads=threads), Reference(library, scene)
     touched: set[int] = set()
     for step in range(steps):
         report = simulation.step()
@@ -57,5 +57,5 @@ def follow_reference(scene: Scene, steps: int, folder: Path, threads: int | None
             state = simulation.state()
             simulation = Simulation(scene)
             simulation.restore(state)
-            reference = Reference(build(folder), scene, state)
+            reference = Reference(library, scene, state)
     return touched
