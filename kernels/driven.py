@@ -1,9 +1,9 @@
 """Walls on which a force acts, and that move as contacts let them (MODEL.md, eqs. 27 to 29).
 
-Such a wall is one more body with a velocity, of one component: its speed is at its index behind those of the
-grains, in all arrays of velocities, as what is there about lists (verlet.py) and masses. So every stage that
-treats velocities treats it as well. A scene with a driven wall has an entry for each of its walls; those that
-no force drives have the speed 0, which nothing changes.
+Such a wall is one more body with a velocity, of one component. Its speed comes after the velocities of the
+grains, in all arrays of velocities, and so do its mass and its numbers in the list's check (verlet.py). So
+every stage that treats velocities treats it as well. A scene with a driven wall has an entry for each of its
+walls; those that no force drives have the speed 0, which nothing changes.
 
 The coordinate of the outer circle is its radius, and that of another wall its way along a direction. All
 contacts of a driven wall share its speed. So all contacts with walls are one set, which one thread sweeps in
