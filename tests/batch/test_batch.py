@@ -11,11 +11,13 @@ from mixed import STEPS, Alone, alone
 from same_bits import contents
 from sample_scenes import random_scene
 
-from warpgrains import Batch, InputError, Scene, Simulation
+from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.batch import resident
+from warpgrains.batch.resident import ResidentSet
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.solver import sizes, tuning
+from warpgrains.solver.tuning import find_device
 
 LARGE = 9  # of the mixed scenes
 
@@ -105,8 +107,25 @@ def test_grains_of_all_scenes_as_one_array() -> None:
     for whole, of_one in ((batch.position(), batch.position), (batch.velocity(), batch.velocity)):
         assert whole.shape == (len(batch), 15, 2)
         assert np.array_equal(whole, [of_one(k) for k in range(len(batch))])
+    driven = Batch([course, course.replace(pressure=1.0)])
+    assert np.array_equal(driven.position(), [course.position] * 2)
+    driven.run(1)
+    assert np.array_equal(driven.position()[0], driven.position(0))
     with pytest.raises(InputError, match=r"the scenes have 15 to 200 grains: ask for one, position\(k\)"):
         Batch([course, Scene.load("bidisperse")]).position()
+
+
+def test_scenes_with_other_walls_end_in_other_groups() -> None:
+    """Their arrays of forces on walls have other shapes."""
+    course = Scene.load("annulus")
+    scenes = course, course.replace(walls=[Disc((0.0, -1.0), 0.1)]), course.replace(drag=0.2)
+    resident = ResidentSet(dict(enumerate(scenes)), find_device("cpu"), threads=1, team=1)
+    resident.advance([200] * 3, lambda _: None)
+    groups = [(numbers.tolist(), engine.ends(at)) for engine, numbers, at in resident.by_shape()]
+    assert [(numbers, ends.grains.wall_force.shape) for numbers, ends in groups] == [
+        ([0, 2], (2, 15, 2)),
+        ([1], (1, 15, 3)),
+    ]
 
 
 def test_against_the_c_reference(reference: Callable[..., Reference]) -> None:

@@ -188,12 +188,15 @@ class ResidentSet:
         for engine, _ in self._engines:
             engine.cancel()
 
-    def by_grain_count(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
-        """Group scenes by engine and number of grains; yield engine, numbers and indices in the engine."""
+    def by_shape(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
+        """Group scenes whose arrays have one shape; yield engine, numbers, and indices in the engine."""
         for engine, numbers in self._engines:
-            n = np.array([scene.n for scene in engine.scenes])
-            for count in np.unique(n):
-                indices = np.flatnonzero(n == count)
+            groups: dict[tuple[int, int, bool], list[int]] = {}
+            for index, scene in enumerate(engine.scenes):
+                shape = scene.n, len(scene.walls), scene.has_two_circles
+                groups.setdefault(shape, []).append(index)
+            for group in groups.values():
+                indices = np.array(group)
                 yield engine, np.array(numbers)[indices], indices
 
 

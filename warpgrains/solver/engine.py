@@ -153,8 +153,7 @@ class Engine:
         """Return a copy of "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
         for k in range(len(self.scenes) * self._device.is_cuda):
             self._records.pull(k)
-        stacked = self._records.stacked(f"grains.{name}", np.arange(len(self.scenes)))
-        return stacked[:, : self.scenes[0].n]
+        return self._records.stacked(f"grains.{name}", np.arange(len(self.scenes)))
 
     def driven(self, k: int) -> FloatArray:
         """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""

@@ -56,15 +56,12 @@ class FinalStates(NamedTuple):
         radii: Any = records.parameter("radius_in", which), host["walls"]["annulus"]["radius_out"][which]
         spin = records.stacked("grains.spin", which) if records.sizes.friction else None
         mass = records.stacked("grains.mass", which)
-        contact_mass, position, velocity = (
-            records.stacked(f"grains.{name}", which)[:, : mass.shape[1]]
-            for name in ("contact_mass", "position", "velocity")
-        )
+        contact_mass = records.stacked("grains.contact_mass", which)
         grains = Grains(
             mass=mass,
             radius=records.stacked("grains.radius", which),
-            position=position,
-            velocity=velocity,
+            position=records.stacked("grains.position", which),
+            velocity=records.stacked("grains.velocity", which),
             spin=np.zeros_like(mass) if spin is None else spin,
             wall_force=contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None],
             gravity=records.gravity(which),

@@ -187,9 +187,9 @@ class SceneRecords:
         return array
 
     def stacked(self, name: str, which: IndexArray) -> np.ndarray[Any, Any]:
-        """Return a copy of an array of some scenes, of the same length in each, shape (m, ...)."""
-        whole = self.together(name)
-        return np.stack([self.array(int(k), name) for k in which]) if whole is None else whole[which]
+        """Return a copy of an array of the grains of some scenes, of n grains each, shape (m, n, ...)."""
+        whole, n = self.together(name), self._scenes[which[0]].n
+        return np.stack([self.array(int(k), name)[:n] for k in which]) if whole is None else whole[which, :n]
 
     def parameter(self, name: str, which: IndexArray) -> FloatArray:
         """Return a field of some scenes, such as "radius_in", shape (m,)."""

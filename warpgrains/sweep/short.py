@@ -185,7 +185,7 @@ class ShortRuns:
                 if statistics.met or statistics.steps == scene.scene.steps:
                     yield k, result(snapshot(scene.scene, scene.state()), statistics, columns)
             return
-        for engine, numbers, indices in resident.by_grain_count():
+        for engine, numbers, indices in resident.by_shape():
             ended = engine.left[indices] == 0
             if ended.any():
                 which = numbers[ended].tolist()
