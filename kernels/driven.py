@@ -15,7 +15,7 @@ from math import pi
 import warp as wp
 
 from . import law
-from .access import at, first_of, normal_of, put, second_of
+from .access import at, first_of, gap_rate_of, normal_of, put, second_of
 from .record import Scene, grain_count, is_driven
 from .types import Pose, Vectors
 
@@ -39,6 +39,28 @@ def share_of_wall(s: Scene, i: int, j: int, n: wp.vec2d) -> f64:
 
 
 @wp.func
+def closing_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d) -> f64:
+    """Return vn of grain i and wall j [m/s] (eq. 28)."""
+    return wp.dot(at(velocity, i), n) - lever(s, j, n) * at(velocity, j)[0]
+
+
+@wp.func
+def compliance_of(s: Scene, i: int, j: int, n: wp.vec2d) -> f64:
+    """Return K, the change of vn by a correction of 1 m/s (eq. 28)."""
+    return f64(1.0) + lever(s, j, n) * share_of_wall(s, i, j, n)
+
+
+@wp.func
+def missing_correction(s: Scene, velocity: Vectors, c: int):
+    """Return the change that the correction of a contact still needs [m/s], and K (eq. 30)."""
+    contact = s.contacts.contact
+    i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
+    vn, compliance = closing_speed(s, velocity, i, j, n), compliance_of(s, i, j, n)
+    change = law.driven_correction(vn, at(s.contacts.dv, c), gap_rate_of(contact, c), compliance)
+    return change, compliance
+
+
+@wp.func
 def correct_wall(
     s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64, gap_rate: f64, factor: f64
 ) -> wp.vec3d:
@@ -47,11 +69,10 @@ def correct_wall(
     Returns the change of dv, by which grain i is still to be corrected, K, and vn - gap / dt. The change is
     that for `factor` times this excess.
     """
-    along, share = lever(s, j, n), share_of_wall(s, i, j, n)
-    compliance, speed = f64(1.0) + along * share, at(velocity, j)[0]
-    excess = wp.dot(at(velocity, i), n) - along * speed - gap_rate
+    excess, compliance = closing_speed(s, velocity, i, j, n) - gap_rate, compliance_of(s, i, j, n)
     change = law.driven_correction(factor * excess, dv, f64(0.0), compliance)
-    put(velocity, j, wp.vec2d(speed + change * share, f64(0.0)))
+    speed = at(velocity, j)[0] + change * share_of_wall(s, i, j, n)
+    put(velocity, j, wp.vec2d(speed, f64(0.0)))
     return wp.vec3d(change, compliance, excess)
 
 

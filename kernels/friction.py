@@ -20,7 +20,7 @@ from .access import (
     second_of,
 )
 from .contacts import apply, contacts_of, gap_rates_now, is_wall_set, surface_of
-from .driven import correct_wall, lever, push_wall, share_of_wall
+from .driven import correct_wall, missing_correction, push_wall
 from .gauss_seidel import correcting_sets, in_blocks, note_moment
 from .record import Scene, grain_count, is_accelerated, is_driven, pair_count
 from .residual import keeping_worst
@@ -151,10 +151,7 @@ def residual_of(s: Scene, c: int) -> f64:
     change = law.pair_correction(wp.dot(v, n), dv, gap)
     compliance = f64(1.0)
     if at_wall and is_driven(s):
-        along = lever(s, j, n)
-        compliance = f64(1.0) + along * share_of_wall(s, i, j, n)
-        vn = wp.dot(v, n) - along * at(velocity, j)[0]
-        change = law.driven_correction(vn, dv, gap, compliance)
+        change, compliance = missing_correction(s, velocity, c)
     vt = wp.dot(v, law.tangent(n)) + u
     share = rim_weights(s, c, at_wall)[0]
     slip = law.friction_correction(share * vt, dvt, friction * (dv + change)) / share

@@ -11,9 +11,9 @@ carry, at most eta each.
 import warp as wp
 
 from . import law
-from .access import at, first_of, gap_rate_of, larger, normal_of, put, second_of, vn_of
+from .access import at, first_of, gap_rate_of, larger, normal_of, put, vn_of
 from .contacts import apply, contact_count, contacts_of, gap_rates_now, is_wall_set
-from .driven import lever, push_wall, share_of_wall
+from .driven import missing_correction, push_wall
 from .record import Scene, is_driven, pair_count
 from .threads import Team, thread_range, update_max
 
@@ -41,24 +41,13 @@ def rebuild(team: Team, s: Scene, k: int):
 
 
 @wp.func
-def residual_at_driven(s: Scene, c: int) -> f64:
-    """Return the residual of a contact with a wall where one is driven [m/s] (eq. 30)."""
-    velocity, contact = s.grains.rebuilt_velocity, s.contacts.contact
-    i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
-    along = lever(s, j, n)
-    compliance = f64(1.0) + along * share_of_wall(s, i, j, n)
-    vn = wp.dot(at(velocity, i), n) - along * at(velocity, j)[0]
-    change = law.driven_correction(vn, at(s.contacts.dv, c), gap_rate_of(contact, c), compliance)
-    return compliance * wp.abs(change)
-
-
-@wp.func
 def residual_of(s: Scene, c: int) -> f64:
     """Return the residual of a contact [m/s]."""
     velocity, contact, dv = s.grains.rebuilt_velocity, s.contacts.contact, at(s.contacts.dv, c)
     if c >= pair_count(s):
         if is_driven(s):
-            return residual_at_driven(s, c)
+            change, compliance = missing_correction(s, velocity, c)
+            return compliance * wp.abs(change)
         v = at(velocity, first_of(contact, c))
         gap, back = gap_rates_now(s.contacts, c, v)
         return law.wall_residual(wp.dot(v, normal_of(contact, c)), dv, gap, back)

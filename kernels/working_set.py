@@ -13,7 +13,7 @@ import warp as wp
 from . import law
 from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, put, second_of, vn_of
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
-from .driven import lever
+from .driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, is_driven, pair_count
 from .stopping import reduce_max, stop_or_sweep
@@ -149,8 +149,7 @@ def select_driven_walls(s: Scene, begin: int, end: int):
     c = int(begin)
     while c < end:
         j, n = second_of(contact, c), normal_of(contact, c)
-        vn = wp.dot(at(velocity, first_of(contact, c)), n) - lever(s, j, n) * at(velocity, j)[0]
-        closing = vn - gap_rate_of(contact, c)
+        closing = closing_speed(s, velocity, first_of(contact, c), j, n) - gap_rate_of(contact, c)
         carries = at(s.contacts.dv, c) != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
         violation = larger(violation, wp.where(carries, f64(0.0), closing))
         if carries or closing + near > f64(0.0):

@@ -8,10 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import atan, cos, sin
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import warpgrains as wg
+from warpgrains.arrays import FloatArray
 from warpgrains.scenes import beverloo, janssen, run_out
 from warpgrains.scenes.closed_forms import acceleration_on_a_slope
 from warpgrains.scenes.exhibits import Numbers, draw_exhibits
@@ -26,24 +28,20 @@ STEPS = 0.02 * 2.0 ** -np.arange(4)
 """Time steps of the orders [s]."""
 
 
+def rolled(start: FloatArray, wall: wg.Segment, duration: float, **fields: Any) -> wg.Simulation:
+    """Return a disc that starts at rest on a straight wall, after a while [s]."""
+    scene = wg.Scene(position=[start], radius=RADIUS, mass=1.0, walls=[wall], tolerance=1e-12, **fields)
+    simulation = wg.Simulation(scene)
+    simulation.run(duration=duration)
+    return simulation
+
+
 def on_a_slope(tangent: float, friction: float, scheme: str = "leapfrog", dt: float = 0.01) -> wg.Simulation:
     """Return a disc after half a second on a straight wall of a slope."""
     theta = atan(tangent)
     along, up = np.array([cos(theta), -sin(theta)]), np.array([sin(theta), cos(theta)])
-    scene = wg.Scene(
-        position=[RADIUS * up],
-        radius=RADIUS,
-        mass=1.0,
-        radius_out=10.0,
-        walls=[wg.Segment(tuple(-5.0 * along), tuple(5.0 * along))],
-        friction=friction,
-        tolerance=1e-12,
-        scheme=scheme,
-        dt=dt,
-    )
-    simulation = wg.Simulation(scene)
-    simulation.run(duration=0.5)
-    return simulation
+    wall = wg.Segment(tuple(-5.0 * along), tuple(5.0 * along))
+    return rolled(RADIUS * up, wall, 0.5, radius_out=10.0, friction=friction, scheme=scheme, dt=dt)
 
 
 def way(simulation: wg.Simulation) -> float:
@@ -53,21 +51,9 @@ def way(simulation: wg.Simulation) -> float:
 
 def tilted(friction: float, dt: float, scheme: str = "leapfrog") -> wg.Simulation:
     """Return a disc on a level floor after 2 s, in which gravity has turned by 1 rad."""
-    scene = wg.Scene(
-        position=[[0.0, RADIUS]],
-        radius=RADIUS,
-        mass=1.0,
-        radius_out=20.0,
-        walls=[wg.Segment((-15.0, 0.0), (15.0, 0.0))],
-        gravity={"rotate": TILT},
-        friction=friction,
-        tolerance=1e-12,
-        scheme=scheme,
-        dt=dt,
-    )
-    simulation = wg.Simulation(scene)
-    simulation.run(duration=2.0)
-    return simulation
+    start, wall = np.array([0.0, RADIUS]), wg.Segment((-15.0, 0.0), (15.0, 0.0))
+    turning = {"rotate": TILT}
+    return rolled(start, wall, 2.0, radius_out=20.0, gravity=turning, friction=friction, scheme=scheme, dt=dt)
 
 
 def way_when_tilted(friction: float, time: float) -> float:
