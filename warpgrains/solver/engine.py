@@ -137,6 +137,12 @@ class Engine:
         self._records.pull(k)
         return self._memory[k]
 
+    def _pull_all(self) -> None:
+        """Copy all scenes from a GPU; on a CPU the host reads the memory of the kernels."""
+        if self._device.is_cuda:
+            for k in range(len(self.scenes)):
+                self._records.pull(k)
+
     def state(self, k: int) -> State:
         """Return the exact state of scene k."""
         return self._pulled(k).state(self.steps(k))
@@ -151,8 +157,7 @@ class Engine:
 
     def vectors(self, name: str) -> FloatArray:
         """Return a copy of "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
-        for k in range(len(self.scenes) * self._device.is_cuda):
-            self._records.pull(k)
+        self._pull_all()
         return self._records.stacked(f"grains.{name}", np.arange(len(self.scenes)))
 
     def driven(self, k: int) -> FloatArray:
@@ -307,8 +312,7 @@ class Engine:
     @property
     def outcomes(self) -> Outcomes:
         """Outcomes of the steps since `submit`; the next steps change them."""
-        for k in range(len(self.scenes) * self._device.is_cuda):
-            self._records.pull(k)
+        self._pull_all()
         return self._outcomes
 
     def history(self, k: int) -> StepHistory:
