@@ -123,65 +123,55 @@ def in_fours(sweeping: Callable[[int, bool], wp.Function]) -> wp.Function:
 sweep_pairs = in_fours(sweeping)
 
 
-@wp.func
-def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
-    """Correct contacts with walls from y, in place. Returns what `sweeping` does."""
-    velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
-    working = s.working
-    beta = s.momentum.state.beta
-    factor = relaxation_factor(s)
-    first_wall = pair_count(s)
-    total = wp.vec3d()
-    c = int(begin)
-    while c < end:
-        i, n = working_first_of(working.contact, c), working_normal_of(working.contact, c)
-        v = at(velocity, i)
-        x = at(working.dv, c)
-        y = x + beta * (x - at(working.last_dv, c))
-        vn = wp.dot(v, n)
-        limits = at(working.limits, c - first_wall)
-        gap = law.round_gap_rate(at(working.gap_rate, c), law.speed_along(v, n), limits[1])
-        new = law.projection(factor * vn, y, factor * gap, factor * limits[0])
-        dv = new - y
-        put(velocity, i, v - dv * n)
-        put(working.last_dv, c, x)
-        put(working.dv, c, new)
-        cost_y = law.wall_cost(y, gap, limits[0])
-        gain = dv * (vn - f64(0.5) * dv) - (law.wall_cost(new, gap, limits[0]) - cost_y)
-        rise = cost_y - law.wall_cost(x, gap, limits[0]) - ENOUGH * gain
-        mu = mass_in_phi(s.grains, s.contacts, i)
-        total = wp.vec3d(larger(total[0], wp.abs(dv)), total[1] + mu * rise, total[2] - mu * dv * (new - x))
-        c += 1
-    return total
+def sweeping_walls(driven: bool) -> wp.Function:
+    """Return the function that corrects contacts with walls from y, in place, and returns what `sweeping` does.
+
+    `driven`: a force drives one of the walls (eq. 29).
+    """
+
+    @wp.func(inline=not driven)
+    def sweep_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
+        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every contact
+        working = s.working
+        beta = s.momentum.state.beta
+        factor = relaxation_factor(s)
+        first_wall = pair_count(s)
+        total = wp.vec3d()
+        c = int(begin)
+        while c < end:
+            i, n = working_first_of(working.contact, c), working_normal_of(working.contact, c)
+            v, gap = at(velocity, i), at(working.gap_rate, c)
+            x = at(working.dv, c)
+            y = x + beta * (x - at(working.last_dv, c))
+            if wp.static(driven):
+                j = working_second_of(working.contact, c)
+                found = correct_wall(s, velocity, i, j, n, y, gap, factor)
+                dv, compliance = found[0], found[1]
+                new = y + dv
+                gain = dv * (found[2] - f64(0.5) * compliance * dv)
+                cost = gap * (y - x)
+            else:
+                limits, vn, compliance = at(working.limits, c - first_wall), wp.dot(v, n), f64(1.0)
+                gap = law.round_gap_rate(gap, law.speed_along(v, n), limits[1])
+                new = law.projection(factor * vn, y, factor * gap, factor * limits[0])
+                dv = new - y
+                cost_y = law.wall_cost(y, gap, limits[0])
+                gain = dv * (vn - f64(0.5) * dv) - (law.wall_cost(new, gap, limits[0]) - cost_y)
+                cost = cost_y - law.wall_cost(x, gap, limits[0])
+            put(velocity, i, v - dv * n)
+            put(working.last_dv, c, x)
+            put(working.dv, c, new)
+            mu = mass_in_phi(s.grains, s.contacts, i)
+            zeta, wide_dv = larger(total[0], compliance * wp.abs(dv)), compliance * dv
+            rise = total[1] + mu * (cost - ENOUGH * gain)
+            total = wp.vec3d(zeta, rise, total[2] - mu * wide_dv * (new - x))
+            c += 1
+        return total
+
+    return sweep_walls
 
 
-@wp.func(inline=False)
-def sweep_driven_walls(s: Scene, begin: int, end: int) -> wp.vec3d:
-    """Correct contacts with walls, one of which is driven, from y. Returns what `sweeping` does."""
-    velocity = s.grains.next_velocity
-    working = s.working
-    beta, factor = s.momentum.state.beta, relaxation_factor(s)
-    total = wp.vec3d()
-    c = int(begin)
-    while c < end:
-        i, j = working_first_of(working.contact, c), working_second_of(working.contact, c)
-        n = working_normal_of(working.contact, c)
-        v, gap_rate, x = at(velocity, i), at(working.gap_rate, c), at(working.dv, c)
-        ahead = beta * (x - at(working.last_dv, c))
-        found = correct_wall(s, velocity, i, j, n, x + ahead, gap_rate, factor)
-        dv, compliance = found[0], found[1]
-        put(velocity, i, v - dv * n)
-        put(working.last_dv, c, x)
-        put(working.dv, c, x + ahead + dv)
-        gain = dv * (found[2] - f64(0.5) * compliance * dv)
-        mu = mass_in_phi(s.grains, s.contacts, i)
-        total = wp.vec3d(
-            larger(total[0], compliance * wp.abs(dv)),
-            total[1] + mu * (gap_rate * ahead - ENOUGH * gain),
-            total[2] - mu * compliance * dv * (ahead + dv),
-        )
-        c += 1
-    return total
+sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
 
 
 def correcting_working_sets(

@@ -96,7 +96,7 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
 
     @wp.func
     def weights_of(s: Scene, c: int):
-        """Return the parts that grains and rims of i and j take, 1 / W, W and mu_c."""
+        """Return the parts that grains and rims of i and j take, 1 / K_t, K_t and mu_c."""
         share_i, share_j, mu = vector(), vector(), vector()
         rim_i, rim_j, narrow, wide = vector(), vector(), vector(), vector()
         for k in range(wp.static(count)):

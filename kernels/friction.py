@@ -57,7 +57,7 @@ def turn(s: Scene, i: int):
 
 @wp.func
 def rim_weights(s: Scene, c: int, at_wall: bool) -> wp.vec3d:
-    """Return 1 / W of a contact, and the parts of a tangential correction that its rims take (eq. 22)."""
+    """Return 1 / K_t of a contact, and the parts of a tangential correction that its rims take (eq. 22)."""
     if s.contacts.weights.shape[0] > 0:
         return at(s.contacts.rim_weights, c)
     if at_wall:

@@ -136,53 +136,46 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
 sweep_equal, sweep_weighted = sweeping(False), sweeping(True)
 
 
-@wp.func
-def sweep_walls(s: Scene, begin: int, end: int) -> f64:
-    """Correct contacts with walls, in place, and monitor their grains. Returns the largest |dv|."""
-    velocity = s.grains.next_velocity
-    contacts = s.contacts
-    large = least_monitored_correction(s)
-    zeta = f64(0.0)
-    c = int(begin)
-    while c < end:
-        i, n = first_of(contacts.contact, c), normal_of(contacts.contact, c)
-        v = at(velocity, i)
-        dv_before = at(contacts.dv, c)
-        gap, back = gap_rates_now(contacts, c, v)
-        dv = law.projection(wp.dot(v, n), dv_before, gap, back) - dv_before
-        put(velocity, i, v - dv * n)
-        put(contacts.dv, c, dv_before + dv)
-        zeta = larger(zeta, wp.abs(dv))
-        if wp.abs(dv) > large:
-            monitor(s, i, at(velocity, i))
-        c += 1
-    return zeta
+def sweeping_walls(driven: bool) -> wp.Function:
+    """Return the function that corrects contacts with walls, in place, and monitors their grains.
+
+    It returns the largest change. `driven`: a force drives one of the walls (eq. 29).
+    """
+
+    @wp.func(inline=not driven)
+    def sweep_walls(s: Scene, begin: int, end: int) -> f64:
+        velocity = s.grains.next_velocity
+        contacts = s.contacts
+        large = least_monitored_correction(s)
+        zeta = f64(0.0)
+        c = int(begin)
+        while c < end:
+            i, n = first_of(contacts.contact, c), normal_of(contacts.contact, c)
+            v = at(velocity, i)
+            dv_before = at(contacts.dv, c)
+            if wp.static(driven):
+                j = second_of(contacts.contact, c)
+                gap_rate = gap_rate_of(contacts.contact, c)
+                found = correct_wall(s, velocity, i, j, n, dv_before, gap_rate, f64(1.0))
+                dv, change = found[0], found[1] * wp.abs(found[0])
+                if change > f64(0.0):
+                    monitor(s, j, at(velocity, j))  # its changes add up: it has more contacts than a grain
+            else:
+                gap, back = gap_rates_now(contacts, c, v)
+                dv = law.projection(wp.dot(v, n), dv_before, gap, back) - dv_before
+                change = wp.abs(dv)
+            put(velocity, i, v - dv * n)
+            put(contacts.dv, c, dv_before + dv)
+            zeta = larger(zeta, change)
+            if change > large:
+                monitor(s, i, at(velocity, i))
+            c += 1
+        return zeta
+
+    return sweep_walls
 
 
-@wp.func(inline=False)
-def sweep_driven_walls(s: Scene, begin: int, end: int) -> f64:
-    """Correct contacts with walls, one of which is driven, as `sweep_walls` does (eq. 29)."""
-    velocity = s.grains.next_velocity
-    contacts = s.contacts
-    large = least_monitored_correction(s)
-    zeta = f64(0.0)
-    c = int(begin)
-    while c < end:
-        i, j = first_of(contacts.contact, c), second_of(contacts.contact, c)
-        n = normal_of(contacts.contact, c)
-        v, dv_before = at(velocity, i), at(contacts.dv, c)
-        gap_rate = gap_rate_of(contacts.contact, c)
-        found = correct_wall(s, velocity, i, j, n, dv_before, gap_rate, f64(1.0))
-        put(velocity, i, v - found[0] * n)
-        put(contacts.dv, c, dv_before + found[0])
-        change = found[1] * wp.abs(found[0])
-        zeta = larger(zeta, change)
-        if change > large:
-            monitor(s, i, at(velocity, i))
-        if change > f64(0.0):
-            monitor(s, j, at(velocity, j))  # its changes add up: it has more contacts than a grain
-        c += 1
-    return zeta
+sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
 
 
 def correcting_sets(

@@ -85,7 +85,7 @@ def tangent(n: wp.vec2d) -> wp.vec2d:
 def friction_correction(vt: f64, dvt: f64, limit: f64) -> f64:
     """Change of a contact's tangential correction dv_t [m/s] (eq. 23), whose size is at most the limit.
 
-    vt is the velocity at which the surfaces slip, divided by W of eq. 22.
+    vt is the velocity at which the surfaces slip, divided by K_t of eq. 22.
     """
     stuck = dvt + vt
     return wp.where(stuck > limit, limit, wp.where(stuck < -limit, -limit, stuck)) - dvt

@@ -30,9 +30,9 @@ def adapt_base_skin(s: Scene):
 
 @wp.func
 def renew_skin(s: Scene, i: int):
-    """Choose w_i, and skin_i: the base skin plus a multiple of the need of this step or of the last.
+    """Choose v0_i, and skin_i: the base skin plus a multiple of the need of this step or of the last.
 
-    A Gauss-Seidel step that resumes keeps its w_i, with u, and its peaks; otherwise w_i is the grain's
+    A Gauss-Seidel step that resumes keeps its v0_i, with v_f, and its peaks; otherwise v0_i is the grain's
     velocity now. An accelerated step that resumes needs the skin for its remaining sweeps only.
     """
     w = at(s.grains.next_velocity, i)

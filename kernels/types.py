@@ -96,7 +96,7 @@ class Contacts:
     wall_speed: Floats  # of contacts with walls: that of the surface [m/s] (eq. 23); empty if none moves
     dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
     dvt_start: Floats  # those with which a step starts
-    rim_weights: wp.array(dtype=wp.vec3d)  # 1 / W, and parts for the rims of i and j (eq. 22); as `weights`
+    rim_weights: wp.array(dtype=wp.vec3d)  # 1 / K_t, and parts for the rims of i and j (eq. 22); as `weights`
     set_start: Ints  # first contact of every set of `stages.Sets`, and the end of the last
     count: ContactCount
 
@@ -131,7 +131,7 @@ class CellGrid:
     grain: Ints
     x: Floats  # [m]
     y: Floats  # [m]
-    velocity: Vectors  # w_i beside their mean [m/s]
+    velocity: Vectors  # v0_i beside their mean [m/s]
     skin: Floats  # with the radius [m]
     extent: Floats  # [m]
 
@@ -142,7 +142,7 @@ class VerletNumbers:
 
     frame_velocity: wp.vec2d  # u [m/s]
     frame_shift: wp.vec2d  # path of the frame since the list was built [m]
-    mean_velocity: wp.vec2d  # of the reference velocities w_i [m/s]
+    mean_velocity: wp.vec2d  # of the reference velocities v0_i [m/s]
     base_skin: f64  # [m]
     frame_skin: f64  # how far the frame may have come [m]
     unmonitored_change: f64  # most that a velocity may have changed since it was last looked at [m/s]
@@ -170,7 +170,7 @@ class Verlet:
     recent_deviation: Floats  # p_i of the last step [m/s]
     skin: Floats  # how far it may stray without meeting an absent contact [m]
     reference_position: Vectors  # when the list was built [m]
-    reference_velocity: Vectors  # w_i [m/s]
+    reference_velocity: Vectors  # v0_i [m/s]
     numbers: VerletNumbers
     flags: VerletFlags
 

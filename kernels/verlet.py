@@ -1,19 +1,19 @@
 """The Verlet list's check: the proof that a pair or wall left out of the list would have done nothing.
 
-When the list was built, grain i had about the reference velocity w_i. In a frame that moves with velocity u
-in addition to the w_i, let s_i be its displacement since from its straight path, and p_i its peak deviation,
-the largest |v_i - w_i - u| that it has had in the contact iteration. The list holds every pair with
+When the list was built, grain i had about the reference velocity v0_i. In a frame that moves with velocity v_f
+in addition to the v0_i, let s_i be its displacement since from its straight path, and p_i its peak deviation,
+the largest |v_i - v0_i - v_f| that it has had in the contact iteration. The list holds every pair with
 
-    gap <= lifetime |w_i - w_j| + skin_i + skin_j
+    gap <= lifetime |v0_i - v0_j| + skin_i + skin_j
 
 as the gaps were then. A pair acts only if (v_i - v_j) . n > gap / dt. So as long as
 
     s_i + dt p_i <= skin_i  for every grain i,    and    elapsed + dt <= lifetime,
 
-an absent pair has gap >= dt (|w_i - w_j| + p_i + p_j) >= dt (v_i - v_j) . n at all times and stays silent;
+an absent pair has gap >= dt (|v0_i - v0_j| + p_i + p_j) >= dt (v_i - v_j) . n at all times and stays silent;
 leaving it out gives the same bits (MODEL.md, eq. 11). The walls do not move with the frame: for them the path
-of the frame itself is added. A wall that a force drives (driven.py) has a w, a displacement, a peak and a
-skin like a grain, and there is no frame: u = 0.
+of the frame itself is added. A wall that a force drives (driven.py) has a v0, a displacement, a peak and a
+skin like a grain, and there is no frame: v_f = 0.
 
 p_i is updated after every correction that is large. The small ones of a sweep change no velocity by more than
 max_row_sum times the largest of them, where max_row_sum is the largest sum of a grain's shares of its
@@ -35,7 +35,7 @@ f64 = wp.float64
 
 @wp.func
 def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
-    """Return v_i - w_i - u [m/s]."""
+    """Return v_i - v0_i - v_f [m/s]."""
     return velocity - at(s.verlet.reference_velocity, i) - s.verlet.numbers.frame_velocity
 
 
@@ -91,7 +91,7 @@ def peak_of(s: Scene, i: int) -> f64:
 
 @wp.func
 def stayed_silent(s: Scene, i: int, j: int) -> bool:
-    """Return whether a contact cannot have acted in the iterations so far (eq. 11b), with u in the w_i."""
+    """Return whether a contact cannot have acted in the iterations so far (eq. 11b), with v_f in the v0_i."""
     x, radius, n = at(s.grains.position, i), at(s.grains.radius, i), grain_count(s)
     if j >= n:
         path = s.dt * (wp.length(at(s.verlet.reference_velocity, i)) + peak_of(s, i))
@@ -122,9 +122,9 @@ def clear_check(s: Scene):
 
 @wp.func
 def find_frame(s: Scene):
-    """Find u, the mean of v_i - w_i: a motion common to all grains, such as a fall, changes no gap.
+    """Find v_f, the mean of v_i - v0_i: a motion common to all grains, such as a fall, changes no gap.
 
-    In an attempt that resumes with a new list, the w_i include it already. Driven walls do not move with it.
+    In an attempt that resumes with a new list, the v0_i include it already. Driven walls do not move with it.
     """
     n = grain_count(s)
     u = wp.vec2d(f64(0.0), f64(0.0))

@@ -272,7 +272,7 @@ class Scene(SceneFields, Shown):
 
     @property
     def has_equal_shares(self) -> bool:
-        """True if grains take equal shares of every correction, and W = 3 in eq. 22."""
+        """True if grains take equal shares of every correction, and K_t = 3 in eq. 22."""
         if self.has_driven_walls:
             return False
         if not self.has_friction:
