@@ -124,9 +124,9 @@ sweep_pairs = in_fours(sweeping)
 
 
 def sweeping_walls(driven: bool) -> wp.Function:
-    """Return the function that corrects contacts with walls from y, in place, and returns what `sweeping` does.
+    """Return the function that corrects contacts with walls from y, in place.
 
-    `driven`: a force drives one of the walls (eq. 29).
+    It returns what that of `sweeping` does. `driven`: a force drives one of the walls (eq. 29).
     """
 
     @wp.func(inline=not driven)

@@ -1,8 +1,9 @@
 """The Verlet list's check: the proof that a pair or wall left out of the list would have done nothing.
 
-When the list was built, grain i had about the reference velocity v0_i. In a frame that moves with velocity v_f
-in addition to the v0_i, let s_i be its displacement since from its straight path, and p_i its peak deviation,
-the largest |v_i - v0_i - v_f| that it has had in the contact iteration. The list holds every pair with
+When the list was built, grain i had about the reference velocity v0_i. In a frame that moves with velocity
+v_f in addition to the v0_i, let s_i be its displacement since from its straight path, and p_i its peak
+deviation, the largest |v_i - v0_i - v_f| that it has had in the contact iteration. The list holds every pair
+with
 
     gap <= lifetime |v0_i - v0_j| + skin_i + skin_j
 
