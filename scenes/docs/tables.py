@@ -12,7 +12,7 @@ from warpgrains.cli.scenes import keys, wall_keys
 from warpgrains.scene.radii import KEYS as DISTRIBUTIONS
 from warpgrains.scene.radii import OF_MEAN
 from warpgrains.sweep import axes, sweep
-from warpgrains.sweep.results import MEANINGS, UNITS
+from warpgrains.sweep.results import COLUMNS
 
 _TABLE = re.compile(r"(?<=<!-- table: )(\w+)( -->\n).*?(?=<!-- end of table -->)", re.S)
 
@@ -51,8 +51,8 @@ def _quantities() -> Iterable[Sequence[str]]:
 
 def _columns() -> Iterable[Sequence[str]]:
     yield "column", "unit", "meaning"
-    for name, unit in UNITS.items():
-        yield f"`{name}`", unit or "1", MEANINGS[name]
+    for name, column in COLUMNS.items():
+        yield f"`{name}`", column.unit or "1", column.meaning
 
 
 def _of_docstring(text: str | None) -> Iterable[Sequence[str]]:

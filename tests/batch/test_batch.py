@@ -13,10 +13,12 @@ from sample_scenes import random_scene
 
 from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.batch import resident
-from warpgrains.batch.resident import ResidentSet
+from warpgrains.batch.resident import Ending, ResidentSets
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS, ORDERS
+from warpgrains.simulation.until import criterion
 from warpgrains.solver import sizes, tuning
+from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.tuning import find_device
 
 LARGE = 9  # of the mixed scenes
@@ -119,8 +121,8 @@ def test_scenes_with_other_walls_end_in_other_groups() -> None:
     """Their arrays of forces on walls have other shapes."""
     course = Scene.load("annulus")
     scenes = course, course.replace(walls=[Disc((0.0, -1.0), 0.1)]), course.replace(drag=0.2)
-    resident = ResidentSet(dict(enumerate(scenes)), find_device("cpu"), threads=1, team=1)
-    resident.advance([200] * 3, lambda _: None)
+    resident = ResidentSets(scenes, find_device("cpu"), threads=1)
+    assert len(list(resident.advance([200] * 3, lambda _: None))) == 1
     groups = [(numbers.tolist(), engine.ends(at)) for engine, numbers, at in resident.by_shape()]
     assert [(numbers, ends.grains.wall_force.shape) for numbers, ends in groups] == [
         ([0, 2], (2, 15, 2)),
@@ -201,6 +203,15 @@ class TestUntil:
         assert summaries[0].error is not None
         assert "step 20, from t = 0.19 s: not converged" in summaries[0].error
         assert (summaries[1].met, summaries[1].error) == (True, None)
+
+    def test_belongs_to_a_scene_by_its_number(self) -> None:
+        scenes = [Scene.load("annulus")] * 3
+        sets, statistics = ResidentSets(scenes, find_device("cpu"), threads=1), RunStatistics()
+        end = criterion(lambda scene: scene.steps >= 20, scenes[1])
+        (last,) = sets.advance([5, 50, 35], lambda _: None, {1: Ending(end, statistics)})
+        assert [last.done(k).statistics.steps for k in range(3)] == [5, 20, 35]
+        assert last.done(1).statistics is statistics
+        assert [sets.state(k).steps for k in range(3)] == [5, 20, 35]
 
     def test_bad_criterion_is_refused(self) -> None:
         scene = Scene.load("annulus")

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpgrains.drawing.frames import Frame
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recorder import Recorder
 
@@ -49,7 +50,7 @@ def record(grains: int, frames: int, suffix: str) -> tuple[float, float, float]:
         for frame in range(frames):
             position, faster = scene.position + 1e-4 * frame * velocity, (1 + 1e-4 * frame) * velocity
             start = time.perf_counter()
-            recorder.record(position, faster)
+            recorder.record(Frame(position, faster))
             seconds += time.perf_counter() - start
         start = time.perf_counter()
         recorder.close()

@@ -13,7 +13,8 @@ from walls_seen import View
 
 from warpgrains import InputError, Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colors import Frame, GrainColors, mark_color
+from warpgrains.drawing.colors import GrainColors, mark_color
+from warpgrains.drawing.frames import Frame
 from warpgrains.pictures.film import Film
 from warpgrains.pictures.shots import Painter
 
@@ -118,7 +119,7 @@ def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
 
     def interrupted():
         with Film(path, scene, 50, painter) as film:
-            film.record(scene.position, scene.velocity)
+            film.record(Frame(scene.position, scene.velocity))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

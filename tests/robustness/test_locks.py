@@ -13,6 +13,7 @@ from command import exit_code, require_refusal
 from recordings import make_frames, make_scene, record
 
 from warpgrains import InputError, Scene, Simulation, locks
+from warpgrains.drawing.frames import Frame
 from warpgrains.errors import OutputError
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -159,7 +160,7 @@ class TestRun:
 class TestPython:
     def test_recorder(self, tmp_path):
         with Recorder(tmp_path / "run.usdc", make_scene(), 60) as recorder:
-            recorder.record(*make_frames(1)[0])
+            recorder.record(Frame(*make_frames(1)[0]))
             with pytest.raises(OutputError, match="is being written by process"):
                 Recorder(tmp_path / "run.usdc", make_scene(), 60)
             recorder.flush()

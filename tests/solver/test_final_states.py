@@ -28,7 +28,7 @@ def test_same_as_one_by_one(which, moved):
     ends = engine.ends(np.array(which, np.int64))
     assert len(ends.dt) == len(which)
     for place, k in enumerate(which):
-        state, scene, statistics = engine.state(k), scenes[k], engine.outcomes.statistics(k)
+        state, scene, statistics = engine.state(k), scenes[k], engine.last_steps.statistics(k)
         expected = {
             "mass": scene.mass,
             "radius": scene.radius,

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpgrains.drawing.frames import Frame
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recorder import Recorder
 
@@ -29,7 +30,7 @@ def main(output, grains, frames, counter):
     recorder = Recorder(output, scene_of(grains), 50, draw_as="points")
     with Path(counter).open("wb", buffering=0) as count, recorder:
         for number in range(frames):
-            recorder.record(*frame(number, grains))
+            recorder.record(Frame(*frame(number, grains)))
             count.seek(0)
             count.write(recorder.frames.to_bytes(8, "little"))
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import UsdGeom
 
+from warpgrains.drawing.frames import Frame
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recorder import Recorder
 
@@ -60,7 +61,7 @@ def record(path, frames, scene=None, **options):
     with points_recorder(path, scene or make_scene(), **options) as recorder:
         for seed, (position, velocity) in enumerate(frames):
             contacts = make_contacts(seed) if recorder.needs_contacts else ()
-            recorder.record(position, velocity, *contacts)
+            recorder.record(Frame(position, velocity, *contacts))
     return path
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.cli.main import main
-from warpgrains.sweep import runner, sizes
+from warpgrains.sweep import execution, long
 
 SMALL = """
 scene = "annulus"
@@ -64,8 +64,8 @@ class Slices:
 
     def __init__(self, patch):
         self.left, self.steps = 1_000, []
-        patch.setattr(runner, "BETWEEN_CHECKPOINTS", 0.0)
-        patch.setattr(sizes, "GROWTH", 1)
+        patch.setattr(long, "BETWEEN_CHECKPOINTS", 0.0)
+        patch.setattr(execution, "GROWTH", 1)
         advance = ResidentSets.advance
 
         def advance_or_die(sets, steps, *arguments):

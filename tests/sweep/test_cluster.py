@@ -13,8 +13,8 @@ from distributed import LocalCluster
 from sweeps import SMALL, batch, table, write
 
 from warpgrains.sweep import cluster
-from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.sweep import Run
+from warpgrains.sweep.sweep_folder import SweepFolder
 
 LONG = """
 scene = "annulus"

@@ -12,16 +12,15 @@ from trimmed import trimmed
 
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
-from warpgrains.sweep import folder as sweep_folder
-from warpgrains.sweep import short
-from warpgrains.sweep.grouped_run import GroupedRun
+from warpgrains.sweep import short, sweep_folder
+from warpgrains.sweep.long import LongRun
 
 DRIVER = """
 import sys
 from warpgrains.cli.main import main
-from warpgrains.sweep import runner, short
-short.SHORT, short.WIDTH, runner.FIRST_WIDTH, runner.WIDTH, runner.SLICE = {short}, {width}, {width}, 4, 0.02
-runner.BETWEEN_CHECKPOINTS = 0.5 if "--usd" in sys.argv else 0.05
+from warpgrains.sweep import long, runner, short
+short.SHORT, short.WIDTH, runner.FIRST_WIDTH, long.WIDTH, long.SLICE = {short}, {width}, {width}, 4, 0.02
+long.BETWEEN_CHECKPOINTS = 0.5 if "--usd" in sys.argv else 0.05
 sys.exit(main(sys.argv[1:]))
 """
 MANY = """
@@ -83,13 +82,13 @@ def test_killed_while_shards_are_written(tmp_path, moments):
 
 def test_what_failed_once_stays_failed(tmp_path, slices, monkeypatch):
     """Even if it could go on later, such as when there is memory again: it has missed steps."""
-    count = GroupedRun.count
+    count = LongRun.count
 
     def fail_once(run, done):
         fails = len(slices.steps) == 2 and run.folder.number == 0
         count(run, done._replace(error="no room") if fails else done)
 
-    monkeypatch.setattr(GroupedRun, "count", fail_once)
+    monkeypatch.setattr(LongRun, "count", fail_once)
     assert batch(write(tmp_path), "-o", tmp_path / "out", "--folders") == 1
     errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
     assert errors[:2] == ["no room", ""]

@@ -8,8 +8,8 @@ import pytest
 from sweeps import batch, results, table, write
 
 from warpgrains import Scene, Simulation
-from warpgrains.sweep.folder import SweepFolder
 from warpgrains.sweep.results import Columns
+from warpgrains.sweep.sweep_folder import SweepFolder
 
 SWEEP = """
 scene = "annulus"

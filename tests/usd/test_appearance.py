@@ -20,7 +20,6 @@ from warpgrains.drawing.colors import (
     COLORMAPS,
     LEVELS,
     PALETTE,
-    Frame,
     GrainColors,
     colormap,
     encoded,
@@ -29,6 +28,7 @@ from warpgrains.drawing.colors import (
     pressure_scale,
     speed_scale,
 )
+from warpgrains.drawing.frames import Frame
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder
 
@@ -233,7 +233,7 @@ class TestForceChains:
     def test_may_be_none(self, tmp_path):
         scene = make_scene()
         with Recorder(tmp_path / "run.usdc", scene, 60, forces=True) as recorder:
-            recorder.record(scene.position, scene.velocity, *no_contacts([]))
+            recorder.record(Frame(scene.position, scene.velocity, *no_contacts([])))
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
         assert len(stage.GetAttributeAtPath(f"{FORCES}.points").Get(0)) == 0
         assert RecordingReader(tmp_path / "run.usdc").chains(0).ends.shape == (0, 2, 2)

@@ -17,7 +17,8 @@ from recordings import RADIUS, make_scene, record
 
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
-from warpgrains.drawing.colors import Frame, GrainColors, mark_color, speed_scale
+from warpgrains.drawing.colors import GrainColors, mark_color, speed_scale
+from warpgrains.drawing.frames import Frame
 from warpgrains.usd.recorder import Recorder
 
 pytestmark = pytest.mark.blender
@@ -129,7 +130,7 @@ class TestAsOpened:
         angles = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [1.5, -1.0, 7.0, 0.3, -2.0]])
         with Recorder(path, scene, 50, draw_as=draw_as, color_by="palette") as recorder:
             for angle in angles:
-                recorder.record(scene.position, scene.velocity, spin=angle, angle=angle)
+                recorder.record(Frame(scene.position, scene.velocity, spin=angle, angle=angle))
         pictures, _ = rendered(path, [0, 1], "Standard")
         colors = GrainColors(scene, "palette").colors[:5]
         for picture, angle in zip(pictures, angles, strict=True):

@@ -6,6 +6,7 @@ import pytest
 from pxr import Sdf, Usd
 from recordings import grains_of, make_frames, make_scene, points_recorder, record
 
+from warpgrains.drawing.frames import Frame
 from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.usd.check import inspect_recording
@@ -69,7 +70,7 @@ class TestLog:
         frames = make_frames(9)
         with points_recorder(tmp_path / "run.usdc", make_scene()) as recorder:
             for frame in frames[:3]:
-                recorder.record(*frame)
+                recorder.record(Frame(*frame))
             before = recorder.log.read_bytes()
             file = recorder._frames._file
 
@@ -85,11 +86,11 @@ class TestLog:
             with monkeypatch.context() as patch:
                 patch.setattr(recorder._frames, "_file", FullDisk())
                 with pytest.raises(OSError, match=r"run.usdc.frames' cannot be written: No space left"):
-                    recorder.record(*frames[3])
+                    recorder.record(Frame(*frames[3]))
             assert recorder.log.read_bytes() == before
             assert recorder.frames == 3
             for frame in frames[3:]:
-                recorder.record(*frame)
+                recorder.record(Frame(*frame))
         require_frames(tmp_path / "run.usdc", frames)
 
 
@@ -153,7 +154,7 @@ class TestNothingIsLost:
     def test_frames_lost_from_the_log_during_the_run_are_noticed(self, tmp_path):
         recorder = points_recorder(tmp_path / "run.usdc", make_scene())
         for frame in make_frames(12):
-            recorder.record(*frame)
+            recorder.record(Frame(*frame))
         with recorder.log.open("r+b") as file:
             file.truncate(ends_of_records(recorder.log)[8])
         with pytest.raises(
@@ -188,12 +189,12 @@ class TestResume:
         frames, path = make_frames(11), tmp_path / "run.usdc"
         killed = points_recorder(path, make_scene())
         for frame in frames[:10]:
-            killed.record(*frame)
+            killed.record(Frame(*frame))
         del killed  # and with it its lock
         with points_recorder(path, make_scene(), resume_at=6) as recorder:
             assert recorder.frames == 6
             for frame in frames[6:]:
-                recorder.record(*frame)
+                recorder.record(Frame(*frame))
         require_frames(path, frames)
         whole = record(tmp_path / "whole.usdc", frames)
         assert path.read_bytes() == whole.read_bytes()
@@ -206,7 +207,7 @@ class TestResume:
         path = record(tmp_path / f"run{suffix}", frames[:8])
         with points_recorder(path, make_scene(), resume_at=6) as recorder:
             for frame in frames[6:]:
-                recorder.record(*frame)
+                recorder.record(Frame(*frame))
         require_frames(path, frames)
         assert path.read_bytes() == whole.read_bytes()
 

@@ -9,7 +9,7 @@ from recordings import GRAINS, RADIUS, grains_of, make_frames, make_scene, recor
 import warpgrains
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.colors import speed_scale
-from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.check import inspect_recording
@@ -53,7 +53,7 @@ class TestTimes:
         times, velocity = FrameTimes.of(0.01, fps), np.array([[1.0, -2.0]])
         for k in range(2 * fps + 1):
             state = times.step(k) * 0.01 * velocity
-            frame = times.frame(k, state, velocity)
+            frame = times.shown(k, Frame(state, velocity))
             assert np.allclose(frame.position, k / fps * velocity, rtol=0, atol=1e-14)
             if (k * 100) % fps == 0:
                 assert frame.position is state
@@ -171,7 +171,7 @@ class TestRecord:
         with Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="points") as recorder:
             for frame in frames:
                 buffer[:] = frame
-                recorder.record(*buffer)
+                recorder.record(Frame(*buffer))
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
         written = np.array([grains_of(stage).GetPointsAttr().Get(code) for code in range(3)])
         assert np.array_equal(written[:, :, :2], frames[:, 0].astype(np.float32))
@@ -179,7 +179,7 @@ class TestRecord:
     def test_arrays_of_another_shape_are_refused(self, tmp_path):
         recorder = Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="points")
         with pytest.raises(ValueError, match=re.escape("(5, 2), not (4, 2)")):
-            recorder.record(np.zeros((4, 2)), np.zeros((5, 2)))
+            recorder.record(Frame(np.zeros((4, 2)), np.zeros((5, 2))))
         with pytest.raises(ValueError, match="no frame was recorded"):
             recorder.close()
         assert list(tmp_path.iterdir()) == []
@@ -189,7 +189,7 @@ class TestRecord:
         recorder = Recorder(tmp_path / "run.usdc", make_scene(), 60, **options)
         assert recorder.needs_contacts
         with pytest.raises(ValueError, match="needs contacts and wall_contacts"):
-            recorder.record(*make_frames(1)[0])
+            recorder.record(Frame(*make_frames(1)[0]))
 
 
 class TestOutput:

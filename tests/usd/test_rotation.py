@@ -13,8 +13,8 @@ from recordings import GRAINS, make_frames, make_scene
 import warpgrains as wg
 from warpgrains import Scene, SceneError, Simulation
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.colors import Frame, GrainColors, encoded, mark_color, spin_scale
-from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.colors import GrainColors, encoded, mark_color, spin_scale
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.mobilized import mobilized
 from warpgrains.drawing.shapes import Shape, disc, mark, sphere
 from warpgrains.solver.forces import PairContacts, WallContacts
@@ -118,7 +118,7 @@ def test_grains_turn_on_within_a_step() -> None:
     times, spin = FrameTimes.of(0.01, 24), np.array([2.0, -3.0])
     still = np.zeros((2, 2))
     for k in range(49):
-        frame = times.frame(k, still, still, spin=spin, angle=times.step(k) * 0.01 * spin)
+        frame = times.shown(k, Frame(still, still, spin=spin, angle=times.step(k) * 0.01 * spin))
         assert_allclose(frame.angle, k / 24 * spin, rtol=0, atol=1e-14)
 
 
@@ -220,6 +220,7 @@ def test_colors_of_friction_need_it(tmp_path: Path, color_by: str, name: str) ->
     simulation = Simulation(Scene.load("annulus"))
     with pytest.raises(SceneError, match=f"^color_by is '{color_by}': it needs a scene with friction$"):
         simulation.run(steps=2, record=tmp_path / name, color_by=color_by)
+    assert simulation.steps == 0
     assert list(tmp_path.iterdir()) == []
 
 
@@ -259,7 +260,7 @@ def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str
     def write(path: Path, which: range, resume_at: int | None = None) -> None:
         with Recorder(path, scene, 50, draw_as=draw_as, resume_at=resume_at) as recorder:
             for k in which:
-                recorder.record(*frames[k], spin=still + k, angle=still + 0.3 * k)
+                recorder.record(Frame(*frames[k], spin=still + k, angle=still + 0.3 * k))
 
     write(paths[0], range(6))
     write(paths[1], range(4))
@@ -276,7 +277,7 @@ def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str
 def interrupted(path: Path, scene: Scene, frames: Any, draw_as: str) -> None:
     with Recorder(path, scene, 50, draw_as=draw_as) as recorder:
         for k, frame in enumerate(frames):
-            recorder.record(*frame, spin=np.full(5, float(k)), angle=np.full(5, 0.3 * k))
+            recorder.record(Frame(*frame, spin=np.full(5, float(k)), angle=np.full(5, 0.3 * k)))
         raise KeyboardInterrupt
 
 
@@ -291,7 +292,7 @@ def interrupted(path: Path, scene: Scene, frames: Any, draw_as: str) -> None:
 def test_a_frame_without_rotation_is_refused(tmp_path: Path, rotation: Any, complaint: str) -> None:
     recorder = Recorder(tmp_path / "run.usdc", make_scene(friction=0.3), 50)
     with pytest.raises(ValueError, match=complaint):
-        recorder.record(*make_frames(1)[0], **rotation)
+        recorder.record(Frame(*make_frames(1)[0], **rotation))
 
 
 def shorten_angles(grains: Usd.Prim) -> None:

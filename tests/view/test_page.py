@@ -12,7 +12,8 @@ from same_bits import contents
 from walls_seen import View
 
 from warpgrains import Scene, Simulation
-from warpgrains.drawing.colors import Frame, GrainColors, mark_color
+from warpgrains.drawing.colors import GrainColors, mark_color
+from warpgrains.drawing.frames import Frame
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.view.page import Page
 from warpgrains.view.players import Recorded

@@ -12,7 +12,7 @@ from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.analysis.tabulated import TABLES, columns_of, contact_variables
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_normals
-from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene

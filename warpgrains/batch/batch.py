@@ -1,14 +1,14 @@
 """`Batch`: many scenes advanced together on one device, with the results of each alone."""
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import Ending, ResidentSets, SetOutcomes
+from warpgrains.batch.resident import Ending, ResidentSets, SetSteps
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
@@ -124,7 +124,7 @@ class Batch(Shown):
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
         self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
-        self._stepped: dict[int, SetOutcomes] = {}  # in which scenes took their last steps
+        self._stepped: dict[int, SetSteps] = {}  # in which scenes took their last steps
         self._restored: dict[int, StepReport | None] = {}
         self._use = ExclusiveUse("batch")
 
@@ -158,8 +158,8 @@ class Batch(Shown):
             A number of some scene is no longer finite (that scene keeps the state before the step, and the
             other scenes have advanced), or another thread advances this batch.
         """
-        outcomes = self._advance([1] * len(self), lambda _: None)
-        errors = sorted(error for each in outcomes for error in each.errors.items())
+        sets = self._advance([1] * len(self), lambda _: None)
+        errors = sorted(error for last in sets for error in last.errors.items())
         if errors:
             raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors))
         return cast(Results[StepReport], self.reports)
@@ -184,7 +184,7 @@ class Batch(Shown):
         progress : bool
             Whether to show a progress bar on standard error.
         until : str or callable, optional
-            Criterion that ends each scene early, as in `Simulation.run`: "rest", or a callable. The callable
+            End criterion of each scene, as in `Simulation.run`: "rest", or a callable. The callable
             receives a scene of the batch, with the attributes `scene`, `steps`, `time`, `position`,
             `velocity` and the method `state` of a `Simulation`.
 
@@ -196,14 +196,16 @@ class Batch(Shown):
         Raises
         ------
         InputError
-            `steps` is invalid, or `until` is no criterion for one of the scenes.
+            `steps` is invalid, or `until` is no end criterion for one of the scenes.
         """
         wanted = self._steps_of_each(steps, duration)
-        criteria = [] if until is None else [criterion(until, scene) for scene in self.scenes]
-        endings = [(found, RunStatistics()) for found in criteria if found is not None]
+        endings = {}
+        if until is not None:
+            own = enumerate(self.scenes)
+            endings = {k: Ending(criterion(until, scene), RunStatistics()) for k, scene in own}
         with progress_bar(sum(wanted), shown=progress) as bar:
-            outcomes = self._advance(wanted, bar.update, endings or None)
-        of_scene = {k: each for each in outcomes for k in each.place}
+            sets = self._advance(wanted, bar.update, endings)
+        of_scene = {k: last for last in sets for k in last.place}
 
         def summary(k: int) -> SceneSummary:
             done = of_scene[k].done(k)
@@ -223,14 +225,14 @@ class Batch(Shown):
         return [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
 
     def _advance(
-        self, steps: list[int], on_progress: OnProgress, endings: list[Ending] | None = None
-    ) -> list[SetOutcomes]:
-        """Advance each scene, see `ResidentSet.advance`, and keep the outcomes of the last steps."""
+        self, steps: list[int], on_progress: OnProgress, endings: Mapping[int, Ending] | None = None
+    ) -> list[SetSteps]:
+        """Advance each scene, see `ResidentSets.advance`, and keep the record of its last steps."""
         with self._use.advancing():
-            outcomes = [each.outcomes for each in self._sets.advance(steps, on_progress, endings)]
-            for each in outcomes:
-                self._stepped |= dict.fromkeys(each.stepped, each)
-        return outcomes
+            sets = list(self._sets.advance(steps, on_progress, endings))
+            for last in sets:
+                self._stepped |= dict.fromkeys(last.stepped, last)
+        return sets
 
     @property
     def reports(self) -> Results[StepReport | None]:

@@ -4,7 +4,7 @@ Scenes are divided into sets that fit in memory together. One set at a time is r
 kept as states.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from typing import NamedTuple
 
@@ -18,8 +18,9 @@ from warpgrains.simulation.until import Criterion, steps_to_test
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
+from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.memory import free_memory, require_memory
-from warpgrains.solver.outcomes import Outcomes
+from warpgrains.solver.present import PresentState
 from warpgrains.solver.service import exact_solver
 from warpgrains.solver.sizes import Counts, Sizes
 from warpgrains.solver.statistics import RunStatistics, StepReport
@@ -27,183 +28,69 @@ from warpgrains.solver.tuning import paying_threads
 
 SHARE = 0.5  # largest fraction of the free memory for a resident set
 
-Ending = tuple[Criterion, RunStatistics]
-"""Stopping criterion of a scene, and the statistics of its run, which are updated."""
+
+class Ending(NamedTuple):
+    """End criterion of a scene, and the statistics of its run, which are updated."""
+
+    criterion: Criterion | None
+    statistics: RunStatistics
 
 
 class StepsDone(NamedTuple):
-    """Statistics of the last steps of scene k, its last report, and the reason of an early stop, if any."""
+    """Statistics of the last steps of a scene, its last report, and the reason of an early stop, if any."""
 
-    k: int
     statistics: RunStatistics
     report: StepReport | None
     error: str | None
 
 
-class ResidentScene:
-    """A scene in memory. Callables that test for the end of its run receive it.
+class SetSteps(NamedTuple):
+    """The last steps of the scenes of a set. Later steps do not change the record."""
 
-    Attributes
-    ----------
-    scene : Scene
-    """
-
-    def __init__(self, scene: Scene, engine: Engine, index: int):
-        self.scene, self._engine, self._index = scene, engine, index
-
-    @property
-    def steps(self) -> int:
-        """Time steps since the start."""
-        return self._engine.steps(self._index)
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self.steps * self.scene.dt
-
-    @property
-    def position(self) -> FloatArray:
-        """Centers of the grains [m], shape (n, 2); a copy."""
-        return self._engine.grains(self._index, "position")
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocities of the grains [m/s], shape (n, 2); a copy."""
-        return self._engine.grains(self._index, "velocity")
-
-    def state(self) -> State:
-        """Return the exact state, see `Batch.state`."""
-        return self._engine.state(self._index)
-
-    def load(self, state: State) -> None:
-        """Load a state, from which the scene continues."""
-        self._engine.load(self._index, state)
-
-
-class SetOutcomes(NamedTuple):
-    """Outcomes of the scenes of a set in the last `ResidentSet.advance`. Later steps do not change them."""
-
-    engines: list[Outcomes]
+    engines: list[tuple[LastSteps, list[int]]]
+    """The last steps of the scenes of each engine, and the numbers of these scenes in the batch."""
     place: dict[int, tuple[int, int]]
     """Of every scene, by its number in the batch: its engine, and its index there."""
     ended: dict[int, StepsDone]
-    """Of scenes with a criterion: what they did in the whole run."""
+    """What the scenes did in several launches, if one of them has an end criterion."""
 
     @property
     def errors(self) -> dict[int, str]:
         """Reasons why scenes stopped early."""
-        if not any(outcomes.errors for outcomes in self.engines):
-            return {}
-        errors = {k: self.engines[engine].errors.get(index) for k, (engine, index) in self.place.items()}
-        return {k: error for k, error in errors.items() if error is not None}
+        return {numbers[k]: error for last, numbers in self.engines for k, error in last.errors.items()}
 
     @property
-    def stepped(self) -> Iterable[int]:
+    def stepped(self) -> list[int]:
         """Scenes that took at least one step."""
         if self.ended:
             return [k for k, done in self.ended.items() if done.report is not None]
-        if all(outcomes.sums["steps"].all() for outcomes in self.engines):
-            return self.place
-        return [k for k, (engine, index) in self.place.items() if self.engines[engine].sums["steps"][index]]
+        taken = [(last.sums["steps"].tolist(), numbers) for last, numbers in self.engines]
+        return [k for steps, numbers in taken for k, step in zip(numbers, steps, strict=True) if step]
 
     def done(self, k: int) -> StepsDone:
         """Return what scene k did."""
         if k in self.ended:
             return self.ended[k]
         engine, index = self.place[k]
-        outcomes = self.engines[engine]
-        statistics = outcomes.statistics(index)
-        report = outcomes.report(index) if statistics.steps else None
-        return StepsDone(k, statistics, report, outcomes.errors.get(index))
-
-
-class ResidentSet:
-    """Scenes in memory, by their numbers in the batch. Scenes of one kind share an engine.
-
-    Of the `threads`, groups of `team` threads share a scene.
-
-    Attributes
-    ----------
-    scenes : dict of int to ResidentScene
-    outcomes : SetOutcomes
-    """
-
-    def __init__(self, scenes: dict[int, Scene], device: wp.Device, threads: int, team: int):
-        self._threads = threads
-        self._engines: list[tuple[Engine, list[int]]] = []
-        self._is_canceled = False
-        self.scenes: dict[int, ResidentScene] = {}
-        self.outcomes = SetOutcomes([], {}, {})
-        for kind in sorted({scene.kernel_kind for scene in scenes.values()}):
-            numbers = [k for k, scene in scenes.items() if scene.kernel_kind == kind]
-            engine = Engine([scenes[k] for k in numbers], device, team)
-            engine.begin()
-            self.outcomes.place.update({k: (len(self._engines), index) for index, k in enumerate(numbers)})
-            self._engines.append((engine, numbers))
-            self.scenes |= {k: ResidentScene(scenes[k], engine, index) for index, k in enumerate(numbers)}
-
-    def advance(
-        self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
-    ) -> None:
-        """Advance each scene by its number of steps, or until its criterion is met.
-
-        A scene that fails or is interrupted stops between two steps.
-        """
-        self._is_canceled = False
-        if endings is None:
-            self._launch(steps, on_progress)
-            return
-        going = {k: endings[k][1].steps + steps[k] for k in self.scenes if steps[k] > 0}
-        ended = {k: StepsDone(k, endings[k][1], None, None) for k in self.scenes}
-        while going and not self._is_canceled:
-            due = [0] * len(steps)
-            for k, end in going.items():
-                taken = endings[k][1].steps
-                due[k] = min(end - taken, steps_to_test(taken))
-            self._launch(due, on_progress)
-            for k, end in tuple(going.items()):
-                last, (criterion, statistics) = self.outcomes.done(k), endings[k]
-                statistics.add(last.statistics)
-                ended[k] = StepsDone(k, statistics, last.report or ended[k].report, last.error)
-                is_whole = last.error is None and last.statistics.steps == due[k]
-                if not is_whole or criterion.is_met(self.scenes[k], statistics) or statistics.steps >= end:
-                    del going[k]
-        self.outcomes = self.outcomes._replace(ended=ended)
-
-    def _launch(self, steps: Sequence[int], on_progress: OnProgress) -> None:
-        for engine, numbers in self._engines:
-            engine.submit([steps[k] for k in numbers])
-        advance([engine for engine, _ in self._engines], self._threads, on_progress)
-        outcomes = [engine.outcomes.copy() for engine, _ in self._engines]
-        self.outcomes = SetOutcomes(outcomes, self.outcomes.place, {})
-
-    def write_vectors(self, name: str, found: FloatArray) -> None:
-        """Write "position" or "velocity" of the scenes to an array of all scenes, shape (scenes, n, 2)."""
-        for engine, numbers in self._engines:
-            found[numbers] = engine.vectors(name)
-
-    def cancel(self) -> None:
-        """Stop after the steps under way; slow steps are abandoned."""
-        self._is_canceled = True
-        for engine, _ in self._engines:
-            engine.cancel()
-
-    def by_shape(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
-        """Group scenes whose arrays have one shape; yield engine, numbers, and indices in the engine."""
-        for engine, numbers in self._engines:
-            groups: dict[tuple[int, int, bool], list[int]] = {}
-            for index, scene in enumerate(engine.scenes):
-                shape = scene.n, len(scene.walls), scene.has_two_circles
-                groups.setdefault(shape, []).append(index)
-            for group in groups.values():
-                indices = np.array(group)
-                yield engine, np.array(numbers)[indices], indices
+        last, _ = self.engines[engine]
+        statistics = last.statistics(index)
+        return StepsDone(statistics, last.report(index) if statistics.steps else None, last.errors.get(index))
 
 
 class ResidentSets:
     """The scenes of a batch, divided into sets of which one at a time is in memory.
 
-    Raises SimulationError if one scene alone does not fit.
+    Scenes of one kind share an engine.
+
+    Attributes
+    ----------
+    scenes : dict of int to PresentState
+        The scenes in memory, by their numbers in the batch.
+
+    Raises
+    ------
+    SimulationError
+        One scene alone does not fit in memory.
     """
 
     def __init__(self, scenes: Sequence[Scene], device: wp.Device, threads: int):
@@ -214,8 +101,10 @@ class ResidentSets:
         self._teams = [1 if alone or paying_threads(scene) == 1 else threads for scene in scenes]
         self._sets = self._divide()
         self._states: list[State | None] = [None] * len(scenes)
-        self._resident: ResidentSet | None = None
-        self._in_memory = -1
+        self._resident: int | None = None
+        self._engines: list[tuple[Engine, list[int]]] = []
+        self._place: dict[int, tuple[int, int]] = {}
+        self.scenes: dict[int, PresentState] = {}
         self._is_canceled = False
 
     def _divide(self) -> list[list[int]]:
@@ -248,67 +137,118 @@ class ResidentSets:
             )
         return sizes
 
-    def _resident_scene(self, k: int) -> ResidentScene | None:
-        return None if self._resident is None else self._resident.scenes.get(k)
-
     def state(self, k: int) -> State:
         """Return the exact state of scene k, in memory or not."""
-        if (resident := self._resident_scene(k)) is not None:
-            return resident.state()
+        if k in self.scenes:
+            return self.scenes[k].state()
         return deepcopy(self._states[k]) or first_state(self._scenes[k])
 
     def vectors(self, name: str) -> FloatArray:
         """Return "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
         found = np.empty((len(self._scenes), self._scenes[0].n, 2))
         for k in range(len(self._scenes)):
-            if self._resident_scene(k) is None:
+            if k not in self.scenes:
                 found[k] = getattr(self.state(k), name)
-        if self._resident is not None:
-            self._resident.write_vectors(name, found)
+        for engine, numbers in self._engines:
+            found[numbers] = engine.vectors(name)
         return found
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state, in memory or not."""
-        if (resident := self._resident_scene(k)) is not None:
-            resident.load(state)
+        if k in self.scenes:
+            engine, index = self._place[k]
+            self._engines[engine][0].load(index, state)
         else:
             self._states[k] = deepcopy(state)
 
     def advance(
-        self, steps: Sequence[int], on_progress: OnProgress, endings: Sequence[Ending] | None = None
-    ) -> Iterator[ResidentSet]:
-        """Advance the scenes set after set, see `ResidentSet.advance`. Yields each set after its steps.
+        self, steps: Sequence[int], on_progress: OnProgress, endings: Mapping[int, Ending] | None = None
+    ) -> Iterator[SetSteps]:
+        """Advance each scene by its number of steps, or until its end criterion is met, set after set.
 
-        After `cancel` the remaining sets are not advanced.
+        A scene that fails or is interrupted stops between two steps. Yields after each set what its scenes
+        did. After `cancel` the remaining sets are not advanced.
         """
+        for _ in self.in_memory():
+            yield self._advance_set(steps, on_progress, endings or {})
+
+    def in_memory(self) -> Iterator[dict[int, PresentState]]:
+        """Load set after set into memory, that in memory first, until `cancel`; yield the scenes of each."""
         self._is_canceled = False
-        for number in sorted(range(len(self._sets)), key=lambda number: number != self._in_memory):
+        for number in sorted(range(len(self._sets)), key=lambda number: number != self._resident):
             if self._is_canceled:
                 return
-            resident = self.make_resident(number)
-            resident.advance(steps, on_progress, endings)
-            yield resident
+            self.make_resident(number)
+            yield self.scenes
+
+    def _advance_set(
+        self, steps: Sequence[int], on_progress: OnProgress, endings: Mapping[int, Ending]
+    ) -> SetSteps:
+        if not endings:
+            return self._launch(steps, on_progress)
+        runs = {k: endings.get(k) or Ending(None, RunStatistics()) for k in self.scenes}
+        ended = {k: StepsDone(run.statistics, None, None) for k, run in runs.items()}
+        left = {k: steps[k] for k in self.scenes if steps[k] > 0}
+        last = SetSteps([], self._place, {})
+        while left and not self._is_canceled:
+            due = [0] * len(steps)
+            for k, most in left.items():
+                criterion, statistics = runs[k]
+                due[k] = most if criterion is None else min(most, steps_to_test(statistics.steps))
+            last = self._launch(due, on_progress)
+            for k in tuple(left):
+                done, (criterion, statistics) = last.done(k), runs[k]
+                statistics.add(done.statistics)
+                ended[k] = StepsDone(statistics, done.report or ended[k].report, done.error)
+                left[k] -= done.statistics.steps
+                is_whole = done.error is None and done.statistics.steps == due[k]
+                is_met = is_whole and criterion is not None and criterion.is_met(self.scenes[k], statistics)
+                if is_met or not is_whole or left[k] == 0:
+                    del left[k]
+        return last._replace(ended=ended)
+
+    def _launch(self, steps: Sequence[int], on_progress: OnProgress) -> SetSteps:
+        for engine, numbers in self._engines:
+            engine.submit([steps[k] for k in numbers])
+        advance([engine for engine, _ in self._engines], self._threads, on_progress)
+        last_steps = [(engine.last_steps.copy(), numbers) for engine, numbers in self._engines]
+        return SetSteps(last_steps, self._place, {})
 
     def cancel(self) -> None:
-        """Stop after the steps under way, see `ResidentSet.cancel`."""
+        """Stop after the steps under way; slow steps are abandoned."""
         self._is_canceled = True
-        if self._resident is not None:
-            self._resident.cancel()
+        for engine, _ in self._engines:
+            engine.cancel()
 
-    def make_resident(self, number: int = 0) -> ResidentSet:
-        """Load a set into memory, replacing the present one, and return it."""
-        if self._resident is not None and number == self._in_memory:
-            return self._resident
-        if self._resident is not None:
-            for k, scene in self._resident.scenes.items():
-                self._states[k] = scene.state()
-            self._resident = None
-        members = self._sets[number]
-        scenes = {k: self._scenes[k] for k in members}
-        resident = ResidentSet(scenes, self._device, self._threads, self._teams[members[0]])
-        for k in members:
-            if (state := self._states[k]) is not None:
-                resident.scenes[k].load(state)
-            self._states[k] = None
-        self._resident, self._in_memory = resident, number
-        return resident
+    def make_resident(self, number: int = 0) -> None:
+        """Load a set into memory, replacing the present one."""
+        if number == self._resident:
+            return
+        for k, scene in self.scenes.items():
+            self._states[k] = scene.state()
+        self._resident, self._engines, self._place, self.scenes = None, [], {}, {}
+        members, kinds = self._sets[number], {self._scenes[k].kernel_kind for k in self._sets[number]}
+        by_kind = [[k for k in members if self._scenes[k].kernel_kind == kind] for kind in sorted(kinds)]
+        team, engines = self._teams[members[0]], []
+        place = {k: (e, index) for e, numbers in enumerate(by_kind) for index, k in enumerate(numbers)}
+        for numbers in by_kind:
+            engine = Engine([self._scenes[k] for k in numbers], self._device, team)
+            engine.begin()
+            for index, k in enumerate(numbers):
+                if (state := self._states[k]) is not None:
+                    engine.load(index, state)
+            engines.append((engine, numbers))
+        self._resident, self._engines, self._place = number, engines, place
+        self.scenes = {k: PresentState(self._scenes[k], engines[e][0], i) for k, (e, i) in place.items()}
+        self._states = [None if k in place else state for k, state in enumerate(self._states)]
+
+    def by_shape(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
+        """Group scenes whose arrays have one shape; yield engine, numbers, and indices in the engine."""
+        for engine, numbers in self._engines:
+            groups: dict[tuple[int, int, bool], list[int]] = {}
+            for index, scene in enumerate(engine.scenes):
+                shape = scene.n, len(scene.walls), scene.has_two_circles
+                groups.setdefault(shape, []).append(index)
+            for group in groups.values():
+                indices = np.array(group)
+                yield engine, np.array(numbers)[indices], indices

@@ -14,9 +14,9 @@ from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import rest_bounds
 from warpgrains.sweep.execution import ExecutionOptions
-from warpgrains.sweep.folder import RESULTS, SweepFolder, Tables
 from warpgrains.sweep.results import Columns
 from warpgrains.sweep.sweep import Run, Sweep
+from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder, Tables
 
 if TYPE_CHECKING:
     from warpgrains.sweep.plot import SweepPlot
@@ -74,7 +74,7 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
 
 
 def _columns(axes: tuple[str, ...], arguments: Namespace) -> Columns:
-    """Return the columns of the results. Raises InputError if a quantity or the criterion is invalid."""
+    """Return the columns of the results. Raises InputError if a quantity or the end criterion is invalid."""
     if arguments.every is not None:
         checks.whole_number("--every", arguments.every)
         if arguments.measure is None:

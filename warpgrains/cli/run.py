@@ -20,7 +20,7 @@ from tqdm import tqdm
 from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
-from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene import checks
@@ -86,10 +86,11 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
         until = criterion(options.until, start.scene)
         series = _series(start, options, arguments)
         begun_at = start.state.steps - start.statistics.steps
-        outputs = runs.open_outputs(options, start.scene, start.statistics, begun_at)
-        recorder = held.enter_context(outputs)
-        observer = None if series is None else held.enter_context(series)
-        _simulate(start, options, runs.Outputs(recorder, observer, until), arguments)
+        run = runs.OpenRun(options, start.statistics, begun_at, until, series)
+        held.enter_context(run.opened(start.scene))
+        if series is not None:
+            held.enter_context(series)
+        _simulate(start, run, arguments)
 
 
 def _commands_to_continue(options: RunOptions) -> Iterator[str]:
@@ -186,7 +187,7 @@ def _steps(scene: Scene, arguments: Namespace) -> int | None:
     return None
 
 
-def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arguments: Namespace) -> None:
+def _simulate(start: Checkpoint, run: runs.OpenRun, arguments: Namespace) -> None:
     start_warp()
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.simulation.stepper import continued
@@ -199,7 +200,7 @@ def _simulate(start: Checkpoint, options: RunOptions, outputs: runs.Outputs, arg
     simulation.compile()
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning  # type: ignore[assignment]
-        runs.carry_out(simulation, options, start.statistics, outputs, progress=True)
+        runs.carry_out(simulation, run, progress=True)
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:

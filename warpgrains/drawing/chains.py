@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
-from warpgrains.drawing.colors import Frame, pressure_scale
+from warpgrains.drawing.colors import pressure_scale
+from warpgrains.drawing.frames import Frame
 from warpgrains.scene.geometry import pair_normals
 
 if TYPE_CHECKING:

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colormaps import COLORS
+from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.mobilized import mobilized
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.solver.forces import PairContacts, WallContacts
 
 UNITS = {"radius": "m", "speed": "m/s", "pressure": "N/m", "spin": "rad/s", "mobilized": ""}
 """Quantities by which grains are colored, and their units."""
@@ -52,43 +52,6 @@ PALETTE: FloatArray = np.array(
         (0.80, 0.47, 0.65),
     ]
 )
-
-
-@dataclass(frozen=True)
-class Frame:
-    """State of a run at the time of one frame, as it is drawn."""
-
-    position: FloatArray
-    """[m], shape (n, 2)."""
-    velocity: FloatArray
-    """[m/s], shape (n, 2)."""
-    contacts: PairContacts | None = None
-    """Contacts between grains; None, like those with walls, if nothing that is drawn needs forces."""
-    wall_contacts: WallContacts | None = None
-    spin: FloatArray | None = None
-    """Angular velocities [rad/s], shape (n,); None, as the angles, where grains do not rotate."""
-    angle: FloatArray | None = None
-    """Angles by which grains have turned [rad], shape (n,)."""
-    time: float = 0.0
-    """[s]."""
-    places: FloatArray | None = None
-    """Coordinates of walls, see `State.driven` [m], shape (walls,); None where no force drives a wall."""
-
-    def placed(self, scene: Scene) -> Scene:
-        """Return the scene with the walls that forces drive where they are."""
-        return scene if self.places is None else scene.with_walls_at(self.places)
-
-    def rotation(self) -> tuple[FloatArray, FloatArray]:
-        """Return spin and angle of the grains; ValueError where they are missing."""
-        if self.spin is None or self.angle is None:
-            raise ValueError("a frame of a scene with friction needs spin and angle")
-        return self.spin, self.angle
-
-    def forces(self) -> tuple[PairContacts, WallContacts]:
-        """Return the contacts between grains and with walls. Raises ValueError if they are missing."""
-        if self.contacts is None or self.wall_contacts is None:
-            raise ValueError("a frame drawn with forces or pressure needs contacts and wall_contacts")
-        return self.contacts, self.wall_contacts
 
 
 @dataclass(frozen=True)

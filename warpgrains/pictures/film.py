@@ -18,8 +18,7 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray
-from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.kinds import FASTEST, FILMS
@@ -28,7 +27,6 @@ from warpgrains.pictures.still import Canvas
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.solver.forces import PairContacts, WallContacts
     from warpgrains.usd.reader import RecordingReader
 
 _FORMATS = {".mp4": "mp4", ".webp": "webp", ".gif": "gif", ".mkv": "matroska", ".png": "image2"}
@@ -185,7 +183,7 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
 
 
 class Film:
-    """A film of a run, with the interface of a `Recorder`.
+    """A film of a run.
 
     The file appears, complete, when the block ends without an error.
 
@@ -209,30 +207,14 @@ class Film:
         return self
 
     def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._held.__exit__(kind, error, traceback)
+        self._held.__exit__(kind, error, trace)
 
-    def record(
-        self,
-        position: FloatArray,
-        velocity: FloatArray,
-        contacts: PairContacts | None = None,
-        wall_contacts: WallContacts | None = None,
-        *,
-        spin: FloatArray | None = None,
-        angle: FloatArray | None = None,
-        time: float | None = None,
-        driven: FloatArray | None = None,
-    ) -> None:
-        """Append one frame, see `Recorder.record`."""
+    def record(self, frame: Frame) -> None:
+        """Append the state at the end of the step in which the next frame lies."""
         k = self._writer.frames
-        moving = position, velocity, contacts, wall_contacts, spin, angle, time, driven
-        frame = self.times.frame(k, *moving)
-        self._writer.add(self._painter.shot(frame, k / self.times.rate))
+        self._writer.add(self._painter.shot(self.times.shown(k, frame), k / self.times.rate))
 
     def flush(self) -> None:
         """Do nothing, because a film cannot be continued."""

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
-from warpgrains.drawing.colors import OF_CONTACTS, ColorScale, Frame, GrainColors
+from warpgrains.drawing.colors import OF_CONTACTS, ColorScale, GrainColors
+from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import drawn_walls, moved_walls
 from warpgrains.scene.band import Band
 
@@ -100,15 +101,7 @@ class Painter:
 
     def shot_of(self, simulation: Simulation) -> Shot:
         """Return a shot of the present state of a simulation of the scene."""
-        contacts, wall_contacts = None, None
-        if self.needs_contacts:
-            contacts, wall_contacts = simulation.contacts(), simulation.wall_contacts()
-        moving = simulation.position, simulation.velocity
-        turned = simulation.spin, simulation.angle
-        driven = simulation.driven
-        places = None if driven is None else driven[:, 0]
-        frame = Frame(*moving, contacts, wall_contacts, *turned, simulation.time, places)
-        return self.shot(frame)
+        return self.shot(Frame.of(simulation, self.needs_contacts))
 
 
 def setting_of(reader: RecordingReader) -> Setting:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import pathlib
-from typing import TYPE_CHECKING, Any
+from contextlib import nullcontext
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,14 +20,12 @@ from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import ColorScale, mark_color
+from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import WALL_COLOR, marks
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import Painter, Setting, Shot
 from warpgrains.scene.band import Band
-
-if TYPE_CHECKING:
-    from warpgrains.simulation.simulation import Simulation
 
 _MARGIN = 0.02  # in radii of the outer wall
 _OUTLINE = 0.3  # line width [points]; less for small grains
@@ -180,10 +179,9 @@ class Picture:
     >>> simulation.plot(color_by="pressure", forces=True).save("annulus.png")
     """
 
-    def __init__(self, simulation: Simulation, color_by: str, forces: bool) -> None:
-        painter = Painter(simulation.scene, color_by, forces)
-        canvas = Canvas(painter.setting, _HEIGHT)
-        canvas.show(painter.shot_of(simulation))
+    def __init__(self, setting: Setting, shot: Shot) -> None:
+        canvas = Canvas(setting, _HEIGHT)
+        canvas.show(shot)
         self.figure = canvas.figure
 
     def save(self, path: str | pathlib.Path) -> None:
@@ -201,3 +199,27 @@ class Picture:
         png = io.BytesIO()
         self.figure.savefig(png, format="png")
         return png.getvalue()
+
+
+class Still(nullcontext[None]):
+    """A picture of the end of a run.
+
+    Raises
+    ------
+    InputError
+        The picture cannot be written.
+    """
+
+    times = None
+
+    def __init__(self, path: pathlib.Path, painter: Painter) -> None:
+        super().__init__()
+        require_writable_path("picture", path, *STILLS)
+        self._path, self._painter, self.needs_contacts = path, painter, painter.needs_contacts
+
+    def record(self, frame: Frame) -> None:
+        """Write the picture of a frame."""
+        Picture(self._painter.setting, self._painter.shot(frame)).save(self._path)
+
+    def flush(self) -> None:
+        """Do nothing, because a run that draws its end cannot be continued."""

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
 from warpgrains.errors import InputError
-from warpgrains.files import resolve_link
-from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS
+from warpgrains.files import require_writable_path, resolve_link
+from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS, require_drawing
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
+    from warpgrains.drawing.frames import Output
     from warpgrains.scene.scene import Scene
+    from warpgrains.solver.statistics import RunStatistics
 
 DEFAULT_RATE = 24.0
 """Frames per second [1/s] at which Blender plays by default."""
@@ -149,6 +151,48 @@ class RunOptions:
             raise InputError(
                 f"'{self.record}' cannot be continued from a checkpoint: record a .usdc file, then plot it"
             )
+
+    def open_output(self, scene: Scene, statistics: RunStatistics, first_step: int) -> Output | None:
+        """Return the output that receives frames; None if there is none, or no frame is left to record.
+
+        `first_step` is the number of time steps before the run.
+
+        Raises
+        ------
+        InputError
+            The output cannot be written.
+        """
+        if self.record is None:
+            return None
+        path = Path(self.record)
+        if self.shows is not None:
+            require_drawing(f"'{path}'", self.shows == "film")
+            from warpgrains.pictures.shots import Painter
+
+            painter = Painter(scene, self.color_by, self.forces)
+            if self.shows == "film":
+                from warpgrains.pictures.film import Film
+
+                return Film(path, scene, self.rate, painter)
+            from warpgrains.pictures.still import Still
+
+            return Still(path, painter)
+        from warpgrains.usd.recorder import SUFFIXES, Recorder, log_of
+
+        require_writable_path("output", path, *SUFFIXES, *FILMS, *STILLS)
+        is_whole = statistics.frames > 0 and path.is_file() and not log_of(path).exists()
+        if is_whole and statistics.steps == self.steps:
+            return None
+        return Recorder(
+            path,
+            scene,
+            self.rate,
+            color_by=self.color_by,
+            forces=self.forces,
+            draw_as=self.draw_as,
+            resume_at=statistics.frames or None,
+            first_step=first_step,
+        )
 
     def checkpoint_after(self, steps: int) -> Path | None:
         """Return the path of the checkpoint that is due after step number `steps`, or None."""

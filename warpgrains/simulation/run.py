@@ -7,28 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 from warnings import warn
 
 from warpgrains.console import progress_bar
+from warpgrains.drawing.frames import Frame, Output
 from warpgrains.errors import InputError
-from warpgrains.files import require_writable_path
-from warpgrains.pictures.kinds import FILMS, STILLS, require_drawing
-from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import Checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.until import Criterion, steps_to_test
+from warpgrains.simulation.until import Criterion, steps_to_multiple, steps_to_test
+from warpgrains.solver.present import PresentState
 from warpgrains.solver.statistics import RunStatistics, named
 
 if TYPE_CHECKING:
-    from warpgrains.pictures.film import Film
     from warpgrains.scene.scene import Scene
     from warpgrains.simulation.simulation import Simulation
-    from warpgrains.usd.recorder import Recorder
 
 
 class Observer(Protocol):
@@ -37,7 +33,7 @@ class Observer(Protocol):
     every: int
     """Interval [steps]: `observe` is called at its multiples."""
 
-    def observe(self, simulation: Simulation) -> None:
+    def observe(self, simulation: Any) -> None:
         """Measure the present state."""
 
     def flush(self) -> None:
@@ -51,52 +47,82 @@ def require_observer(observer: Observer) -> None:
     checks.whole_number("observer.every", getattr(observer, "every", None))
 
 
-class Outputs(NamedTuple):
-    """Recorder, observer and stopping criterion of a run."""
+@dataclass(eq=False)
+class OpenRun:
+    """A run between two steps, with what it writes."""
 
-    recorder: Recorder | Film | None = None
-    observer: Observer | None = None
+    options: RunOptions
+    """Its `steps` become those done when the run ends early."""
+    statistics: RunStatistics
+    first_step: int = 0
+    """Time steps before the run."""
     until: Criterion | None = None
+    observer: Observer | None = None
+    output: Output | None = None
+    """File that receives frames, see `opened`."""
+
+    @contextmanager
+    def opened(self, scene: Scene) -> Iterator[None]:
+        """Open the output. Its file is locked meanwhile and completed at the end.
+
+        The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
+
+        Raises
+        ------
+        InputError
+            The output cannot be written.
+        """
+        self.output = self.options.open_output(scene, self.statistics, self.first_step)
+        if self.output is None:
+            yield
+            return
+        with self.output:
+            yield
+            at_end = perf_counter()
+        self.statistics.seconds += perf_counter() - at_end
+
+    @property
+    def _next_frame(self) -> int | None:
+        """Step of the run after which a frame is due."""
+        if self.output is None or self.output.times is None:
+            return None if self.output is None else self.options.steps
+        return self.output.times.step(self.statistics.frames)
+
+    @property
+    def steps_to_output(self) -> int:
+        """Number of steps to the next frame or observation, or to the end of the run."""
+        steps, frame = self.statistics.steps, self._next_frame
+        left = [self.options.steps - steps] + ([] if frame is None else [frame - steps])
+        if self.observer is not None:
+            left.append(steps_to_multiple(self.first_step + steps, self.observer.every))
+        return min(left)
+
+    def write(self, now: PresentState) -> None:
+        """Observe and record the present state, if due."""
+        steps = self.statistics.steps
+        if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
+            self.observer.observe(now)
+        if self.output is not None and steps == self._next_frame:
+            self.output.record(Frame.of(now, self.output.needs_contacts))
+            self.statistics.frames += 1
+
+    def flush(self) -> None:
+        """Flush frames and measurements to the disk, before a checkpoint that counts them."""
+        if self.output is not None:
+            self.output.flush()
+        if self.observer is not None:
+            self.observer.flush()
+
+    def end(self) -> None:
+        """End the run after the steps done, because its end criterion is met."""
+        self.options = replace(self.options, steps=self.statistics.steps)
 
 
-@contextmanager
-def open_outputs(
-    options: RunOptions, scene: Scene, statistics: RunStatistics, first_step: int = 0
-) -> Iterator[Recorder | Film | None]:
-    """Yield the recorder of a run, or None. Its file is locked meanwhile and completed at the end.
-
-    `first_step` is the number of time steps before the run.
-
-    The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
-
-    Raises
-    ------
-    InputError
-        An output cannot be written.
-    """
-    recorder = _recorder(options, scene, statistics, first_step)
-    if recorder is None:
-        yield None
-        return
-    with recorder:
-        yield recorder
-        at_end = perf_counter()
-    statistics.seconds += perf_counter() - at_end
-
-
-def carry_out(
-    simulation: Simulation,
-    options: RunOptions,
-    statistics: RunStatistics,
-    outputs: Outputs,
-    progress: bool,
-) -> None:
-    """Do the remaining steps of a run and update `statistics`.
+def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
+    """Do the remaining steps of an opened run and update its statistics.
 
     Parameters
     ----------
-    outputs : Outputs
-        Its recorder comes from `open_outputs`.
     progress : bool
         Whether to show progress on standard error, see `progress_bar`.
 
@@ -108,29 +134,25 @@ def carry_out(
     Warns
     -----
     UserWarning
-        Grains cannot fit (once per run), or the run ended before its criterion was met.
+        Grains cannot fit (once per run), or the run ended before its end criterion was met.
     """
+    statistics, until = run.statistics, run.until
     start = perf_counter() - statistics.seconds
-    with progress_bar(options.steps, statistics.steps, progress) as bar, _flushed(outputs.observer):
-        _write_outputs(simulation, options, statistics, outputs)
-        while statistics.steps < options.steps:
-            done = simulation.advance(_steps_to_next(options, statistics, outputs, simulation), bar.update)
+    with progress_bar(run.options.steps, statistics.steps, progress) as bar, _flushed(run.observer):
+        _write(simulation, run)
+        while statistics.steps < run.options.steps:
+            done = simulation.advance(_steps_to_next(run), bar.update)
             if done.infeasible and not statistics.infeasible:
                 step, grains = simulation.infeasible_steps[0]
                 warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
             statistics.add(done)
             statistics.seconds = perf_counter() - start
-            if outputs.until is not None and outputs.until.is_met(simulation, statistics):
-                options = replace(options, steps=statistics.steps)
-            _write_outputs(simulation, options, statistics, outputs)
-    if options.record is not None and options.shows == "still":
-        simulation.plot(options.color_by, options.forces).save(options.record)
+            if until is not None and until.is_met(simulation, statistics):
+                run.end()
+            _write(simulation, run)
     statistics.seconds = perf_counter() - start
-    if outputs.until is not None and not statistics.met:
-        warn(
-            f"{outputs.until.name} was not reached within {simulation.time:g} s of simulated time",
-            stacklevel=3,
-        )
+    if until is not None and not statistics.met:
+        warn(f"{until.name} was not reached within {simulation.time:g} s of simulated time", stacklevel=3)
 
 
 @contextmanager
@@ -143,78 +165,20 @@ def _flushed(observer: Observer | None) -> Iterator[None]:
             observer.flush()
 
 
-def _recorder(
-    options: RunOptions, scene: Scene, statistics: RunStatistics, first_step: int
-) -> Recorder | Film | None:
-    """Return the recorder of a run; None if no frame is left to record, or only the final picture."""
-    if options.record is None:
-        return None
-    if options.shows is not None:
-        require_drawing(f"'{options.record}'", options.shows == "film")
-        if options.shows == "film":
-            from warpgrains.pictures.film import Film
-
-            painter = Painter(scene, options.color_by, options.forces)
-            return Film(Path(options.record), scene, options.rate, painter)
-        require_writable_path("picture", Path(options.record), *STILLS)
-        return None
-    from warpgrains.usd.recorder import SUFFIXES, Recorder, log_of
-
-    record = Path(options.record)
-    require_writable_path("output", record, *SUFFIXES, *FILMS, *STILLS)
-    is_whole = statistics.frames > 0 and record.is_file() and not log_of(record).exists()
-    if is_whole and statistics.steps == options.steps:
-        return None
-    return Recorder(
-        record,
-        scene,
-        options.rate,
-        color_by=options.color_by,
-        forces=options.forces,
-        draw_as=options.draw_as,
-        resume_at=statistics.frames or None,
-        first_step=first_step,
-    )
+def _write(simulation: Simulation, run: OpenRun) -> None:
+    """Write to the outputs what is due, and a checkpoint."""
+    run.write(simulation)
+    path = run.options.checkpoint_after(run.statistics.steps)
+    if path is not None:
+        run.flush()
+        write_checkpoint(path, Checkpoint(simulation.scene, simulation.state(), run.options, run.statistics))
 
 
-def _write_outputs(
-    simulation: Simulation, options: RunOptions, statistics: RunStatistics, outputs: Outputs
-) -> None:
-    """Record, observe and write a checkpoint if due.
-
-    Recordings and series reach the disk before the checkpoint that counts them.
-    """
-    recorder, observer, _ = outputs
-    if observer is not None and simulation.steps % observer.every == 0:
-        observer.observe(simulation)
-    if recorder is not None and statistics.steps == recorder.times.step(statistics.frames):
-        contacts = (simulation.contacts(), simulation.wall_contacts()) if recorder.needs_contacts else ()
-        spin, angle = simulation.spin, simulation.angle
-        position, velocity, time = simulation.position, simulation.velocity, simulation.time
-        driven = simulation.driven
-        recorder.record(position, velocity, *contacts, spin=spin, angle=angle, time=time, driven=driven)
-        statistics.frames += 1
-    checkpoint = options.checkpoint_after(statistics.steps)
-    if checkpoint is not None:
-        if recorder is not None:
-            recorder.flush()
-        if observer is not None:
-            observer.flush()
-        write_checkpoint(checkpoint, Checkpoint(simulation.scene, simulation.state(), options, statistics))
-
-
-def _steps_to_next(
-    options: RunOptions, statistics: RunStatistics, outputs: Outputs, simulation: Simulation
-) -> int:
-    """Return the number of steps to the next frame, observation, checkpoint or end."""
-    recorder, observer, until = outputs
-    ends = [options.steps]
-    if until is not None:
-        ends.append(statistics.steps + steps_to_test(statistics.steps))
-    if observer is not None:
-        ends.append(statistics.steps + observer.every - simulation.steps % observer.every)
-    if recorder is not None:
-        ends.append(recorder.times.step(statistics.frames))
-    if options.checkpoint is not None:
-        ends.append((statistics.steps // options.every + 1) * options.every)
-    return min(ends) - statistics.steps
+def _steps_to_next(run: OpenRun) -> int:
+    """Return the number of steps to the next output, test of the end criterion, checkpoint or end."""
+    steps, left = run.statistics.steps, [run.steps_to_output]
+    if run.until is not None:
+        left.append(steps_to_test(steps))
+    if run.options.checkpoint is not None:
+        left.append(steps_to_multiple(steps, run.options.every))
+    return min(left)

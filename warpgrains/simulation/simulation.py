@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Self
 from warpgrains.described import documented
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.pictures.kinds import require_drawing
+from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
     Checkpoint,
@@ -17,7 +18,7 @@ from warpgrains.simulation.checkpoint import (
     write_checkpoint,
 )
 from warpgrains.simulation.options import OPTIONS, RunOptions, steps_of
-from warpgrains.simulation.run import Observer, Outputs, carry_out, open_outputs, require_observer
+from warpgrains.simulation.run import Observer, OpenRun, carry_out, require_observer
 from warpgrains.simulation.stepper import Stepper, continued
 from warpgrains.simulation.until import Question, criterion
 from warpgrains.solver.statistics import RunStatistics, Summary
@@ -100,7 +101,7 @@ class Simulation(Stepper):
         duration : float, optional
             simulated time [s]; by default the scene's duration.
         until : str or callable, optional
-            Criterion that ends the run early: "rest", or a callable. Every 10 steps the callable receives the
+            End criterion of the run: "rest", or a callable. Every 10 steps the callable receives the
             simulation and returns True to stop, see `warpgrains.simulation.until.criterion`.
         {fields}
         observer : object, optional
@@ -140,14 +141,14 @@ class Simulation(Stepper):
             )
         if observer is not None:
             require_observer(observer)
-        ends, statistics = criterion(until, self.scene), RunStatistics()
+        run = OpenRun(options, RunStatistics(), self.steps, criterion(until, self.scene), observer)
         with (
             self._use.exclusive(),
             nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
-            open_outputs(options, self.scene, statistics, self.steps) as recorder,
+            run.opened(self.scene),
         ):
-            carry_out(self, options, statistics, Outputs(recorder, observer, ends), progress)
-        return statistics.summary(options.record)
+            carry_out(self, run, progress)
+        return run.statistics.summary(options.record)
 
     def view(self, port: int = 8080) -> Page:
         """Play the simulation from its present state in a page of this machine's browser.
@@ -187,7 +188,8 @@ class Simulation(Stepper):
         require_drawing("plot")
         from warpgrains.pictures.still import Picture
 
-        return Picture(self, color_by, forces)
+        painter = Painter(self.scene, color_by, forces)
+        return Picture(painter.setting, painter.shot_of(self))
 
     def save(self, path: str | Path) -> None:
         """Save the exact state and the scene to a checkpoint, an .npz file, atomically.

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
-import numpy as np
-
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
@@ -15,8 +13,8 @@ from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
-from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
-from warpgrains.solver.outcomes import Outcomes
+from warpgrains.solver.last_steps import LastSteps
+from warpgrains.solver.present import PresentState
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import find_device, threads_for
 from warpgrains.turns import ExclusiveUse
@@ -45,7 +43,7 @@ class StepStart(NamedTuple):
     """[rad/s], shape (n,); None without friction."""
 
 
-class Stepper(Shown):
+class Stepper(PresentState, Shown):
     """A scene and its engine. It is the base of `Simulation`, which adds files and pictures."""
 
     def __init__(self, scene: SceneLike, device: str = "cpu", threads: int | None = None, **overrides: Any):
@@ -63,9 +61,8 @@ class Stepper(Shown):
         self._begin(scene, state)
 
     def _begin(self, scene: Scene, state: State | None) -> None:
-        self.scene = scene
         self._threads = threads_for(scene, self._device, self._threads_wanted)
-        self._engine = Engine([scene], self._device, self._threads)
+        PresentState.__init__(self, scene, Engine([scene], self._device, self._threads))
         self._stepped = False
         if state is None:
             self._engine.begin()
@@ -133,17 +130,17 @@ class Stepper(Shown):
         with self._use.exclusive():
             return self._advance(steps, on_progress).statistics(0)
 
-    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> Outcomes:
+    def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> LastSteps:
         before = self.steps
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
         with self._use.advancing():
             advance([self._engine], self._threads, on_progress)
         self._stepped = self._stepped or self.steps > before
-        outcomes = self._engine.outcomes
-        if outcomes.errors:
-            raise SimulationError(outcomes.errors[0])
-        return outcomes
+        last_steps = self._engine.last_steps
+        if last_steps.errors:
+            raise SimulationError(last_steps.errors[0])
+        return last_steps
 
     @property
     def infeasible_steps(self) -> list[tuple[int, tuple[int, ...]]]:
@@ -171,44 +168,6 @@ class Stepper(Shown):
             require_state(state, scene)
             self._begin(scene, state)
 
-    @property
-    def steps(self) -> int:
-        """Time steps since the start."""
-        return self._engine.steps(0)
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self.steps * self.scene.dt
-
-    @property
-    def position(self) -> FloatArray:
-        """Centers of the grains [m], shape (n, 2); a read-only copy."""
-        return checks.frozen(self._engine.grains(0, "position"))
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocities that moved the grains in the last step [m/s], shape (n, 2); a read-only copy.
-
-        In the leapfrog scheme they belong to the middle of that step, half a step before the positions.
-        """
-        return checks.frozen(self._engine.grains(0, "velocity"))
-
-    @property
-    def spin(self) -> FloatArray:
-        """Angular velocities of the grains [rad/s], shape (n,), as `velocity`; 0 without friction."""
-        return self._rotation("spin")
-
-    @property
-    def angle(self) -> FloatArray:
-        """Rotations of the grains since the start [rad], shape (n,); 0 without friction."""
-        return self._rotation("angle")
-
-    def _rotation(self, name: str) -> FloatArray:
-        if not self.scene.has_friction:
-            return checks.frozen(np.zeros(self.scene.n))
-        return checks.frozen(self._engine.grains(0, name))
-
     def last_start(self) -> StepStart:
         """Return positions, velocities and spins at the start of the last step.
 
@@ -219,38 +178,14 @@ class Stepper(Shown):
         """
         if not self._stepped:
             raise SimulationError("no step has been taken from this state: call step() first")
-        names = ("last_position", "last_velocity")
-        position, velocity = (checks.frozen(self._engine.grains(0, name)) for name in names)
-        spin = checks.frozen(self._engine.grains(0, "last_spin")) if self.scene.has_friction else None
+        position, velocity = (self._grains(name) for name in ("last_position", "last_velocity"))
+        spin = self._grains("last_spin") if self.scene.has_friction else None
         return StepStart(position, velocity, self._engine.last_staggered(0), spin)
-
-    @property
-    def driven(self) -> FloatArray | None:
-        """Coordinates [m] and speeds [m/s] of walls as in `State.driven`; None if no force drives one."""
-        if not self.scene.has_driven_walls:
-            return None
-        return checks.frozen(self._engine.driven(0))
-
-    @property
-    def present_scene(self) -> Scene:
-        """The scene with walls that forces drive where they are; without such walls `scene` itself."""
-        return self._engine.scene_at(0, "position")
-
-    def contacts(self) -> PairContacts:
-        """Return the contacts between grains that carry a correction after the last step."""
-        last_position = self._engine.grains(0, "last_position")
-        return pair_contacts(self.scene, last_position, self._engine.corrections(0))
-
-    def wall_contacts(self) -> WallContacts:
-        """Return the wall contacts of the last step that carry a correction."""
-        last_position = self._engine.grains(0, "last_position")
-        scene = self._engine.scene_at(0, "last_position")
-        return wall_contacts(scene, last_position, self._engine.corrections(0), self.time)
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
         with self._use.exclusive():
-            return self._engine.state(0)
+            return super().state()
 
     def restore(self, state: State) -> None:
         """Continue from a state of this scene.

@@ -1,4 +1,4 @@
-"""Stopping criteria of runs: rest, or a condition given by the caller."""
+"""End criteria of runs: rest, or a condition given by the caller."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Question = Callable[[Any], bool]
 
 @dataclass(frozen=True)
 class Criterion:
-    """Stopping criterion of a run."""
+    """End criterion of a run."""
 
     condition: Question
     """Condition that is tested every `TEST_INTERVAL` steps."""
@@ -61,13 +61,18 @@ class Criterion:
         return statistics.met
 
 
+def steps_to_multiple(steps: int, every: int) -> int:
+    """Return the number of steps from step `steps` to the next multiple of `every`."""
+    return every - steps % every
+
+
 def steps_to_test(steps: int) -> int:
     """Return the number of steps from step `steps` to the next test."""
-    return TEST_INTERVAL - steps % TEST_INTERVAL
+    return steps_to_multiple(steps, TEST_INTERVAL)
 
 
 def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
-    """Return the stopping criterion of a run, or None.
+    """Return the end criterion of a run, or None.
 
     Parameters
     ----------
@@ -92,7 +97,7 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
     if not isinstance(until, str):
         if not callable(until):
             raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
-        return Criterion(until, 0, "the criterion")
+        return Criterion(until, 0, "the end criterion")
     return _rest(rest_bounds(until), scene)
 
 

@@ -32,10 +32,10 @@ from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.solver import tuning
 from warpgrains.solver.crew import Crew
 from warpgrains.solver.final_states import FinalStates
-from warpgrains.solver.outcomes import Outcomes
+from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
-from warpgrains.solver.service import REFUSED, Service
+from warpgrains.solver.service import Service
 from warpgrains.solver.statistics import StepHistory
 from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 CPU_BLOCK = 1  # block size for which Warp compiles CPU kernels
 BRIEF = 2e7  # grains times iterations, some tenths of a second
-FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, REFUSED)
+FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, WITHOUT_ROOM)
 
 
 class Engine:
@@ -67,8 +67,8 @@ class Engine:
     Attributes
     ----------
     scenes : sequence of Scene
-    left, outcome, seconds : ndarray
-        Remaining steps, outcome of the last step, and total time of the steps [s] of every scene.
+    left, seconds : ndarray
+        Remaining steps, and total time of the steps [s], of every scene.
     is_brief : bool
         Whether the submitted steps end before a user could want to interrupt them.
     """
@@ -85,7 +85,7 @@ class Engine:
             setattr(self._queue, name, wp.zeros(count, dtype=wp.int32, device="cpu"))
         self._queue.seconds = wp.zeros(count, dtype=wp.float64, device="cpu")
         self._queue.cancel = wp.zeros(1, dtype=wp.int32, device="cpu")
-        self.left, self.outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
+        self.left, self._outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
         self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._most = float(sum(scene.n * scene.max_iterations for scene in scenes))
@@ -93,7 +93,7 @@ class Engine:
         self._tasks: list[Callable[[], None]] = []
         host, service = self._records.host, self._service
         arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, self._steps
-        self._outcomes = Outcomes(scenes, *arrays, service.proofs, service.errors)
+        self._last_steps = LastSteps(scenes, *arrays, service.proofs, service.errors)
         self._crew = Crew(team, *tuning.crew(scenes[0], team))
         self._graphs: dict[int, wp.Graph] = {}
 
@@ -192,9 +192,9 @@ class Engine:
         """Set the number of steps to do for each scene, and reset the statistics."""
         self.left[:] = self._submitted[:] = steps
         self.is_brief = self._most * max(steps) < BRIEF
-        self.outcome[:] = SOLVED
+        self._outcome[:] = SOLVED
         self.seconds[:] = 0.0
-        self._outcomes.sums[...] = 0
+        self._last_steps.sums[...] = 0
         self._service.forget()
 
     def tasks(self, threads: int) -> list[Callable[[], None]]:
@@ -221,13 +221,13 @@ class Engine:
         """Do the steps of all scenes, one scene after the other."""
         for k in range(len(self.scenes)):
             self._records.push(k)
-            while self.left[k] > 0 and self.outcome[k] == SOLVED and not self._cancel[0]:
+            while self.left[k] > 0 and self._outcome[k] == SOLVED and not self._cancel[0]:
                 with BUILDING:
                     graph = self._graph(k)
                 wp.capture_launch(graph)
                 self._records.pull(k)
                 self.left[k] -= self._memory[k].record["control"]["phase"] == Phase.ACCEPTED
-                self.outcome[k] = self._memory[k].record["step"]["outcome"]
+                self._outcome[k] = self._memory[k].record["step"]["outcome"]
 
     def _graph(self, k: int) -> wp.Graph:
         """Return the CUDA graph of one step of scene k."""
@@ -249,26 +249,24 @@ class Engine:
 
     def service(self) -> bool:
         """Serve the requests of scenes; return True if one of the scenes can continue."""
-        if not np.count_nonzero(self.outcome):  # all are solved; a team changes its size between launches
+        if not np.count_nonzero(self._outcome):  # all are solved; a team changes its size between launches
             return bool(np.count_nonzero(self.left) and not self._cancel[0])
-        unproved = np.flatnonzero(self.outcome == UNPROVED).tolist()
+        unproved = np.flatnonzero(self._outcome == UNPROVED).tolist()
         for k in unproved:
             self._service.look_for_proof(k, self._done(k))
-        slow = np.flatnonzero(self.outcome == SLOW).tolist()
+        slow = np.flatnonzero(self._outcome == SLOW).tolist()
         for k in slow:
             start = perf_counter()
             self._service.solve_exactly(k)
             self.seconds[k] += perf_counter() - start
         waiting = self._grow() + unproved + slow
-        self.outcome[waiting] = SOLVED
-        return bool((self.left[self.outcome == SOLVED] > 0).any() and not self._cancel[0])
+        self._outcome[waiting] = SOLVED
+        return bool((self.left[self._outcome == SOLVED] > 0).any() and not self._cancel[0])
 
     def _grow(self) -> list[int]:
         """Enlarge the lists that are full; return the scenes for which there was enough memory."""
-        waiting = np.flatnonzero(self.outcome == WITHOUT_ROOM).tolist()
-        grown = [k for k in waiting if self._service.reserve_contacts(k)]
-        self.outcome[[k for k in waiting if k not in grown]] = REFUSED
-        return grown
+        waiting = np.flatnonzero(self._outcome == WITHOUT_ROOM).tolist()
+        return [k for k in waiting if self._service.reserve_contacts(k)]
 
     def _done(self, k: int) -> int:
         """Return the steps of scene k since its start, those of the present launch included."""
@@ -281,11 +279,11 @@ class Engine:
         if self._cancel[0]:
             self._cancel[0] = 0
             self._records.host["control"]["cancelled"] = 0
-        if np.count_nonzero(self.outcome):  # not all are solved
+        if np.count_nonzero(self._outcome):  # not all are solved
             self._solve_open_steps()
-            for k in np.flatnonzero(np.isin(self.outcome, FAILURES)).tolist():
-                self._service.explain(k, self.outcome[k], self._done(k))
-            for k in np.flatnonzero(np.isin(self.outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
+            for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
+                self._service.explain(k, self._outcome[k], self._done(k))
+            for k in np.flatnonzero(np.isin(self._outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
                 self._service.give_up(k)
         self._steps += self._submitted - self.left
         self._submitted[:] = self.left
@@ -304,16 +302,16 @@ class Engine:
         while amid := self._grow():
             left = self.left.copy()
             self.left[:] = 0
-            self.left[amid], self.outcome[amid] = 1, SOLVED
+            self.left[amid], self._outcome[amid] = 1, SOLVED
             run_threads(self.tasks(self._team))
             left[amid] += self.left[amid] - 1
             self.left[:] = left
 
     @property
-    def outcomes(self) -> Outcomes:
-        """Outcomes of the steps since `submit`; the next steps change them."""
+    def last_steps(self) -> LastSteps:
+        """The steps since `submit`; the next steps change the record."""
         self._pull_all()
-        return self._outcomes
+        return self._last_steps
 
     def history(self, k: int) -> StepHistory:
         """Return zeta and residual of every iteration of the last step of scene k, which were kept."""

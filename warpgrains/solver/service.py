@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
     from warpgrains.solver.scene_memory import SceneMemory
 
-REFUSED = -1  # outcome of a step whose list does not fit in memory
-
 
 def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
     """Return the class that solves steps of a scene on the host; None if the method needs none.
@@ -72,7 +70,9 @@ class Service:
         self.errors.clear()
 
     def reserve_contacts(self, k: int) -> bool:
-        """Reserve memory for the list of scene k; return True if there is enough."""
+        """Reserve memory for the list of scene k; return True if there is, and has always been, enough."""
+        if k in self.errors:
+            return False
         try:
             self._records.reserve_contacts(k, int(self._memory[k].array("neighbors.total")[0]))
         except SimulationError as error:
@@ -95,7 +95,7 @@ class Service:
     def explain(self, k: int, outcome: int, done: int) -> None:
         """Store the reason why the step of scene k after `done` steps failed."""
         scene = self._scenes[k]
-        why = self.errors[k] if outcome == REFUSED else _reason(scene, self._memory[k], outcome)
+        why = self.errors.get(k) or _reason(scene, self._memory[k], outcome)
         self.errors[k] = f"step {done + 1}, from t = {done * scene.dt} s: {why}"
 
     def give_up(self, k: int) -> None:

@@ -134,7 +134,7 @@ class Summary(Shown, Tabular, FormerNames):
     output : str or None
         The recording, if there is one.
     met : bool
-        Whether the criterion `until` ended the run.
+        Whether the end criterion `until` ended the run.
 
     Examples
     --------
@@ -198,7 +198,7 @@ class RunStatistics(FormerNames):
     unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, restarts, seconds
         As in `Summary`.
     held : int
-        Number of steps for which the stopping criterion has held, plus 1; 0 if it does not hold.
+        Number of steps for which the end criterion has held, plus 1; 0 if it does not hold.
     met : bool
         As in `Summary`.
     """

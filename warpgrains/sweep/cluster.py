@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING
 
 from warpgrains.console import exit_on_interrupt, start_warp
 from warpgrains.errors import InputError, missing_extra
-from warpgrains.sweep.execution import ExecutionOptions, OnFraction
-from warpgrains.sweep.folder import SweepFolder
-from warpgrains.sweep.sizes import next_size
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
 from warpgrains.sweep.sweep import Run
+from warpgrains.sweep.sweep_folder import SweepFolder
 
 if TYPE_CHECKING:
     from distributed import Client, Future

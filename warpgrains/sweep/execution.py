@@ -1,7 +1,9 @@
-"""Options by which the runs of a sweep are executed."""
+"""Options by which the runs of a sweep are executed, and how many are executed together."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+
+GROWTH = 8  # largest ratio of the size of a group, slice or bundle to the previous one
 
 OnFraction = Callable[[float], None]
 """Called with the progress since the last call, as a fraction of a run."""
@@ -26,3 +28,19 @@ class ExecutionOptions:
     def needs_folders(self) -> bool:
         """True if each run of a sweep has a folder."""
         return self.folders or self.fps is not None or self.measure_every is not None
+
+
+def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:
+    """Return the size of the next unit of work.
+
+    Parameters
+    ----------
+    size, seconds
+        Size and duration [s] of the last unit.
+    wanted
+        Intended duration of the next unit [s].
+    most, least
+        Bounds; if they conflict, `most` counts.
+    """
+    paced = size * min(GROWTH, wanted / max(seconds, 1e-3))
+    return max(1, int(min(max(least, paced), most)))

@@ -12,7 +12,6 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from warpgrains.analysis.plots import save_figure
-from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError
 from warpgrains.files import read_columns
@@ -132,5 +131,5 @@ def _is_geometric(values: FloatArray) -> bool:
 
 
 def _label(column: str) -> str:
-    unit = QUANTITIES[column].unit if column in QUANTITIES else UNITS.get(column)
+    unit = UNITS.get(column)
     return f"{column} [{unit}]" if unit else column

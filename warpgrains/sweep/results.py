@@ -1,55 +1,72 @@
 """The result of a run: one row of a table.
 
-The first columns are labels: the number of the run, the scene, and its value on each axis of the sweep. The
-columns of `UNITS` follow. Before the last of them, `error`, are the optional columns: `met`, 1 if the run
-ended by its criterion, else 0, and measured quantities. All these do not depend on when, where and with how
-many interruptions the run is done. The last column is `seconds`, the wall time, which the table of all
-results omits.
+The first columns are labels: the number of the run, the scene, and its value on each axis of the sweep. Those
+of `COLUMNS` follow, and before the last of them, `error`, the measured quantities. All these do not depend on
+when, where and with how many interruptions the run is done. The last column is `seconds`, the wall time,
+which the table of all results omits.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import repeat
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpgrains.analysis.quantities import QUANTITIES, SWEEP_QUANTITIES, quantities
 from warpgrains.analysis.snapshot import Snapshot
+from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.files import Row
-from warpgrains.solver.final_states import FinalStates
+from warpgrains.solver.final_states import FinalStates, Grains
 from warpgrains.solver.statistics import RunStatistics
 
-UNITS = {
-    "grains": "",
-    "steps": "",
-    "time": "s",
-    "iterations_mean": "",
-    "iterations_max": "",
-    "unconverged": "",
-    "worst_overlap": "m",
-    **{name: QUANTITIES[name].unit for name in SWEEP_QUANTITIES},
-    "error": "",
-}
-"""Columns of every sweep in order, and their units."""
-MEANINGS = {
-    "grains": "number of grains",
-    "steps": "number of time steps",
-    "time": "simulated time",
-    "iterations_mean": "iterations of a step, mean",
-    "iterations_max": "iterations of a step, maximum",
-    "unconverged": "number of steps that stopped short of the tolerance",
-    "worst_overlap": "largest overlap after any step",
-    **{name: f"{QUANTITIES[name].meaning}, at the end of the run" for name in SWEEP_QUANTITIES},
-    "error": "reason of the failure, if the run failed",
-}
-"""Meanings of these columns, for the documentation."""
+
+class Column(NamedTuple):
+    """A column of the results that every sweep has, or every sweep with an end criterion."""
+
+    meaning: str
+    of_runs: Callable[[FinalStates], NDArray[Any]]
+    """Values of many runs at once, shape (m,)."""
+    unit: str = ""
+    kind: type[float] | type[str] = float
+
+
+def _counted(field: str, meaning: str) -> Column:
+    """Return the column of a count of `RunStatistics`."""
+    return Column(meaning, lambda ends: ends.done[field].astype(np.int64), kind=int)
+
+
+def _at_the_end(name: str, of_runs: Callable[[Grains], FloatArray]) -> Column:
+    """Return the column of a quantity of the final state."""
+    quantity = QUANTITIES[name]
+    return Column(
+        f"{quantity.meaning}, at the end of the run", lambda ends: of_runs(ends.grains), quantity.unit
+    )
+
+
 MET = "met"
-COUNTS = ("grains", "steps", "iterations_max", "unconverged", MET)
-"""Columns of integers."""
 SECONDS = "seconds"
-COUNTED = ("steps", "iterations", "iterations_max", "unconverged", "overlap", MET, SECONDS)
-"""Fields of `RunStatistics` that results depend on."""
+COLUMNS = {
+    "grains": Column(
+        "number of grains", lambda ends: np.full(len(ends.dt), ends.grains.mass.shape[1]), kind=int
+    ),
+    "steps": _counted("steps", "number of time steps"),
+    "time": Column("simulated time", lambda ends: ends.done["steps"] * ends.dt, "s"),
+    "iterations_mean": Column(
+        "iterations of a step, mean", lambda ends: ends.done["iterations"] / np.maximum(1, ends.done["steps"])
+    ),
+    "iterations_max": _counted("iterations_max", "iterations of a step, maximum"),
+    "unconverged": _counted("unconverged", "number of steps that stopped short of the tolerance"),
+    "worst_overlap": Column("largest overlap after any step", lambda ends: ends.done["overlap"], "m"),
+    **{name: _at_the_end(name, of_runs) for name, of_runs in SWEEP_QUANTITIES.items()},
+    MET: _counted(MET, "with `--until`: 1 if the run was at rest, else 0"),
+    "error": Column(
+        "reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), ""), kind=str
+    ),
+}
+"""Columns in order; `met` is that of sweeps with an end criterion."""
+UNITS = {name: found.unit for name, found in (QUANTITIES | COLUMNS).items()}
+"""Units of these columns and of the measured quantities."""
 
 RunResult = tuple[Any, ...]
 """A result without labels, in the order of `Columns.after_labels`, followed by the seconds."""
@@ -63,14 +80,13 @@ class Columns(NamedTuple):
     measured: tuple[str, ...] = ()
     """Names of measured quantities."""
     until: str | None = None
-    """Criterion that ends each run early, see `criterion`."""
+    """End criterion of each run, see `criterion`."""
 
     @property
     def after_labels(self) -> list[str]:
         """Columns after the labels, without the seconds."""
-        *common, error = UNITS
-        met = [] if self.until is None else [MET]
-        return [*common, *met, *(name for name in self.measured if name not in UNITS), error]
+        *common, error = (name for name in COLUMNS if name != MET or self.until is not None)
+        return [*common, *(name for name in self.measured if name not in COLUMNS), error]
 
     @property
     def all(self) -> list[str]:
@@ -90,31 +106,18 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[
     columns
         See `Columns.after_labels`.
     """
-    grains, dt, done = ends
-    steps = done["steps"]
-    numbers = {
-        "grains": np.full(len(steps), grains.mass.shape[1]),
-        "steps": steps,
-        "time": steps * dt,
-        "iterations_mean": done["iterations"] / np.maximum(1, steps),
-        "iterations_max": done["iterations_max"],
-        "unconverged": done["unconverged"],
-        "worst_overlap": done["overlap"],
-        **{name: of_runs(grains) for name, of_runs in SWEEP_QUANTITIES.items()},
-    }
-    if MET in columns:
-        numbers[MET] = done[MET].astype(np.int64)
-    measured = [name for name in columns if name not in (*UNITS, MET)]
+    values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name in COLUMNS}
+    measured = [name for name in columns if name not in COLUMNS]
     if measured:
         found = [quantities(state, measured) for state in snapshots]
-        numbers |= {name: np.array([one[name] for one in found]) for name in measured}
-    values = [numbers[name].tolist() if name in numbers else repeat("") for name in columns]
-    return zip(*values, (f"{seconds:.3f}" for seconds in done[SECONDS].tolist()), strict=False)
+        values |= {name: [float(one[name]) for one in found] for name in measured}
+    seconds = (f"{wall_time:.3f}" for wall_time in ends.done[SECONDS].tolist())
+    return zip(*(values[name] for name in columns), seconds, strict=True)
 
 
 def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> RunResult:
     """Return the result of a finished run, see `results`."""
-    counted = {name: np.array([getattr(done, name)]) for name in COUNTED}
+    counted = {name: np.array([value]) for name, value in vars(done).items()}
     return next(results(FinalStates(end.grains, np.array([end.scene.dt]), counted), [end], columns))
 
 
@@ -132,7 +135,7 @@ def require_result(rows: list[Row], labels: Row, columns: Sequence[str]) -> Row:
         raise InputError("it is of another run")
     for name in [SECONDS] if row["error"] else [*columns[:-1], SECONDS]:
         try:
-            (int if name in COUNTS else float)(row[name])
+            (COLUMNS[name].kind if name in COLUMNS else float)(row[name])
         except ValueError:
             raise InputError(f"{name} is {row[name]!r}") from None
     return row

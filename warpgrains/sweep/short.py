@@ -12,7 +12,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import Ending, ResidentSet, ResidentSets
+from warpgrains.batch.resident import Ending, ResidentSets, SetSteps
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
@@ -23,11 +23,11 @@ from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction
-from warpgrains.sweep.folder import SweepFolder, writer
-from warpgrains.sweep.grouped_run import ResumePoint
+from warpgrains.sweep.long import ResumePoint
 from warpgrains.sweep.results import RunResult, result, results
 from warpgrains.sweep.run_folder import GRAINS
 from warpgrains.sweep.sweep import BaseScene, Run
+from warpgrains.sweep.sweep_folder import SweepFolder, writer
 
 SHORT = 20.0  # s; longer runs continue with a folder and checkpoints
 WIDTH = 4096  # runs in a group
@@ -41,7 +41,7 @@ class ShortRun(NamedTuple):
     labels: Row
     scene: Scene
     ending: Ending | None
-    """Criterion that ends the run early, and its statistics."""
+    """End criterion of the run and its statistics; None if it has none."""
 
 
 class ShortGroup(NamedTuple):
@@ -52,15 +52,13 @@ class ShortGroup(NamedTuple):
     """None if the group is empty."""
 
 
-class ShortRuns:
+class ShortRunner:
     """Runner for the short runs of a sweep.
 
     Parameters
     ----------
     folder, execution, on_progress
         As for `finish_runs`.
-    held : ExitStack
-        Stack that holds the locks on runs.
 
     Attributes
     ----------
@@ -70,9 +68,7 @@ class ShortRuns:
         Runs that are to continue with a folder.
     """
 
-    def __init__(
-        self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction, held: ExitStack
-    ):
+    def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
         self.left: dict[int, str] = {}
         self.longer: list[ResumePoint] = []
         self._folder, self._on_progress = folder, on_progress
@@ -81,7 +77,10 @@ class ShortRuns:
         self._cache: dict[tuple[BaseScene, str], Scene] = {}
         folder.shards.path.mkdir(parents=True, exist_ok=True)
         self._locks = RunLocks(folder.shards.path / ".claims")
-        held.callback(self._locks.close)
+
+    def close(self) -> None:
+        """Release the locks on runs, also on those that continue with a folder."""
+        self._locks.close()
 
     def begin(self, points: list[ResumePoint], held: ExitStack) -> ShortGroup:
         """Load the scenes of runs into memory. Nothing is entered into `held`."""
@@ -121,7 +120,7 @@ class ShortRuns:
                 scene = self._scene(run)
                 until = criterion(self._folder.columns.until, scene)
                 if paying_threads(scene) == 1:
-                    ending = None if until is None else (until, RunStatistics())
+                    ending = None if until is None else Ending(until, RunStatistics())
                     return ShortRun(run, labels, scene, ending)
         self.longer.append(ResumePoint(run))
         return None
@@ -160,15 +159,15 @@ class ShortRuns:
             if perf_counter() > end:
                 sets.cancel()
 
-        endings = [short.ending for short in group.runs if short.ending is not None]
-        ended: dict[int, tuple[Row, RunResult]] = {}
         waiting = dict(enumerate(group.runs))
-        for resident in sets.advance(steps, poll, endings or None):
-            for k, values in self._ended(group.runs, resident):
+        endings = {k: short.ending for k, short in waiting.items() if short.ending is not None}
+        ended: dict[int, tuple[Row, RunResult]] = {}
+        for last in sets.advance(steps, poll, endings):
+            for k, values in self._ended(sets, last):
                 short = waiting.pop(k)
                 ended[short.run.number] = (short.labels, values)
-            for k in filter(waiting.__contains__, resident.scenes):
-                state, done = resident.scenes[k].state(), resident.outcomes.done(k)
+            for k in filter(waiting.__contains__, sets.scenes):
+                state, done = sets.scenes[k].state(), last.done(k)
                 self.longer.append(ResumePoint(waiting.pop(k).run, state, done.statistics, done.error))
         self.longer += [ResumePoint(short.run) for short in waiting.values()]
         self._on_progress(len(ended) - counted)
@@ -176,18 +175,18 @@ class ShortRuns:
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
 
-    def _ended(self, runs: list[ShortRun], resident: ResidentSet) -> Iterator[tuple[int, RunResult]]:
-        """Yield the results of the finished runs with their indices in the group."""
+    def _ended(self, sets: ResidentSets, last: SetSteps) -> Iterator[tuple[int, RunResult]]:
+        """Yield the results of the finished runs in memory with their indices in the group."""
         columns = self._folder.columns.after_labels
         if self._folder.columns.until is not None:
-            for k, scene in resident.scenes.items():
-                statistics = resident.outcomes.done(k).statistics
-                if statistics.met or statistics.steps == scene.scene.steps:
-                    yield k, result(snapshot(scene.scene, scene.state()), statistics, columns)
+            for k, now in sets.scenes.items():
+                statistics = last.done(k).statistics
+                if statistics.met or statistics.steps == now.scene.steps:
+                    yield k, result(snapshot(now), statistics, columns)
             return
-        for engine, numbers, indices in resident.by_shape():
+        for engine, numbers, indices in sets.by_shape():
             ended = engine.left[indices] == 0
             if ended.any():
                 which = numbers[ended].tolist()
-                ends = (snapshot(runs[k].scene, resident.scenes[k].state()) for k in which)
+                ends = (snapshot(sets.scenes[k]) for k in which)
                 yield from zip(which, results(engine.ends(indices[ended]), ends, columns), strict=True)

@@ -8,7 +8,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, chains_of
-from warpgrains.drawing.colors import Frame
+from warpgrains.drawing.frames import Frame
 from warpgrains.frame_log import Arrays
 from warpgrains.usd.stage import bind_material, covering_extent, set_kind, triples
 

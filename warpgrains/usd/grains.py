@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.drawing.colors import Frame, GrainColors, linear, pressure
+from warpgrains.drawing.colors import GrainColors, linear, pressure
+from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.mobilized import mobilized
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import OF_CONTACTS, GrainColors
-from warpgrains.drawing.frame_times import FrameTimes
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog
@@ -25,7 +24,6 @@ from warpgrains.usd.writer import reopen_log, write_recording
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.solver.forces import PairContacts, WallContacts
 
 DRAWN_AS = ("points", "discs", "spheres")
 
@@ -137,32 +135,13 @@ class Recorder:
             self._frames.close()
             self._lock.release()
 
-    def record(
-        self,
-        position: FloatArray,
-        velocity: FloatArray,
-        contacts: PairContacts | None = None,
-        wall_contacts: WallContacts | None = None,
-        *,
-        spin: FloatArray | None = None,
-        angle: FloatArray | None = None,
-        time: float | None = None,
-        driven: FloatArray | None = None,
-    ) -> None:
+    def record(self, frame: Frame) -> None:
         """Append one frame.
 
         Parameters
         ----------
-        position, velocity : ndarray
-            Centers [m] and velocities [m/s], shape (n, 2), after step ``times.step(frames)``.
-        contacts, wall_contacts
-            Results of `Simulation.contacts` and `Simulation.wall_contacts`; used if `needs_contacts`.
-        spin, angle : ndarray, optional
-            Angular velocities [rad/s] and angles [rad], shape (n,); required with friction, unused without.
-        time : float, optional
-            Time of the step [s], at which walls that move are drawn; by default that since the first frame.
-        driven : ndarray, optional
-            Coordinates and speeds of walls, see `State.driven`; required if a force drives one.
+        frame : Frame
+            State after step ``times.step(frames)``, with contacts if `needs_contacts`.
 
         Raises
         ------
@@ -172,17 +151,16 @@ class Recorder:
         OSError
             The frame cannot be written. Earlier frames are in the log, and the call may be repeated.
         """
-        if np.shape(position) != self._shape or np.shape(velocity) != self._shape:
-            shapes = f"{np.shape(position)} and {np.shape(velocity)}"
+        if np.shape(frame.position) != self._shape or np.shape(frame.velocity) != self._shape:
+            shapes = f"{np.shape(frame.position)} and {np.shape(frame.velocity)}"
             raise ValueError(f"a frame has arrays of shape {self._shape}, not {shapes}")
-        for name, value in (("spin", spin), ("angle", angle)):
+        for name, value in (("spin", frame.spin), ("angle", frame.angle)):
             if value is not None and np.shape(value) != self._shape[:1]:
                 raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
-        moving = position, velocity, contacts, wall_contacts, spin, angle, time, driven
-        frame = self.times.frame(self.frames, *moving)
+        shown = self.times.shown(self.frames, frame)
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in self._drawings:
-            arrays |= drawing.samples(frame)
+            arrays |= drawing.samples(shown)
         self._frames.append(arrays)
 
     def flush(self) -> None:

@@ -11,7 +11,8 @@ from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics, UsdShade, Vt
 
 import warpgrains
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.colors import Frame, linear, mark_color
+from warpgrains.drawing.colors import linear, mark_color
+from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import WALL_COLOR, Shape, drawn_walls, moved_walls, wall_mesh
 from warpgrains.frame_log import Arrays
 from warpgrains.scene.band import Band

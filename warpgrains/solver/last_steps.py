@@ -1,4 +1,4 @@
-"""Outcomes of the steps of scenes, from which a report is made when it is read."""
+"""The last steps of scenes, of which a report is made when it is read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STEP = tuple(StepState.vars)  # names of its fields
 SUMS = tuple(Sums.vars)
 
 
-class Outcomes(NamedTuple):
+class LastSteps(NamedTuple):
     """The last steps of the scenes of an engine."""
 
     scenes: Sequence[Scene]

@@ -35,7 +35,7 @@ class Tables(NamedTuple):
     unconverged: set[int]
     """Runs with a step that did not meet the tolerance."""
     unmet: set[int] | None
-    """Runs that ended before their criterion was met; None if they have no criterion."""
+    """Runs that ended before their end criterion was met; None if they have none."""
 
 
 class SweepFolder:

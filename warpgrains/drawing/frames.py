@@ -1,0 +1,145 @@
+"""Frames of a run: what they contain, when they are due, and the interface of the outputs that take them."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from math import ceil
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.errors import InputError
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+    from warpgrains.solver.forces import PairContacts, WallContacts
+    from warpgrains.solver.present import PresentState
+
+_TOLERANCE = Fraction(1, 10**9)  # tolerance, in steps
+
+
+@dataclass(frozen=True)
+class Frame:
+    """State of a run at one time, as it is drawn."""
+
+    position: FloatArray
+    """[m], shape (n, 2)."""
+    velocity: FloatArray
+    """[m/s], shape (n, 2)."""
+    contacts: PairContacts | None = None
+    """Contacts between grains; None, like those with walls, if nothing that is drawn needs forces."""
+    wall_contacts: WallContacts | None = None
+    spin: FloatArray | None = None
+    """Angular velocities [rad/s], shape (n,); with friction required, as the angles, without unused."""
+    angle: FloatArray | None = None
+    """Angles by which grains have turned [rad], shape (n,)."""
+    time: float = 0.0
+    """[s]."""
+    driven: FloatArray | None = None
+    """Coordinates and speeds of walls, see `State.driven`; None where no force drives a wall."""
+
+    @classmethod
+    def of(cls, now: PresentState, has_contacts: bool) -> Self:
+        """Return the present state of a scene, with or without contacts."""
+        contacts, walls = (now.contacts(), now.wall_contacts()) if has_contacts else (None, None)
+        return cls(now.position, now.velocity, contacts, walls, now.spin, now.angle, now.time, now.driven)
+
+    @property
+    def places(self) -> FloatArray | None:
+        """Coordinates of walls [m], shape (walls,); None where no force drives a wall."""
+        return None if self.driven is None else self.driven[:, 0]
+
+    def placed(self, scene: Scene) -> Scene:
+        """Return the scene with the walls that forces drive where they are."""
+        return scene if self.places is None else scene.with_walls_at(self.places)
+
+    def rotation(self) -> tuple[FloatArray, FloatArray]:
+        """Return spin and angle of the grains; ValueError where they are missing."""
+        if self.spin is None or self.angle is None:
+            raise ValueError("a frame of a scene with friction needs spin and angle")
+        return self.spin, self.angle
+
+    def forces(self) -> tuple[PairContacts, WallContacts]:
+        """Return the contacts between grains and with walls. Raises ValueError if they are missing."""
+        if self.contacts is None or self.wall_contacts is None:
+            raise ValueError("a frame drawn with forces or pressure needs contacts and wall_contacts")
+        return self.contacts, self.wall_contacts
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """Frames k = 0, 1, 2, ... at times k / rate, for a scene with time step dt.
+
+    Both numbers are taken as the decimals that a user writes, so that rounding does not shift a frame to
+    another step.
+    """
+
+    dt: float
+    """Time step [s]."""
+    rate: float
+    """Frames per second of simulated time [1/s], at most one per step."""
+
+    @classmethod
+    def of(cls, dt: float, wanted: float) -> FrameTimes:
+        """Return frame times with the requested rate [1/s], or one frame per step if steps are longer.
+
+        Raises
+        ------
+        InputError
+            The rate is not a positive finite number.
+        """
+        if not 0 < wanted < float("inf"):
+            raise InputError(f"frames per second is {wanted}: it must be greater than 0")
+        return cls(dt, min(float(wanted), float(1 / _as_written(dt))))
+
+    def step(self, k: int) -> int:
+        """Return the step in which frame k lies, or at whose end it is."""
+        return ceil(k * self._steps_a_frame - _TOLERANCE)
+
+    def shown(self, k: int, end: Frame) -> Frame:
+        """Return frame k from the state at the end of `step(k)`.
+
+        Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
+        The positions and angles are those at the time of the frame, and so are the coordinates of walls.
+        """
+        steps = self.step(k) - k * self._steps_a_frame
+        before, position, angle, driven = float(steps) * self.dt, end.position, end.angle, end.driven
+        if steps > _TOLERANCE:
+            position = position - before * end.velocity
+            if end.spin is not None and angle is not None:
+                angle = angle - before * end.spin
+        if driven is not None:
+            driven = np.stack([driven[:, 0] - before * driven[:, 1], driven[:, 1]], axis=1)
+        return replace(end, position=position, angle=angle, driven=driven, time=end.time - before)
+
+    @cached_property
+    def _steps_a_frame(self) -> Fraction:
+        return 1 / (_as_written(self.rate) * _as_written(self.dt))
+
+
+def _as_written(value: float) -> Fraction:
+    return Fraction(repr(float(value)))
+
+
+class Output(AbstractContextManager[Any], Protocol):
+    """Interface of a file that receives frames of a run: a recording, a film, or a picture of the end.
+
+    It is complete at the end of the ``with`` block.
+    """
+
+    needs_contacts: bool
+    """Whether frames must have contacts."""
+
+    @property
+    def times(self) -> FrameTimes | None:
+        """Times of the frames; None if the only frame is the end of the run."""
+
+    def record(self, frame: Frame) -> None:
+        """Append the state at the end of the step in which the next frame lies."""
+
+    def flush(self) -> None:
+        """Flush to the disk the frames from which a later run can continue."""

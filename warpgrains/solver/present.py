@@ -1,0 +1,87 @@
+"""The present state of a scene in memory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warpgrains.arrays import FloatArray
+from warpgrains.scene import checks
+from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import State
+from warpgrains.solver.engine import Engine
+from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
+
+
+class PresentState:
+    """The present state of one scene of an engine. Every array is a read-only copy.
+
+    Attributes
+    ----------
+    scene : Scene
+    """
+
+    def __init__(self, scene: Scene, engine: Engine, index: int = 0):
+        self.scene, self._engine, self._index = scene, engine, index
+
+    @property
+    def steps(self) -> int:
+        """Time steps since the start."""
+        return self._engine.steps(self._index)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.steps * self.scene.dt
+
+    @property
+    def position(self) -> FloatArray:
+        """Centers of the grains [m], shape (n, 2); a read-only copy."""
+        return self._grains("position")
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities that moved the grains in the last step [m/s], shape (n, 2); a read-only copy.
+
+        In the leapfrog scheme they belong to the middle of that step, half a step before the positions.
+        """
+        return self._grains("velocity")
+
+    @property
+    def spin(self) -> FloatArray:
+        """Angular velocities of the grains [rad/s], shape (n,), as `velocity`; 0 without friction."""
+        return self._grains("spin") if self.scene.has_friction else checks.frozen(np.zeros(self.scene.n))
+
+    @property
+    def angle(self) -> FloatArray:
+        """Rotations of the grains since the start [rad], shape (n,); 0 without friction."""
+        return self._grains("angle") if self.scene.has_friction else checks.frozen(np.zeros(self.scene.n))
+
+    def _grains(self, name: str) -> FloatArray:
+        return checks.frozen(self._engine.grains(self._index, name))
+
+    @property
+    def driven(self) -> FloatArray | None:
+        """Coordinates [m] and speeds [m/s] of walls as in `State.driven`; None if no force drives one."""
+        if not self.scene.has_driven_walls:
+            return None
+        return checks.frozen(self._engine.driven(self._index))
+
+    @property
+    def present_scene(self) -> Scene:
+        """The scene with walls that forces drive where they are; without such walls `scene` itself."""
+        return self._engine.scene_at(self._index, "position")
+
+    def contacts(self) -> PairContacts:
+        """Return the contacts between grains that carry a correction after the last step."""
+        last_position = self._engine.grains(self._index, "last_position")
+        return pair_contacts(self.scene, last_position, self._engine.corrections(self._index))
+
+    def wall_contacts(self) -> WallContacts:
+        """Return the wall contacts of the last step that carry a correction."""
+        last_position = self._engine.grains(self._index, "last_position")
+        scene = self._engine.scene_at(self._index, "last_position")
+        return wall_contacts(scene, last_position, self._engine.corrections(self._index), self.time)
+
+    def state(self) -> State:
+        """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
+        return self._engine.state(self._index)

@@ -1,0 +1,245 @@
+"""Long runs: those with a folder, which are executed in groups and in slices of about a second.
+
+Checkpoints at intervals and at the end let a killed process lose little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import replace
+from math import inf
+from time import perf_counter
+from typing import NamedTuple, Self
+
+from warpgrains.analysis.series import Series
+from warpgrains.analysis.snapshot import snapshot
+from warpgrains.batch.resident import Ending, ResidentSets, StepsDone
+from warpgrains.errors import InputError, OutputError, SimulationError
+from warpgrains.scene.state import State
+from warpgrains.simulation.checkpoint import Checkpoint
+from warpgrains.simulation.options import RunOptions
+from warpgrains.simulation.run import OpenRun
+from warpgrains.simulation.until import criterion
+from warpgrains.solver.present import PresentState
+from warpgrains.solver.statistics import RunStatistics
+from warpgrains.solver.threads import cores
+from warpgrains.solver.tuning import find_device
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
+from warpgrains.sweep.results import result
+from warpgrains.sweep.run_folder import HOW_TO_REPEAT, RunFolder
+from warpgrains.sweep.sweep import Run
+from warpgrains.sweep.sweep_folder import SweepFolder
+
+SLICE = 1.0  # intended duration of a slice [s]
+FIRST_SLICE = 4  # steps
+BETWEEN_CHECKPOINTS = 20.0  # s
+LEAST_WIDTH, WIDTH, RECORDED_WIDTH = 16, 64, 16  # runs in a group; frames wait in memory
+WRITERS = 16
+
+
+class ResumePoint(NamedTuple):
+    """State from which a run continues: its start, or its last state as a short run."""
+
+    run: Run
+    state: State | None = None
+    """None at the start of the run."""
+    statistics: RunStatistics | None = None
+    error: str | None = None
+    """Reason of a failure in these steps, or None."""
+
+
+class LongRun(OpenRun):
+    """A run with a folder in execution. No other process executes it, because its folder is locked."""
+
+    def __init__(self, folder: RunFolder, start: Checkpoint):
+        options = start.options or RunOptions(steps=start.scene.steps)
+        super().__init__(options, start.statistics, until=criterion(options.until, start.scene))
+        self.folder, self.scene, self.state = folder, start.scene, start.state
+        self.error: str | None = None
+        self._outputs = ExitStack()
+
+    @classmethod
+    def begin(
+        cls, sweep: SweepFolder, point: ResumePoint, execution: ExecutionOptions, held: ExitStack
+    ) -> Self | str:
+        """Return the run, or the reason why it cannot continue: another process has it, or it has failed.
+
+        Its lock and outputs are entered into `held`.
+        """
+        folder, run = sweep.of(point.run), None
+        with ExitStack() as own:
+            try:
+                own.push(folder.lock())
+                start = folder.begin(execution)
+                if point.error is not None:
+                    raise InputError(point.error)
+                if point.state is not None and point.statistics is not None and start.statistics.steps == 0:
+                    start = replace(start, state=point.state, statistics=point.statistics)
+                run = cls(folder, start)
+                own.push(run._open())
+            except (OutputError, OSError) as error:
+                return str(error)
+            except InputError as error:
+                reason = str(error) if run is None else f"{error}: {HOW_TO_REPEAT}"
+                folder.fail(reason, 0.0 if run is None else run.statistics.seconds)
+                return reason
+            held.push(own.pop_all())
+            return run
+
+    def _open(self) -> ExitStack:
+        """Open the recording and the series."""
+        options = self.options
+        with ExitStack() as outputs:
+            outputs.enter_context(self.opened(self.scene))
+            if options.measure is not None:
+                resume_at = self.statistics.steps or None
+                series = Series(options.measure, options.measure_every, options.series, resume_at)
+                self.observer = outputs.enter_context(series)
+            self._outputs = outputs.pop_all()
+        return self._outputs
+
+    @property
+    def has_steps_left(self) -> bool:
+        """True if steps remain to be done."""
+        return self.statistics.steps < self.options.steps and self.error is None
+
+    @property
+    def progress(self) -> float:
+        """Fraction of the run that is done."""
+        return self.statistics.steps / self.options.steps if self.has_steps_left else 1.0
+
+    def count(self, done: StepsDone) -> None:
+        """Add the steps that the run has done; it ends now if its end criterion is met."""
+        if self.until is None:
+            self.statistics.add(done.statistics)
+        self.error = done.error
+        if self.statistics.met:
+            self.end()
+
+    def write(self, now: PresentState) -> None:
+        """Observe and record the present state, if due, unless the run has failed."""
+        if self.error is None:
+            super().write(now)
+
+    def save_checkpoint(self) -> None:
+        """Save a checkpoint after flushing the frames and measurements that it counts."""
+        self.flush()
+        self.folder.save_checkpoint(Checkpoint(self.scene, self.state, self.options, self.statistics))
+
+    def complete(self) -> str | None:
+        """Complete the recording; return the reason if that fails."""
+        try:
+            self._outputs.close()
+        except OSError as error:
+            return str(error)
+        return None
+
+    def finish(self) -> None:
+        """Save the result of the run."""
+        if self.error is None:
+            end = snapshot(self.scene, self.state)
+            self.folder.finish(result(end, self.statistics, self.folder.columns.after_labels))
+        else:
+            self.folder.fail(self.error, self.statistics.seconds)
+
+
+class LongRunner:
+    """Runner for runs with a folder each.
+
+    Parameters
+    ----------
+    folder, execution, on_progress
+        As for `finish_runs`.
+
+    Attributes
+    ----------
+    left : dict of int to str
+        Reasons why runs are unfinished, by their numbers.
+    """
+
+    def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
+        self.left: dict[int, str] = {}
+        self._folder, self._execution, self._on_progress = folder, execution, on_progress
+        self._threads, self._device = execution.threads or cores(), find_device(execution.device)
+        self.widest = WIDTH if execution.fps is None else RECORDED_WIDTH
+        self.narrowest = min(LEAST_WIDTH, self.widest)
+
+    def begin(self, points: list[ResumePoint], held: ExitStack) -> list[LongRun]:
+        """Return the runs that can continue; their locks and outputs are entered into `held`."""
+        begun = [(point, LongRun.begin(self._folder, point, self._execution, held)) for point in points]
+        self.left |= {point.run.number: run for point, run in begun if isinstance(run, str)}
+        runs = [run for _, run in begun if not isinstance(run, str)]
+        self._on_progress(len(points) - len(runs))
+        return runs
+
+    def carry_out(self, runs: list[LongRun]) -> int:
+        """Advance runs to their ends, complete their recordings and save their results.
+
+        Returns
+        -------
+        int
+            Total number of grains of the runs.
+        """
+        self._on_progress(sum(run.progress for run in runs))
+        self._advance([run for run in runs if run.has_steps_left])
+        troubles = [(run, run.complete()) for run in runs]
+        self.left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
+        _write(LongRun.finish, [run for run, trouble in troubles if trouble is None])
+        return sum(run.scene.n for run in runs)
+
+    def _advance(self, runs: list[LongRun]) -> None:
+        """Advance runs to their ends. A run that does not fit in memory even alone has failed."""
+        if not runs:
+            return
+        try:
+            sets = ResidentSets([run.scene for run in runs], self._device, self._threads)
+        except SimulationError as error:
+            if len(runs) > 1:
+                for run in runs:
+                    self._advance([run])
+            else:
+                self._on_progress(1.0 - runs[0].progress)
+                runs[0].error = str(error)
+            return
+        for k, run in enumerate(runs):
+            if run.statistics.steps > 0:
+                sets.restore(k, run.state)
+        self._in_slices(runs, sets)
+
+    def _in_slices(self, runs: list[LongRun], sets: ResidentSets) -> None:
+        """Advance runs in slices; record, measure and save checkpoints between slices."""
+        slice_steps, kept_at = FIRST_SLICE, perf_counter()
+        ends = {k: Ending(run.until, run.statistics) for k, run in enumerate(runs) if run.until is not None}
+        for scenes in sets.in_memory():
+            for k, scene in scenes.items():
+                runs[k].write(scene)
+        if any(run.output is not None for run in runs):
+            _save_checkpoints(runs, sets)
+        while any(run.has_steps_left for run in runs):
+            start, before = perf_counter(), sum(run.progress for run in runs)
+            steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
+            for last in sets.advance(steps, lambda _: None, ends):
+                for k, scene in sets.scenes.items():
+                    if steps[k] > 0:
+                        runs[k].count(last.done(k))
+                        runs[k].write(scene)
+            self._on_progress(sum(run.progress for run in runs) - before)
+            now = perf_counter()
+            slice_steps = next_size(max(steps), now - start, SLICE, inf)
+            if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.has_steps_left for run in runs):
+                _save_checkpoints(runs, sets)
+                kept_at = now
+
+
+def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:
+    for k, run in enumerate(runs):
+        run.state = sets.state(k)
+    _write(LongRun.save_checkpoint, runs)
+
+
+def _write(write: Callable[[LongRun], None], runs: list[LongRun]) -> None:
+    """Write files of all runs in parallel threads, because most of the time is spent waiting for the disk."""
+    with ThreadPoolExecutor(WRITERS) as writers:
+        list(writers.map(write, runs))
