@@ -117,6 +117,43 @@ def test_grains_of_all_scenes_as_one_array() -> None:
         Batch([course, Scene.load("bidisperse")]).position()
 
 
+@pytest.mark.parametrize("memory", [1e9, 25_000.0], ids=["all in memory", "one scene in memory"])
+def test_gravity_chosen_by_the_states(monkeypatch: pytest.MonkeyPatch, memory: float) -> None:
+    """Each scene is drawn to the left of its center, and falls as before afterwards; bits as alone."""
+    monkeypatch.setattr(resident, "free_memory", lambda _: memory)
+    course = Scene.load("annulus")
+    scenes = [course.replace(drag=drag) for drag in (0.1, 0.2, 0.5)]
+    batch, alone = Batch(scenes, threads=2), [Simulation(scene) for scene in scenes]
+    assert len(batch._sets._sets) == (1 if memory > 1e6 else 3)
+    for k in range(40):
+        center = batch.position().mean(axis=1)
+        gravity = None if k > 30 else np.stack([-9.81 * center[:, 1], 9.81 * center[:, 0]], axis=1)
+        batch.run(1, gravity=gravity) if k % 2 else batch.step(gravity)
+        for number, (scene, one) in enumerate(zip(scenes, alone, strict=True)):
+            one.change(gravity=scene.gravity if gravity is None else tuple(gravity[number]))
+            one.step()
+    for number, one in enumerate(alone):
+        assert np.array_equal(batch.position(number), one.position)
+        assert np.array_equal(batch.velocity(number), one.velocity)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "message"),
+    [
+        ((0.0, 1.0), r"gravity has shape \(2,\): it must be \(n, 2\), with at least one scene"),
+        ([(0.0, 1.0)], "gravity has 1 rows: it must have 2, one for each scene"),
+        ([(0.0, 1.0), (np.nan, 0.0)], r"gravity of scene 1 is \(nan, 0.0\): it must be finite"),
+        (np.zeros((2, 2)), "gravity is given, but scene 1 has one that turns: give one of them"),
+    ],
+)
+def test_bad_gravity_is_refused(gravity: object, message: str) -> None:
+    course = Scene.load("annulus")
+    batch = Batch([course, course.replace(gravity={"rotate": 1.0})])
+    for call in (batch.step, lambda gravity: batch.run(1, gravity=gravity)):
+        with pytest.raises(InputError, match=message):
+            call(gravity)
+
+
 def test_scenes_with_other_walls_end_in_other_groups() -> None:
     """Their arrays of forces on walls have other shapes."""
     course = Scene.load("annulus")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar, cast, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
 from warpgrains.batch.resident import Ending, ResidentSets, SetSteps
@@ -126,6 +127,7 @@ class Batch(Shown):
         self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
         self._stepped: dict[int, SetSteps] = {}  # in which scenes took their last steps
         self._restored: dict[int, StepReport | None] = {}
+        self._turning = [k for k, scene in enumerate(self.scenes) if scene.gravity_rate]
         self._use = ExclusiveUse("batch")
 
     def __getstate__(self) -> tuple[Any, ...]:
@@ -149,16 +151,23 @@ class Batch(Shown):
     def __len__(self) -> int:
         return len(self.scenes)
 
-    def step(self) -> Results[StepReport]:
+    def step(self, gravity: ArrayLike | None = None) -> Results[StepReport]:
         """Advance every scene by one time step.
+
+        Parameters
+        ----------
+        gravity : array_like, optional
+            As for `run`.
 
         Raises
         ------
+        InputError
+            `gravity` is invalid.
         SimulationError
             A number of some scene is no longer finite (that scene keeps the state before the step, and the
             other scenes have advanced), or another thread advances this batch.
         """
-        sets = self._advance([1] * len(self), lambda _: None)
+        sets = self._advance([1] * len(self), lambda _: None, {}, gravity)
         errors = sorted(error for last in sets for error in last.errors.items())
         if errors:
             raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors))
@@ -170,6 +179,7 @@ class Batch(Shown):
         duration: float | None = None,
         progress: bool = False,
         until: str | Question | None = None,
+        gravity: ArrayLike | None = None,
     ) -> Results[SceneSummary]:
         """Advance every scene by many time steps.
 
@@ -187,6 +197,9 @@ class Batch(Shown):
             End criterion of each scene, as in `Simulation.run`: "rest", or a callable. The callable
             receives a scene of the batch, with the attributes `scene`, `steps`, `time`, `position`,
             `velocity` and the method `state` of a `Simulation`.
+        gravity : array_like, optional
+            Acceleration of gravity of every scene in these steps [m/s2], shape (scenes, 2); by default that
+            of the scenes.
 
         Returns
         -------
@@ -196,7 +209,7 @@ class Batch(Shown):
         Raises
         ------
         InputError
-            `steps` is invalid, or `until` is no end criterion for one of the scenes.
+            `steps` or `gravity` is invalid, or `until` is no end criterion for one of the scenes.
         """
         wanted = self._steps_of_each(steps, duration)
         endings = {}
@@ -204,7 +217,7 @@ class Batch(Shown):
             own = enumerate(self.scenes)
             endings = {k: Ending(criterion(until, scene), RunStatistics()) for k, scene in own}
         with progress_bar(sum(wanted), shown=progress) as bar:
-            sets = self._advance(wanted, bar.update, endings)
+            sets = self._advance(wanted, bar.update, endings, gravity)
         of_scene = {k: last for last in sets for k in last.place}
 
         def summary(k: int) -> SceneSummary:
@@ -225,14 +238,28 @@ class Batch(Shown):
         return [steps_of(scene, own, duration) for scene, own in zip(self.scenes, each, strict=True)]
 
     def _advance(
-        self, steps: list[int], on_progress: OnProgress, endings: Mapping[int, Ending] | None = None
+        self,
+        steps: list[int],
+        on_progress: OnProgress,
+        endings: Mapping[int, Ending],
+        gravity: ArrayLike | None,
     ) -> list[SetSteps]:
         """Advance each scene, see `ResidentSets.advance`, and keep the record of its last steps."""
+        given = None if gravity is None else self._checked_gravity(gravity)
         with self._use.advancing():
-            sets = list(self._sets.advance(steps, on_progress, endings))
+            sets = list(self._sets.advance(steps, on_progress, endings, given))
             for last in sets:
                 self._stepped |= dict.fromkeys(last.stepped, last)
         return sets
+
+    def _checked_gravity(self, gravity: ArrayLike) -> FloatArray:
+        given = checks.vectors("gravity", gravity, "scene")
+        if len(given) != len(self):
+            raise InputError(f"gravity has {len(given)} rows: it must have {len(self)}, one for each scene")
+        if self._turning:
+            k = self._turning[0]
+            raise InputError(f"gravity is given, but scene {k} has one that turns: give one of them")
+        return given
 
     @property
     def reports(self) -> Results[StepReport | None]:

@@ -162,14 +162,21 @@ class ResidentSets:
             self._states[k] = deepcopy(state)
 
     def advance(
-        self, steps: Sequence[int], on_progress: OnProgress, endings: Mapping[int, Ending] | None = None
+        self,
+        steps: Sequence[int],
+        on_progress: OnProgress,
+        endings: Mapping[int, Ending] | None = None,
+        gravity: FloatArray | None = None,
     ) -> Iterator[SetSteps]:
         """Advance each scene by its number of steps, or until its end criterion is met, set after set.
 
-        A scene that fails or is interrupted stops between two steps. Yields after each set what its scenes
-        did. After `cancel` the remaining sets are not advanced.
+        Gravity is that of the scenes, or is given for these steps [m/s2], shape (scenes, 2). A scene that
+        fails or is interrupted stops between two steps. Yields after each set what its scenes did. After
+        `cancel` the remaining sets are not advanced.
         """
         for _ in self.in_memory():
+            for engine, numbers in self._engines:
+                engine.set_gravity(None if gravity is None else gravity[numbers])
             yield self._advance_set(steps, on_progress, endings or {})
 
     def in_memory(self) -> Iterator[dict[int, PresentState]]:

@@ -139,22 +139,22 @@ def vector(field: str, value: Any) -> tuple[float, float]:
     return number(f"{field}[0]", components[0]), number(f"{field}[1]", components[1])
 
 
-def vectors(field: str, value: Any) -> FloatArray:
-    """Return a read-only copy of one finite vector per grain, shape (n, 2) with n >= 1."""
+def vectors(field: str, value: Any, of: str = "grain") -> FloatArray:
+    """Return a read-only copy of one finite vector per grain, or `of`, shape (n, 2) with n >= 1."""
     array = _floats(field, value)
     if array.ndim != 2 or array.shape[1] != 2 or len(array) == 0:
-        raise InputError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one grain")
-    require_finite(field, array)
+        raise InputError(f"{field} has shape {array.shape}: it must be (n, 2), with at least one {of}")
+    require_finite(field, array, of)
     return frozen(array)
 
 
-def require_finite(field: str, array: FloatArray) -> None:
-    """Raise InputError unless the numbers of every grain are finite; shape (n,) or (n, 2)."""
+def require_finite(field: str, array: FloatArray, of: str = "grain") -> None:
+    """Raise InputError unless the numbers of every grain, or `of`, are finite; shape (n,) or (n, 2)."""
     import numpy as np
 
     if not np.isfinite(array).all():
         bad = np.logical_not(np.isfinite(array.reshape(len(array), -1)).all(axis=1))
-        raise InputError(f"{of_grain(field, array, bad)}: it must be finite")
+        raise InputError(f"{first_bad(field, array, bad, of)}: it must be finite")
 
 
 def per_grain(field: str, value: Any, n: int) -> FloatArray:
@@ -179,15 +179,15 @@ def positive_per_grain(field: str, value: Any, n: int) -> FloatArray:
         positive(field, array[()])
     array = per_grain(field, array, n)
     if (array <= 0.0).any():
-        raise InputError(f"{of_grain(field, array, array <= 0.0)}: it must be greater than 0")
+        raise InputError(f"{first_bad(field, array, array <= 0.0)}: it must be greater than 0")
     return array
 
 
-def of_grain(field: str, array: FloatArray, bad: BoolArray) -> str:
+def first_bad(field: str, array: FloatArray, bad: BoolArray, of: str = "grain") -> str:
     """Return the start of an error message, which names the first bad grain and its value."""
-    grain = int(bad.argmax())
-    value = array[grain].tolist()
-    return f"{field} of grain {grain} is {tuple(value) if array.ndim > 1 else value}"
+    number = int(bad.argmax())
+    value = array[number].tolist()
+    return f"{field} of {of} {number} is {tuple(value) if array.ndim > 1 else value}"
 
 
 def _floats(field: str, value: Any) -> FloatArray:

@@ -25,7 +25,7 @@ def require_valid_positions(scene: Scene) -> None:
     for k, wall in enumerate(scene.walls):
         covered = wall.covers(scene.position)
         if covered.any():
-            grain = checks.of_grain("position", scene.position, covered)
+            grain = checks.first_bad("position", scene.position, covered)
             raise InputError(f"{grain}: its center is inside walls[{k}], {wall}")
     require_distinct("position", scene.position)
 
@@ -118,12 +118,12 @@ def _require_friction(scene: Scene) -> None:
         with np.errstate(over="ignore"):
             too_fast = ~np.isfinite(scene.spin_at_start * scene.radius)
         if too_fast.any():
-            grain = checks.of_grain("spin", scene.spin_at_start, too_fast)
+            grain = checks.first_bad("spin", scene.spin_at_start, too_fast)
             raise InputError(f"{grain}: the speed of its rim is not finite")
         return
     if scene.spin is not None and scene.spin.any():
         raise InputError(
-            f"{checks.of_grain('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
+            f"{checks.first_bad('spin', scene.spin, scene.spin != 0.0)}: grains rotate only with friction"
         )
     if scene.spin_drag:
         raise InputError(f"spin_drag is {scene.spin_drag} kg m2/s: grains rotate only with friction")

@@ -118,7 +118,7 @@ class Annulus(NamedTuple):
         rho = distance(position)
         too_large = radius > self.largest_radius * (1.0 + ROUNDING)
         if too_large.any():
-            grain = checks.of_grain("radius", radius, too_large)
+            grain = checks.first_bad("radius", radius, too_large)
             raise InputError(f"{grain}: at most {self.largest_radius} m fit between the walls")
         demands = (
             (rho == 0.0, "a grain cannot be at the origin: the normal of the walls is undefined there"),
@@ -127,7 +127,7 @@ class Annulus(NamedTuple):
         )
         for bad, reason in demands:
             if bad.any():
-                raise InputError(f"{checks.of_grain('position', position, bad)}: {reason}")
+                raise InputError(f"{checks.first_bad('position', position, bad)}: {reason}")
 
     def area_below(self, level: FloatArray | float) -> FloatArray:
         """Return the area of the annulus [m2] below levels [m] measured from the origin, shape (...)."""

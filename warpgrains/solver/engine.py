@@ -89,7 +89,7 @@ class Engine:
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
         self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._most = float(sum(scene.n * scene.max_iterations for scene in scenes))
-        self.is_brief = True
+        self.is_brief, self._is_gravity_given = True, False
         self._tasks: list[Callable[[], None]] = []
         host, service = self._records.host, self._service
         arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, self._steps
@@ -187,6 +187,12 @@ class Engine:
     def keep_history(self, k: int, keep: bool) -> None:
         """Switch the history in reports of scene k on or off, see `SceneRecords.keep_history`."""
         self._records.keep_history(k, self.scenes[k].max_iterations if keep else 0)
+
+    def set_gravity(self, gravity: FloatArray | None) -> None:
+        """Use another gravity than that of the scenes [m/s2], shape (scenes, 2), until it is set to None."""
+        if gravity is not None or self._is_gravity_given:
+            self._records.set_gravity(gravity)
+        self._is_gravity_given = gravity is not None
 
     def submit(self, steps: Sequence[int]) -> None:
         """Set the number of steps to do for each scene, and reset the statistics."""

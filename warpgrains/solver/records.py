@@ -101,8 +101,9 @@ class SceneRecords:
     def _write_parameters(self) -> None:
         """Write all fields of the records that are not arrays."""
         host, scenes, sizes = self.host, self._scenes, self.sizes
-        for name in ("gravity", "drag", "spin_drag", "friction", "dt"):
+        for name in ("drag", "spin_drag", "friction", "dt"):
             host[name] = [getattr(scene, name) for scene in scenes]
+        self.set_gravity()
         host["turning"]["start"] = host["gravity"]
         host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]
         host["walls"]["annulus"]["radius_out"] = [scene.radius_out for scene in scenes]
@@ -113,7 +114,6 @@ class SceneRecords:
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
         host["tuning"]["tile"] = [tuning.TILE[scene.order] for scene in scenes]
-        host["tuning"]["acceleration"] = np.hypot(*host["gravity"].T)
         host["tuning"]["smallest_radius"] = [scene.smallest_radius for scene in scenes]
         host["tuning"]["reserve"] = tuning.RESERVE
         host["stopping"]["patience"] = [tuning.patience(scene) for scene in scenes]
@@ -135,6 +135,11 @@ class SceneRecords:
                 self._write_surfaces(self.array(k, "walls.surface"), scene)
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated and sizes.team == 1
+
+    def set_gravity(self, gravity: FloatArray | None = None) -> None:
+        """Write the gravity of the scenes, or another one [m/s2], shape (scenes, 2)."""
+        self.host["gravity"] = [scene.gravity for scene in self._scenes] if gravity is None else gravity
+        self.host["tuning"]["acceleration"] = np.hypot(*self.host["gravity"].T)
 
     @staticmethod
     def _write_surfaces(surface: FloatArray, scene: Scene) -> None:
