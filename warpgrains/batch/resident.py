@@ -14,7 +14,7 @@ import warp as wp
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
-from warpgrains.simulation.until import Criterion, steps_to_test
+from warpgrains.simulation.until import EndCriterion, steps_to_test
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
@@ -32,7 +32,7 @@ SHARE = 0.5  # largest fraction of the free memory for a resident set
 class Ending(NamedTuple):
     """End criterion of a scene, and the statistics of its run, which are updated."""
 
-    criterion: Criterion | None
+    criterion: EndCriterion | None
     statistics: RunStatistics
 
 
