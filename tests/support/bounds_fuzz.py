@@ -22,7 +22,7 @@ from warpgrains import Batch, Scene, Segment, Simulation, SimulationError
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.solver import service
 
-service.find_proof = lambda *_: None  # NumPy's, with indices of its own; it takes most of the time
+service._find_proof = lambda *_: None  # NumPy's, with indices of its own; it takes most of the time
 
 GRAINS = {"dense": (40, 160), "jammed": (20, 100), "huge": (500, 1500), "tiny": (1, 4), "spread": (5, 80)}
 KINDS = tuple(GRAINS)

@@ -24,11 +24,11 @@ from warpgrains.drawing.colors import (
     colormap,
     encoded,
     linear,
-    pressure,
     pressure_scale,
     speed_scale,
 )
 from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.loads import pressure
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder
 

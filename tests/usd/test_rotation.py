@@ -15,7 +15,7 @@ from warpgrains import Scene, SceneError, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import GrainColors, encoded, mark_color, spin_scale
 from warpgrains.drawing.frames import Frame, FrameTimes
-from warpgrains.drawing.mobilized import mobilized
+from warpgrains.drawing.loads import mobilized
 from warpgrains.drawing.shapes import Shape, disc, mark, sphere
 from warpgrains.solver.forces import PairContacts, WallContacts
 from warpgrains.usd.check import inspect_recording

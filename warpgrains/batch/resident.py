@@ -14,7 +14,7 @@ import warp as wp
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
-from warpgrains.simulation.until import Criterion, steps_to_test
+from warpgrains.simulation.until import EndCriterion, steps_to_test
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
@@ -32,7 +32,7 @@ SHARE = 0.5  # largest fraction of the free memory for a resident set
 class Ending(NamedTuple):
     """End criterion of a scene, and the statistics of its run, which are updated."""
 
-    criterion: Criterion | None
+    criterion: EndCriterion | None
     statistics: RunStatistics
 
 
@@ -108,10 +108,7 @@ class ResidentSets:
         self._is_canceled = False
 
     def _divide(self) -> list[list[int]]:
-        """Group small scenes while they fit in memory.
-
-        A scene that several threads share forms a set alone.
-        """
+        """Group small scenes while they fit in memory; a scene that several threads share is a set alone."""
         sizes = self._bytes()
         largest = int(sizes.argmax())
         require_memory(sizes[largest].item(), self._scenes[largest].n, self._device)
@@ -132,9 +129,8 @@ class ResidentSets:
         kinds = [(scene.kernel_kind, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
         for kind in set(kinds):
             members = [k for k, other in enumerate(kinds) if other == kind]
-            sizes[members] = bytes_needed(
-                Sizes.first([self._scenes[k] for k in members], kind[1], self._device)
-            )
+            first = Sizes.first([self._scenes[k] for k in members], kind[1], self._device)
+            sizes[members] = bytes_needed(first)
         return sizes
 
     def state(self, k: int) -> State:
@@ -146,9 +142,8 @@ class ResidentSets:
     def vectors(self, name: str) -> FloatArray:
         """Return "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
         found = np.empty((len(self._scenes), self._scenes[0].n, 2))
-        for k in range(len(self._scenes)):
-            if k not in self.scenes:
-                found[k] = getattr(self.state(k), name)
+        for k in set(range(len(found))) - self.scenes.keys():
+            found[k] = getattr(self.state(k), name)
         for engine, numbers in self._engines:
             found[numbers] = engine.vectors(name)
         return found
@@ -179,14 +174,17 @@ class ResidentSets:
                 engine.set_gravity(None if gravity is None else gravity[numbers])
             yield self._advance_set(steps, on_progress, endings or {})
 
-    def in_memory(self) -> Iterator[dict[int, PresentState]]:
-        """Load set after set into memory, that in memory first, until `cancel`; yield the scenes of each."""
+    def in_memory(self) -> Iterator[None]:
+        """Load set after set into memory, the present one first, until `cancel`; yield after each.
+
+        The caller must keep none of `scenes`, which would keep its whole set in memory.
+        """
         self._is_canceled = False
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._resident):
             if self._is_canceled:
                 return
             self.make_resident(number)
-            yield self.scenes
+            yield
 
     def _advance_set(
         self, steps: Sequence[int], on_progress: OnProgress, endings: Mapping[int, Ending]
@@ -231,8 +229,8 @@ class ResidentSets:
         """Load a set into memory, replacing the present one."""
         if number == self._resident:
             return
-        for k, scene in self.scenes.items():
-            self._states[k] = scene.state()
+        for k in self.scenes:
+            self._states[k] = self.state(k)
         self._resident, self._engines, self._place, self.scenes = None, [], {}, {}
         members, kinds = self._sets[number], {self._scenes[k].kernel_kind for k in self._sets[number]}
         by_kind = [[k for k in members if self._scenes[k].kernel_kind == kind] for kind in sorted(kinds)]

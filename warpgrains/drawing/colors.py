@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.drawing.colormaps import COLORS
 from warpgrains.drawing.frames import Frame
-from warpgrains.drawing.mobilized import mobilized
+from warpgrains.drawing.loads import mobilized, pressure
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
@@ -177,18 +177,6 @@ class GrainColors:
     def of(self, frame: Frame) -> FloatArray:
         """Return the colors of the grains in a frame (sRGB), shape (n, 3)."""
         return self.colors[self.levels(frame)]
-
-
-def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
-    """Return the sum of the forces on each grain divided by its circumference [N/m], shape (n,).
-
-    It is the mean of the two principal stresses that the contacts exert on the disc.
-    """
-    contacts, wall_contacts = frame.forces()
-    grain = np.concatenate([*contacts.pair.T, wall_contacts.wall[:, 0]])
-    force = np.concatenate([contacts.force, contacts.force, wall_contacts.force])
-    total = np.bincount(grain, force, len(radius)).astype(np.float64)  # integers without contacts
-    return total / (2.0 * np.pi * radius)
 
 
 def speed_scale(scene: Scene) -> float:

@@ -98,7 +98,7 @@ class RunOptions:
         needs="checkpoint",
     )
     until: str | None = _option(
-        "Criterion that ends the run early: rest[,speed=V][,energy=E][,time=T], with bounds in m/s, J and s.",
+        "End criterion of the run: rest[,speed=V][,energy=E][,time=T], with bounds in m/s, J and s.",
         checks.text,
         "rest",
     )

@@ -18,7 +18,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import Checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.until import Criterion, steps_to_multiple, steps_to_test
+from warpgrains.simulation.until import EndCriterion, steps_to_multiple, steps_to_test
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.statistics import RunStatistics, named
 
@@ -56,7 +56,7 @@ class OpenRun:
     statistics: RunStatistics
     first_step: int = 0
     """Time steps before the run."""
-    until: Criterion | None = None
+    until: EndCriterion | None = None
     observer: Observer | None = None
     output: Output | None = None
     """File that receives frames, see `opened`."""

@@ -5,37 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, hypot, sqrt
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
+    from warpgrains.solver.present import PresentState
     from warpgrains.solver.statistics import RunStatistics
 
 TEST_INTERVAL = 10  # steps between two tests
 FROUDE = 1e-3  # largest speed at rest, in sqrt(g d), d the mean diameter
 TOLERANCES = 10.0  # or this many tolerances, if larger, because a converged step leaves speeds of this order
-REST_TIME = 5.0  # duration for which the criterion must hold, in sqrt(d / g)
-
-
-class Moving(Protocol):
-    """Protocol of objects with grains that move: a `Simulation`, a scene of a `Batch`, a `Snapshot`."""
-
-    @property
-    def velocity(self) -> FloatArray:
-        """Velocities of the grains [m/s], shape (n, 2)."""
+REST_TIME = 5.0  # duration for which the end criterion must hold, in sqrt(d / g)
 
 
 Question = Callable[[Any], bool]
 
 
 @dataclass(frozen=True)
-class Criterion:
+class EndCriterion:
     """End criterion of a run."""
 
     condition: Question
@@ -44,19 +36,19 @@ class Criterion:
     """Number of steps for which the condition must hold."""
     name: str
 
-    def is_met(self, moving: Moving, statistics: RunStatistics) -> bool:
-        """Test the criterion and count for how many steps it has held, every `TEST_INTERVAL` steps of a run.
+    def is_met(self, now: PresentState, statistics: RunStatistics) -> bool:
+        """Test the end criterion every `TEST_INTERVAL` steps of a run; count for how many steps it has held.
 
         Parameters
         ----------
-        moving : Moving
-            Grains of the run.
+        now : PresentState
+            The run after its last step.
         statistics : RunStatistics
             Statistics of the run, whose `held` and `met` are updated.
         """
         if statistics.steps % TEST_INTERVAL == 0:
             held = statistics.held + TEST_INTERVAL if statistics.held else 1
-            statistics.held = held if self.condition(moving) else 0
+            statistics.held = held if self.condition(now) else 0
             statistics.met = statistics.held > self.steps
         return statistics.met
 
@@ -71,7 +63,7 @@ def steps_to_test(steps: int) -> int:
     return steps_to_multiple(steps, TEST_INTERVAL)
 
 
-def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
+def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None:
     """Return the end criterion of a run, or None.
 
     Parameters
@@ -97,7 +89,7 @@ def criterion(until: str | Question | None, scene: Scene) -> Criterion | None:
     if not isinstance(until, str):
         if not callable(until):
             raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
-        return Criterion(until, 0, "the end criterion")
+        return EndCriterion(until, 0, "the end criterion")
     return _rest(rest_bounds(until), scene)
 
 
@@ -123,7 +115,7 @@ def rest_bounds(until: str) -> dict[str, float]:
     return given
 
 
-def _rest(given: dict[str, float], scene: Scene) -> Criterion:
+def _rest(given: dict[str, float], scene: Scene) -> EndCriterion:
     gravity, diameter = hypot(*scene.gravity), 2.0 * float(scene.radius.mean())
     if gravity == 0.0 and not ("time" in given and given.keys() & {"speed", "energy"}):
         raise InputError("until=rest needs time, and speed or energy, in a scene without gravity")
@@ -133,8 +125,8 @@ def _rest(given: dict[str, float], scene: Scene) -> Criterion:
         bounds["speed"] = max(FROUDE * sqrt(gravity * diameter), TOLERANCES * scene.tolerance)
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
-    def is_at_rest(moving: Moving) -> bool:
-        square = (moving.velocity**2).sum(axis=1)
+    def is_at_rest(now: PresentState) -> bool:
+        square = (now.velocity**2).sum(axis=1)
         return bool(square.max() <= speed**2 and 0.5 * scene.mass @ square <= energy)
 
-    return Criterion(is_at_rest, ceil(time / scene.dt), "rest")
+    return EndCriterion(is_at_rest, ceil(time / scene.dt), "rest")

@@ -201,7 +201,7 @@ class Engine:
         self._outcome[:] = SOLVED
         self.seconds[:] = 0.0
         self._last_steps.sums[...] = 0
-        self._service.forget()
+        self._service.clear()
 
     def tasks(self, threads: int) -> list[Callable[[], None]]:
         """Return one task per thread. A task advances free scenes until none is left.
@@ -259,7 +259,7 @@ class Engine:
             return bool(np.count_nonzero(self.left) and not self._cancel[0])
         unproved = np.flatnonzero(self._outcome == UNPROVED).tolist()
         for k in unproved:
-            self._service.look_for_proof(k, self._done(k))
+            self._service.search_proof(k, self._done(k))
         slow = np.flatnonzero(self._outcome == SLOW).tolist()
         for k in slow:
             start = perf_counter()
@@ -290,7 +290,7 @@ class Engine:
             for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
                 self._service.explain(k, self._outcome[k], self._done(k))
             for k in np.flatnonzero(np.isin(self._outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
-                self._service.give_up(k)
+                self._service.undo_step(k)
         self._steps += self._submitted - self.left
         self._submitted[:] = self.left
 

@@ -64,7 +64,7 @@ class Service:
         self.proofs: list[list[tuple[int, tuple[int, ...]]]] = [[] for _ in scenes]
         self.errors: dict[int, str] = {}
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Clear proofs and errors."""
         self.proofs[:] = [[] for _ in self._scenes]
         self.errors.clear()
@@ -84,7 +84,7 @@ class Service:
         """Solve the step of scene k, in which sweeps converge too slowly."""
         self._exact[k].solve()
 
-    def look_for_proof(self, k: int, step: int) -> None:
+    def search_proof(self, k: int, step: int) -> None:
         """Search for the grains of scene k that cannot fit, after step number `step` did not converge."""
         proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity", 0)
         wait = 0 if proof else iterations_worth_a_search(self._scenes[k].n)
@@ -98,7 +98,7 @@ class Service:
         why = self.errors.get(k) or _reason(scene, self._memory[k], outcome)
         self.errors[k] = f"step {done + 1}, from t = {done * scene.dt} s: {why}"
 
-    def give_up(self, k: int) -> None:
+    def undo_step(self, k: int) -> None:
         """Undo the unfinished step of scene k."""
         self._memory[k].give_up_step()
         self._records.push(k)

@@ -212,25 +212,28 @@ class LongRunner:
         """Advance runs in slices; record, measure and save checkpoints between slices."""
         slice_steps, kept_at = FIRST_SLICE, perf_counter()
         ends = {k: Ending(run.until, run.statistics) for k, run in enumerate(runs) if run.until is not None}
-        for scenes in sets.in_memory():
-            for k, scene in scenes.items():
-                runs[k].write(scene)
+        for _ in sets.in_memory():
+            _write_due(runs, sets)
         if any(run.output is not None for run in runs):
             _save_checkpoints(runs, sets)
         while any(run.has_steps_left for run in runs):
             start, before = perf_counter(), sum(run.progress for run in runs)
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
             for last in sets.advance(steps, lambda _: None, ends):
-                for k, scene in sets.scenes.items():
-                    if steps[k] > 0:
-                        runs[k].count(last.done(k))
-                        runs[k].write(scene)
+                for k in filter(steps.__getitem__, sets.scenes):
+                    runs[k].count(last.done(k))
+                _write_due(runs, sets)
             self._on_progress(sum(run.progress for run in runs) - before)
             now = perf_counter()
             slice_steps = next_size(max(steps), now - start, SLICE, inf)
             if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.has_steps_left for run in runs):
                 _save_checkpoints(runs, sets)
                 kept_at = now
+
+
+def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
+    for k, scene in sets.scenes.items():
+        runs[k].write(scene)
 
 
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.drawing.colors import GrainColors, linear, pressure
+from warpgrains.drawing.colors import GrainColors, linear
 from warpgrains.drawing.frames import Frame
-from warpgrains.drawing.mobilized import mobilized
+from warpgrains.drawing.loads import mobilized, pressure
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
 from warpgrains.usd.stage import PROTOTYPES, bind_material, covering_extent, define_mesh, set_kind, triples

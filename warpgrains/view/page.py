@@ -19,7 +19,7 @@ from warpgrains.errors import InputError
 from warpgrains.pictures.shots import Setting
 from warpgrains.view.players import AXES, Live, Player, Recorded
 from warpgrains.view.server import HOST, serve_page
-from warpgrains.view.sliders import add_friction, value_of
+from warpgrains.view.sliders import add_physics, value_of
 from warpgrains.view.stage import Stage
 
 KEYS: dict[Literal["R", "S", "N", "0"], str] = {"R": "run", "S": "stop", "N": "one step", "0": "restart"}
@@ -178,40 +178,12 @@ class Page:
             chains = gui.add_checkbox("force chains", self._style["forces"])
             chains.on_update(self._ask(lambda: self._set_style(forces=bool(chains.value))))
         if isinstance(player, Live):
-            self._add_physics(player)
+            add_physics(gui, player, lambda change: self._ask(lambda: self._change(change)))
         if isinstance(player, Recorded):
             frame = gui.add_slider("frame", 0, max(player.last, 1), 1, 0)
             frame.on_update(self._ask(lambda: self._go_to(round(value_of(frame)))))
         self._legend = gui.add_html("")  # below the sliders, so that they do not move when it grows
         self._curves = {title: self._add_curve(title) for title in player.curves()}
-
-    def _add_physics(self, player: Live) -> None:
-        """Add sliders of drag, gravity, tolerance and friction, which start at the scene's values."""
-        gui, scene = self._server.gui, player.scene
-        size, angle = float(np.hypot(*scene.gravity)), float(np.degrees(np.arctan2(*scene.gravity[::-1])))
-        rate = scene.gravity_rate
-        most_drag = 0.9 * float(scene.mass.min()) / scene.dt
-
-        def on(field: str, value: Callable[[], Any]) -> Callable[[Any], None]:
-            return self._ask(lambda: self._change(lambda: player.change(**{field: value()})))
-
-        drag = gui.add_slider("drag [kg/s]", 0.0, most_drag, most_drag / 200.0, min(scene.drag, most_drag))
-        drag.on_update(on("drag", lambda: value_of(drag)))
-        pull = gui.add_slider("gravity [m/s2]", 0.0, max(20.0, size), 0.01, size)
-        towards = gui.add_slider(
-            "gravity direction [degrees]",
-            -180.0,
-            180.0,
-            1.0,
-            angle,
-            hint=f"0 is to the right, -90 is down{'; at time 0' if rate else ''}",
-        )
-        for slider in (pull, towards):
-            slider.on_update(on("gravity", lambda: _gravity(value_of(pull), value_of(towards), rate)))
-        exponent = float(np.log10(scene.tolerance)) if scene.tolerance > 0.0 else -12.0
-        tolerance = gui.add_slider("log10 of tolerance [m/s]", min(-12.0, exponent), 0.0, 0.1, exponent)
-        tolerance.on_update(on("tolerance", lambda: 10.0 ** value_of(tolerance)))
-        add_friction(gui, player, lambda change: self._ask(lambda: self._change(change)))
 
     def _add_curve(self, title: str) -> viser.GuiUplotHandle:
         """Add a chart, which is shown as soon as it has a curve."""
@@ -226,12 +198,6 @@ class Page:
             aspect=1.6,
             visible=False,
         )
-
-
-def _gravity(size: float, degrees: float, rate: float) -> dict[str, Any]:
-    """Return gravity of a size [m/s2] and direction at time 0, which turns at a rate [rad/s]."""
-    angle = np.radians(degrees)
-    return {"vector": (float(size * np.cos(angle)), float(size * np.sin(angle))), "rotate": rate}
 
 
 def _table(rows: dict[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""Mobilized friction: the share of Coulomb's bound that the contacts of a grain use."""
+"""Loads of the grains in a frame: pressure, and mobilized friction, the share of Coulomb's bound in use."""
 
 from __future__ import annotations
 
@@ -7,10 +7,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.frames import Frame
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
+
+
+def pressure(frame: Frame, radius: FloatArray) -> FloatArray:
+    """Return the sum of the forces on each grain divided by its circumference [N/m], shape (n,).
+
+    It is the mean of the two principal stresses that the contacts exert on the disc.
+    """
+    contacts, wall_contacts = frame.forces()
+    grain = np.concatenate([*contacts.pair.T, wall_contacts.wall[:, 0]])
+    force = np.concatenate([contacts.force, contacts.force, wall_contacts.force])
+    total = np.bincount(grain, force, len(radius)).astype(np.float64)  # integers without contacts
+    return total / (2.0 * np.pi * radius)
 
 
 def mobilized(scene: Scene, contacts: PairContacts, wall_contacts: WallContacts) -> FloatArray:
