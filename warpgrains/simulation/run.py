@@ -19,12 +19,12 @@ from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import Checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.until import EndCriterion, steps_to_multiple, steps_to_test
-from warpgrains.solver.present import PresentState
 from warpgrains.solver.statistics import RunStatistics, named
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.simulation.simulation import Simulation
+    from warpgrains.solver.present import PresentState
 
 
 class Observer(Protocol):
