@@ -18,6 +18,7 @@ class Annulus:
 
     radius_in: f64  # [m]; 0: there is no inner circle
     radius_out: f64  # [m]
+    angular_velocity_out: f64  # [rad/s]
     round: wp.int32  # whether the outer wall is a circle within a step as well, or its tangent
 
 

@@ -86,8 +86,14 @@ def push_wall(s: Scene, velocity: Vectors, c: int, dv: f64):
 
 @wp.func
 def begin_driven_walls(s: Scene):
-    """Find the speeds of the walls without contacts (eq. 27), and place those inside the annulus."""
+    """Find the speeds of the walls without contacts (eq. 27), and place those inside the annulus.
+
+    The surface of a circle that turns has the speed of its present radius (eq. 23).
+    """
     first = grain_count(s)
+    if is_driven(s) and s.walls.surface.shape[0] > 0:
+        speed = s.walls.annulus.radius_out * s.walls.annulus.angular_velocity_out
+        put(s.walls.surface, 0, wp.vec2d(at(s.walls.surface, 0)[0], speed))
     kick = s.dt
     if s.scheme.leapfrog != 0 and s.scheme.staggered == 0:
         kick = f64(0.5) * s.dt

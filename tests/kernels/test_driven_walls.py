@@ -157,6 +157,45 @@ def test_an_impact_keeps_momentum(method: str) -> None:
     assert simulation.position[0, 0] + 0.1 == pytest.approx(simulation.present_scene.walls[0].start[0])
 
 
+def test_grains_turn_with_the_circle_at_its_present_radius() -> None:
+    """Three grains that a circle of half its first radius holds turn with it as one body."""
+    angle = np.array([0.5, 2.6, 4.7])
+    position = 0.7 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    simulation = Simulation(
+        Scene(
+            position=position,
+            radius=0.25,
+            mass=1.0,
+            radius_out=1.0,
+            pressure=20.0,
+            wall_mass=1.0,
+            gravity=(0.0, 0.0),
+            friction=0.5,
+            angular_velocity_out=0.8,
+            dt=2e-3,
+            tolerance=1e-9,
+        )
+    )
+    simulation.advance(10_000)
+    radius_out = simulation.present_scene.radius_out
+    three = 0.25 * (1.0 + 2.0 / np.sqrt(3.0))  # the circle about three discs that touch
+    assert radius_out == pytest.approx(three, abs=1e-4)  # steps go along tangents; it was 1 m
+    turned = np.cross(simulation.position, simulation.velocity) / (simulation.position**2).sum(axis=1)
+    assert turned == pytest.approx(0.8, abs=1.6e-3)  # directions turn by dt 0.8 in a step
+    assert simulation.spin == pytest.approx(0.8, abs=1.6e-3)
+
+
+def test_a_snapshot_has_the_normals_of_the_step() -> None:
+    """A grain touches the end of a piston, so that the normal turns as the piston moves."""
+    simulation = Simulation(pressed(pressure=None, walls=[PISTON], gravity=(0.0, -1.0)))
+    for _ in range(60):
+        simulation.step()
+        walls = simulation.wall_contacts()
+        of_walls = analysis.snapshot(simulation).loads.normal[len(walls.normal) * -1 :]
+        if len(walls.normal):
+            assert of_walls == pytest.approx(walls.normal, abs=1e-12)  # positions are taken back by dt v
+
+
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated"])
 def test_two_grains_come_to_rest_across_the_circle(method: str) -> None:
     """A circle of twice their radius holds them; the force of each on the wall is half of 2 pi R p."""
@@ -190,10 +229,11 @@ def test_no_overlap_exceeds_dt_eta(method: str, wall_mass: float | None, rough: 
         report = simulation.step()
         converged += report.converged
         now, driven = simulation.present_scene, simulation.state().driven
-        slide = scene.dt * np.abs(simulation.velocity).max()
+        slide = scene.dt * np.hypot(*simulation.velocity.T).max()
         if report.converged:
             gap = now.side(0, simulation.position, scene.radius).gap.min()
-            assert gap >= -scene.dt * report.residual - slide**2 / driven[0, 0]
+            inside = driven[0, 0] - scene.radius.max()  # sqrt(a^2 + b^2) <= a + b^2 / (2 a)
+            assert gap >= -scene.dt * report.residual - slide**2 / (2.0 * inside)
             assert (
                 now.side(2, simulation.position, scene.radius).gap.min()
                 >= -scene.dt * report.residual - 1e-14

@@ -162,12 +162,14 @@ class Recording(Shown):
             tangential_force = chains.tangential_force[between]
             wall_tangential_force = chains.tangential_force[~between]
         spin, angle = self._reader.rotation(k)
+        scene = self._scene_at(k)
         return Snapshot(
-            scene=self._scene_at(k),
+            scene=scene,
             steps=self._reader.first_step + FrameTimes(self.scene.dt, self._reader.rate).step(k),
             position=position,
             velocity=self._reader.velocity(k),
             start=position,
+            start_scene=scene,
             pair=pair,
             force=force,
             wall=wall,

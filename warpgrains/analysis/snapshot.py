@@ -65,6 +65,8 @@ class Snapshot:
         Centers [m] and velocities [m/s] of the grains, shape (n, 2).
     start : ndarray
         Centers at the start of the last step [m], shape (n, 2).
+    start_scene : Scene
+        The scene with the walls that forces drive where they were then; in a recording, where they are.
     pair : ndarray
         Grains i < j in contact, shape (m, 2).
     force : ndarray
@@ -90,6 +92,7 @@ class Snapshot:
     position: FloatArray
     velocity: FloatArray
     start: FloatArray
+    start_scene: Scene
     pair: IntArray
     force: FloatArray
     wall: IntArray
@@ -169,7 +172,10 @@ class Snapshot:
         """All contacts as forces on single grains."""
         m = len(self.pair)
         pair, force = with_walls(self.pair, self.wall), np.concatenate([self.force, self.wall_force])
-        (i, j), normal = pair.astype(np.int64).T, contact_normals(self.scene, self.start, pair, self.time)
+        (i, j), normal = (
+            pair.astype(np.int64).T,
+            contact_normals(self.start_scene, self.start, pair, self.time),
+        )
         return Loads(
             np.concatenate([i[:m], j[:m], i[m:]]),
             np.concatenate([normal[:m], -normal[:m], normal[m:]]),
@@ -209,17 +215,19 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     if isinstance(of, Snapshot):
         return of
     scene, state = (of.scene, of.state()) if state is None else (of, state)
-    start = state.position - scene.dt * state.velocity
+    start, start_scene = state.position - scene.dt * state.velocity, scene
     if state.driven is not None:
-        scene = scene.with_walls_at(state.driven[:, 0])
+        way, speed = state.driven.T
+        start_scene, scene = scene.with_walls_at(way - scene.dt * speed), scene.with_walls_at(way)
     contacts = pair_contacts(scene, start, state.corrections)
-    walls = wall_contacts(scene, start, state.corrections, state.steps * scene.dt)
+    walls = wall_contacts(start_scene, start, state.corrections, state.steps * scene.dt)
     return Snapshot(
         scene=scene,
         steps=state.steps,
         position=state.position,
         velocity=state.velocity,
         start=start,
+        start_scene=start_scene,
         pair=contacts.pair,
         force=contacts.force,
         wall=walls.wall,

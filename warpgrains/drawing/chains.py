@@ -27,7 +27,7 @@ class Chains:
     ends: FloatArray
     """Both ends of each segment [m], shape (m, 2, 2)."""
     width: FloatArray
-    """Width of each segment [m], shape (m,): proportional to the force, at most half the smallest radius."""
+    """Width of each segment [m], shape (m,): proportional to the force, at most the smallest radius."""
     force: FloatArray
     """Normal force of each contact [N], shape (m,)."""
     tangential_force: FloatArray
@@ -53,7 +53,7 @@ class ChainScale:
     force: float
     """Force with the full width [N]; larger forces have it too."""
     width: float
-    """Full width [m], half the smallest radius, so that grains stay visible."""
+    """Full width [m], the smallest radius, so that grains stay visible."""
 
     @classmethod
     def of(cls, scene: Scene) -> ChainScale:

@@ -17,7 +17,7 @@ typedef struct {
     int nWalls;                     /* walls inside the annulus: */
     double *walls, *dvWalls;        /* kind and numbers of each, ten, and corrections by grain and wall */
     double friction, wallFriction;  /* coefficients between grains, and at walls; 0: none */
-    double spinDrag, speedOut;      /* drag on spins; speed of the outer wall along its tangent */
+    double spinDrag, turningOut;    /* drag on spins; angular velocity of the outer wall */
     double *speedWalls;             /* the same of each wall; with friction, wall 0 may be the inner circle */
     double *frictionWalls;          /* and the friction of each */
     int rough, moving, steps;       /* whether contacts have friction, and a wall inside moves; steps so far, */

@@ -163,7 +163,7 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
     double ny = g->y[i] / r;
     double *dtb = hasFriction(g) ? &g->dtBoundary[i] : NULL;
     if (g->driven)
-        return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, g->wallFriction, dtb, g->speedOut, dt, iter);
+        return contactDriven(g, i, 0, nx, ny, g->radiusOut - r - g->r[i], dvb, g->wallFriction, dtb, g->radiusOut * g->turningOut, dt, iter);
     double dv = *dvb;
     if (iter > 0) {
         double vn = g->vx[i] * nx + g->vy[i] * ny;
@@ -176,7 +176,7 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
         dv = dvOut - dvIn - *dvb;
         *dvb += dv;
     }
-    return pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->speedOut, dt, iter);
+    return pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->radiusOut * g->turningOut, dt, iter);
 }
 
 /* Gap of a grain at (x, y), and the normal into a wall inside the annulus: 1, center, radius, whether grains

@@ -38,7 +38,7 @@ class Grains(ctypes.Structure):
         *((name, _Doubles) for name in (*_PER_GRAIN, "dvContacts")),
         *((name, ctypes.c_int) for name in ("leapfrog", "staggered", "round", "nWalls")),
         *((name, _Doubles) for name in ("walls", "dvWalls")),
-        *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "speedOut")),
+        *((name, ctypes.c_double) for name in ("friction", "wallFriction", "spinDrag", "turningOut")),
         *((name, _Doubles) for name in ("speedWalls", "frictionWalls")),
         *((name, ctypes.c_int) for name in ("rough", "moving", "steps")),
         ("turning", ctypes.c_double),
@@ -95,7 +95,7 @@ class Reference:
         self._arrays["dvWalls"] = np.zeros(n * len(walls))
         self._grains.friction, self._grains.wallFriction = scene.friction, scene.friction_at_walls
         self._grains.spinDrag = scene.spin_drag
-        self._grains.speedOut = scene.surface_speed(OUTER)
+        self._grains.turningOut = scene.angular_velocity_out
         self._arrays["speedWalls"] = np.zeros(len(walls))
         self._arrays["speedWalls"][: int(scene.has_two_circles)] = scene.surface_speed(INNER)
         self._arrays["frictionWalls"] = np.array(scene.wall_frictions[2 - int(scene.has_two_circles) :])

@@ -10,7 +10,7 @@ import numpy as np
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
-from warpgrains.scene.walls import INNER
+from warpgrains.scene.walls import INNER, OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -94,17 +94,16 @@ def _require_slow_gravity(scene: Scene) -> None:
 
 def _require_friction(scene: Scene) -> None:
     """Raise InputError if a field has no effect without friction, or the method does not support friction."""
-    walls = ("angular_velocity_out", "angular_velocity_in")
+    walls = {"angular_velocity_out": OUTER, "angular_velocity_in": INNER}
     if scene.angular_velocity_in != 0.0 and scene.radius_in == 0.0:
         raise InputError(f"angular_velocity_in is {scene.angular_velocity_in} rad/s: there is no inner wall")
-    for name in walls:
+    for name, wall in walls.items():
         if getattr(scene, name) != 0.0 and scene.friction_at_walls == 0.0:
             raise InputError(
                 f"{name} is {getattr(scene, name)} rad/s: a wall without friction moves no grain; give"
                 " wall_friction"
             )
-        speed = getattr(scene, name) * scene.radius_out
-        if not isfinite(speed):
+        if not isfinite(scene.surface_speed(wall)):
             raise InputError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
     if scene.has_friction:
         inertia = 0.5 * scene.mass * scene.radius**2

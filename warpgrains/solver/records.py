@@ -109,6 +109,7 @@ class SceneRecords:
         host["walls"]["annulus"]["radius_out"] = [scene.radius_out for scene in scenes]
         one_wall = [0.0 if scene.has_two_circles else scene.radius_in for scene in scenes]
         host["walls"]["annulus"]["radius_in"] = one_wall
+        host["walls"]["annulus"]["angular_velocity_out"] = [scene.angular_velocity_out for scene in scenes]
         host["walls"]["annulus"]["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
@@ -123,6 +124,8 @@ class SceneRecords:
             host["stopping"][name] = [getattr(scene, name) for scene in scenes]
         host["grid"]["inverse_size"] = [1.0 / tuning.cell_size(scene) for scene in scenes]
         host["grid"]["width"] = grid_width(sizes.grains)
+        for name in ("radius", "mass", "contact_mass", *(("rim_mass",) if sizes.friction else ())):
+            self._write_grains(name, name)
         for k, scene in enumerate(scenes):
             if sizes.walls[k] > 1:
                 self.array(k, "walls.shape")[:] = [wall.shape for wall in scene.bodies_inside]
@@ -131,6 +134,9 @@ class SceneRecords:
                 self.array(k, "walls.motion")[:] = motions
             if scene.has_driven_walls:
                 self.array(k, "walls.drive")[:] = scene.drives
+                mass = self.array(k, "grains.contact_mass")[scene.n :]
+                inverse = scene.drives[:, 0]
+                mass[:] = np.divide(1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0)
             if scene.has_friction:
                 self._write_surfaces(self.array(k, "walls.surface"), scene)
         host["by_color"] = [scene.order == "color" for scene in scenes]
@@ -153,17 +159,24 @@ class SceneRecords:
         """Write all initial states at once; return False if layouts differ, or a wall is driven."""
         if self.together("verlet.skin") is None or self.sizes.driven.any():
             return False
-        for name in ("radius", "mass", "contact_mass", "position", "velocity"):
-            array = self._together(f"grains.{name}")
-            array[:] = np.concatenate([getattr(scene, name) for scene in self._scenes]).reshape(array.shape)
+        for name in ("position", "velocity"):
+            self._write_grains(name, name)
         if self.sizes.friction:
-            for name, own in (("spin", "spin_at_start"), ("rim_mass", "rim_mass")):
-                array = self._together(f"grains.{name}")
-                array[:] = np.stack([getattr(scene, own) for scene in self._scenes])
+            self._write_grains("spin", "spin_at_start")
         self._together("grains.last_position")[:] = self._together("grains.position")
         self._together("verlet.skin")[:] = tuning.NO_SKIN
         self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self._scenes]
         return True
+
+    def _write_grains(self, name: str, field: str) -> None:
+        """Write a field of all scenes to an array of their grains."""
+        whole = self.together(f"grains.{name}")
+        if whole is not None and not self.sizes.driven.any():
+            values = np.concatenate([getattr(scene, field) for scene in self._scenes])
+            whole[:] = values.reshape(whole.shape)
+            return
+        for k, scene in enumerate(self._scenes):
+            self.array(k, f"grains.{name}")[: scene.n] = getattr(scene, field)
 
     def array(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return an array of scene k, a view that is valid until its list grows."""

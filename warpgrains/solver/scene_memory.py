@@ -143,10 +143,7 @@ class SceneMemory:
             for name in VERLET:
                 self.array(f"verlet.{name}")[:] = getattr(lists, name)
             self._records.verlet_numbers(self._k)[:] = np.concatenate([lists.frame.ravel(), lists.scalar])
-        for name in ("radius", "mass", "contact_mass"):
-            self.grains(name)[:] = getattr(self._scene, name)
         if self._scene.has_friction:
-            self.array("grains.rim_mass")[:] = self._scene.rim_mass
             for name in ("spin", "angle"):
                 own = getattr(state, name)
                 self.array(f"grains.{name}")[:] = 0.0 if own is None else own
@@ -162,15 +159,12 @@ class SceneMemory:
         record["steps"] = state.steps
 
     def _load_driven(self, driven: FloatArray) -> None:
-        """Write coordinates [m] and speeds [m/s] of the walls, shape (walls, 2), and their masses."""
-        n, inverse = self._scene.n, self._scene.drives[:, 0]
+        """Write coordinates [m] and speeds [m/s] of the walls, shape (walls, 2)."""
+        n = self._scene.n
         arrays = {name: self.array(f"grains.{name}") for name in ("position", "last_position", "velocity")}
         for name, array in arrays.items():
             array[n:] = 0.0
             array[n:, 0] = driven[:, int(name == "velocity")]
-        self.array("grains.contact_mass")[n:] = np.divide(
-            1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0
-        )
         self.record["walls"]["annulus"]["radius_out"] = driven[OUTER, 0]
 
     def _forget_list(self) -> None:
