@@ -10,15 +10,16 @@ from warpgrains.turns import BUILDING
 Array = np.ndarray[Any, Any]
 
 
+def shared(array: Array, dtype: Any = None) -> Any:
+    """Return a Warp array that shares the memory of a NumPy array, whose type is the default."""
+    dtype = dtype or wp.dtype_from_numpy(array.dtype)
+    return wp.array(array, dtype=dtype, device="cpu", copy=False)
+
+
 def share(record: Any, arrays: dict[str, Array]) -> None:
     """Make NumPy arrays the arrays of a Warp struct, by name."""
     for name, array in arrays.items():
         setattr(record, name, shared(array))
-
-
-def shared(array: Array) -> Any:
-    """Return a Warp array that shares the memory of a NumPy array."""
-    return wp.array(array, dtype=wp.dtype_from_numpy(array.dtype), device="cpu", copy=False)
 
 
 def launch(kernel: Any, inputs: list[Any]) -> None:

@@ -48,7 +48,8 @@ class _Dual:
         self._arrays = kernels.Dual()
         start, column = (part.astype(np.int32, copy=False) for part in (rows.indptr, rows.indices))
         arrays = {"start": start, "column": column, "entry": rows.data, "q": self.q}
-        arrays |= {"slack": self.slack, "target": self._target, "spread": np.empty_like(problem.free)}
+        arrays |= {"slack": self.slack, "target": self._target}
+        arrays |= {"ahead": np.empty_like(problem.free), "spread": np.empty_like(problem.free)}
         share(self._arrays, arrays)
         self.move(q)
 
