@@ -40,10 +40,12 @@ class _Dual:
     ----------
     q, slack : ndarray
         q and s = b - A u, shape (m,).
+    across : csc_array
+        A^T.
     """
 
     def __init__(self, problem: Projection, q: FloatArray):
-        self._problem, self._across, rows = problem, problem.rows.T, problem.rows
+        self._problem, self.across, rows = problem, problem.rows.T, problem.rows
         self.q, self.slack, self._target = q.copy(), np.empty_like(q), np.empty_like(q)
         self._arrays = kernels.Dual()
         start, column = (part.astype(np.int32, copy=False) for part in (rows.indptr, rows.indices))
@@ -57,7 +59,7 @@ class _Dual:
         """Move to another point."""
         rows, b, free, _ = self._problem
         self.q[:] = q
-        self.slack[:] = b - rows @ (free - self._across @ q)
+        self.slack[:] = b - rows @ (free - self.across @ q)
 
     def descend(self, z: FloatArray, a: float) -> None:
         """Move towards z, clipped at 0, to where the dual stops falling, but by the step a at least."""
@@ -66,16 +68,18 @@ class _Dual:
 
 
 class _Equations:
-    """The equations of a set W.
+    """The equations of a set W for rows A.
 
     Factors of the same A, from a problem with other bounds, are used again.
     """
 
-    def __init__(self, rows: sparse.csr_array, matrix: BorderedMatrix, carrying: BoolArray):
-        self._rows, self._matrix, self._carrying = rows, matrix, carrying
+    def __init__(self, rows: sparse.csr_array, matrix: BorderedMatrix, dual: _Dual):
+        self._rows, self._matrix, self._carrying = rows, matrix, dual.q > 0.0
+        self._across = dual.across
         self.factorizations = 0
-        if not (matrix.fits(rows) and matrix.change(carrying)):
+        if not (matrix.fits(rows) and matrix.change(self._carrying)):
             self._factor()
+        self.centre(dual.q, dual.slack)
 
     def _factor(self) -> None:
         self.factorizations += 1
@@ -86,7 +90,7 @@ class _Equations:
         self._q, self._slack = q.copy(), slack.copy()
         short = np.where(self._carrying, slack, 0.0)
         self._push = q - PROXIMITY * short
-        self._matrix.take(PROXIMITY * (self._rows.T @ np.where(self._matrix.base, short, 0.0)))
+        self._matrix.take(PROXIMITY * (self._across @ np.where(self._matrix.base, short, 0.0)))
 
     def change(self, carrying: BoolArray) -> None:
         """Change W for the same q*. If a contact has joined, call `centre` next."""
@@ -116,8 +120,8 @@ def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance:
     If too many contacts would have to change, the last corrections are returned.
     """
     unit, carrying = problem.unit, q > 0.0
-    dual, equations = _Dual(problem, q), _Equations(problem.rows, matrix, carrying)
-    equations.centre(dual.q, dual.slack)
+    dual = _Dual(problem, q)
+    equations = _Equations(problem.rows, matrix, dual)
     changes = centres = 0
     most = most_changes(len(problem.free) // 2)
     while changes <= most:

@@ -35,6 +35,7 @@ class BorderedMatrix:
         self._matrix, self._factors, self._borders = NormalMatrix(), kernels.Factors(), kernels.Borders()
         self._host: dict[str, Array] = {}
         self._share(count=np.zeros(1, np.int32), index=np.empty(0, np.int32), value=np.empty(0))
+        self._host["work"] = np.empty(0)
 
     def _reserve(self, most: int) -> None:
         """Reserve memory for borders."""
@@ -66,7 +67,8 @@ class BorderedMatrix:
         self._column[self._order] = np.arange(size)
         parts = {"start": lower.indptr, "row": lower.indices, "value": lower.data, "pivot": pivot}
         share(self._factors, parts)
-        self._share(work=np.zeros(size), x=np.empty(size), y=np.empty(size), scaled=np.empty(size))
+        if size != len(self._host["work"]):
+            self._share(**{name: np.zeros(size) for name in ("work", "x", "y", "scaled")})
         self._border = np.full(len(base), -1, np.int32)  # of a row; -1 if it has none
         self._host["count"][0] = self._factored = 0
         self.changed = np.empty(0, np.int64)
