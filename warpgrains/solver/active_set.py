@@ -45,15 +45,19 @@ class _Dual:
     """
 
     def __init__(self, problem: Projection, q: FloatArray):
-        self._problem, self.across, rows = problem, problem.rows.T, problem.rows
+        self._problem, self.across = problem, problem.rows.T
         self.q, self.slack, self._target = q.copy(), np.empty_like(q), np.empty_like(q)
-        self._arrays = kernels.Dual()
-        start, column = (part.astype(np.int32, copy=False) for part in (rows.indptr, rows.indices))
-        arrays = {"start": start, "column": column, "entry": rows.data, "q": self.q}
-        arrays |= {"slack": self.slack, "target": self._target}
-        arrays |= {"ahead": np.empty_like(problem.free), "spread": np.empty_like(problem.free)}
-        share(self._arrays, arrays)
+        self._arrays: kernels.Dual | None = None
         self.move(q)
+
+    def _shared(self) -> kernels.Dual:
+        """Return the arrays of the kernel."""
+        arrays, rows, free = kernels.Dual(), self._problem.rows, self._problem.free
+        start, column = (part.astype(np.int32, copy=False) for part in (rows.indptr, rows.indices))
+        share(arrays, {"start": start, "column": column, "entry": rows.data, "target": self._target})
+        share(arrays, {"q": self.q, "slack": self.slack})
+        share(arrays, {name: np.empty_like(free) for name in ("ahead", "spread")})
+        return arrays
 
     def move(self, q: FloatArray) -> None:
         """Move to another point."""
@@ -64,6 +68,7 @@ class _Dual:
     def descend(self, z: FloatArray, a: float) -> None:
         """Move towards z, clipped at 0, to where the dual stops falling, but by the step a at least."""
         self._target[:] = z
+        self._arrays = self._arrays or self._shared()
         launch(kernels.descend, [self._arrays, a])
 
 

@@ -61,6 +61,12 @@ class BorderedMatrix:
             self._reserve(most)
         self._matrix.take(rows[base])
         self._matrix.factor(np.full(np.count_nonzero(base), PROXIMITY))
+        self._border = np.full(len(base), -1, np.int32)  # of a row; -1 if it has none
+        self._host["count"][0] = self._factored = 0
+        self.changed, self._are_shared = np.empty(0, np.int64), False
+
+    def _share_factors(self) -> None:
+        """Let the kernels use the factors."""
         lower, pivot, self._order = self._matrix.solver.factors()
         size = len(pivot)
         self._column = np.empty(size, np.int32)
@@ -69,9 +75,7 @@ class BorderedMatrix:
         share(self._factors, parts)
         if size != len(self._host["work"]):
             self._share(**{name: np.zeros(size) for name in ("work", "x", "y", "scaled")})
-        self._border = np.full(len(base), -1, np.int32)  # of a row; -1 if it has none
-        self._host["count"][0] = self._factored = 0
-        self.changed = np.empty(0, np.int64)
+        self._are_shared = True
 
     def change(self, carrying: BoolArray) -> bool:
         """Take another W; return False, and do nothing, if there are too many borders."""
@@ -79,8 +83,8 @@ class BorderedMatrix:
         new = np.flatnonzero(wanted & (self._border < 0))
         if self._host["count"][0] + len(new) > self._borders.most:
             return False
-        self._border[new] = np.arange(self._host["count"][0], self._host["count"][0] + len(new))
-        self._add_borders(new)
+        if len(new):
+            self._add_borders(new)
         stays = wanted[self.changed]
         self._factored = min(self._factored, len(stays) if stays.all() else int(stays.argmin()))
         wanted[self.changed] = False
@@ -90,6 +94,8 @@ class BorderedMatrix:
         return True
 
     def _add_borders(self, new: IndexArray) -> None:
+        if not self._are_shared:
+            self._share_factors()
         start, last = self._rows.indptr[new, np.newaxis], self._rows.indptr[new + 1, np.newaxis] - 1
         place = start + np.arange(4)
         entry = np.where(place <= last, self._rows.data[np.minimum(place, last)], 0.0)
@@ -101,11 +107,11 @@ class BorderedMatrix:
             if len(self._host["index"]) < enough:
                 self._share(**{name: np.resize(self._host[name], 2 * enough) for name in ("index", "value")})
             launch(kernels.add_borders, [self._factors, self._borders, *given, count.item() - first])
+        self._border[new] = np.arange(first, first + len(new))
 
     def take(self, right: FloatArray) -> None:
         """Take the right-hand side r, shape (2 n,)."""
-        self._host["y"][:] = right[self._order]
-        launch(kernels.forward, [self._factors, self._borders])
+        self._right, self._is_forward = right, False
 
     def solve(self, own: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Solve the system with W; `own` holds the right-hand sides of the changed rows.
@@ -113,9 +119,15 @@ class BorderedMatrix:
         Returns the forces f on the changed rows, and x of M x = r - A^T f.
         """
         count = len(own)
+        if count == 0:
+            return own, self._matrix.solve(self._right)
+        if not self._is_forward:
+            self._host["y"][:] = self._right[self._order]
+            launch(kernels.forward, [self._factors, self._borders])
+            self._is_forward = True
         self._host["force"][:count] = own
         launch(kernels.solve, [self._factors, self._borders, self._factored, count])
         self._factored = count
-        found = np.empty_like(self._host["x"])
+        found = np.empty_like(self._right)
         found[self._order] = self._host["x"]
         return self._host["force"][:count].copy(), found
