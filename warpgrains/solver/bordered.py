@@ -14,6 +14,7 @@ from warpgrains.kernels import bordered as kernels
 from warpgrains.solver.projection import PROXIMITY, NormalMatrix
 
 MOST = 400  # borders of a matrix
+FEW = 10_000  # rows up to which a matrix has entries for all of them, and its order of elimination is kept
 
 
 class BorderedMatrix:
@@ -59,8 +60,11 @@ class BorderedMatrix:
         most = min(MOST, len(base))
         if most > self._borders.most:
             self._reserve(most)
-        self._matrix.take(rows[base])
-        self._matrix.factor(np.full(np.count_nonzero(base), PROXIMITY))
+        weight = np.where(base, PROXIMITY, 0.0)
+        if len(base) > FEW:
+            rows, weight = rows[base], weight[base]
+        self._matrix.take(rows)
+        self._matrix.factor(weight)
         self._border = np.full(len(base), -1, np.int32)  # of a row; -1 if it has none
         self._host["count"][0] = self._factored = 0
         self.changed, self._are_shared = np.empty(0, np.int64), False
