@@ -7,13 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.arrays import FloatArray, IndexArray, Indices
 from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
-
-Grains = IndexArray | IntArray
 
 
 def distance(vectors: FloatArray) -> FloatArray:
@@ -32,12 +30,12 @@ def require_distinct(field: str, position: FloatArray) -> None:
         raise InputError(f"{field} of grain {second} is {place}: grain {first} has the same center")
 
 
-def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) -> FloatArray:
+def pair_gaps(position: FloatArray, radius: FloatArray, i: Indices, j: Indices) -> FloatArray:
     """Return the gaps between discs i and j [m], shape (m,)."""
     return distance(position[j] - position[i]) - (radius[i] + radius[j])
 
 
-def pair_normals(position: FloatArray, i: Grains, j: Grains) -> FloatArray:
+def pair_normals(position: FloatArray, i: Indices, j: Indices) -> FloatArray:
     """Return the unit vectors from the centers of discs i to those of discs j, shape (m, 2)."""
     d = position[j] - position[i]
     return d / distance(d)[:, np.newaxis]

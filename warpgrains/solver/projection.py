@@ -14,8 +14,8 @@ import numpy as np
 import qdldl
 from scipy import sparse
 
-from warpgrains.arrays import FloatArray
-from warpgrains.solver.constraints import Grains, StepConstraints
+from warpgrains.arrays import FloatArray, Indices
+from warpgrains.solver.constraints import StepConstraints
 
 PROXIMITY = 1e9  # rho; without it matrix entries reach 1e13, and residuals stall at 1e-5 to 1e-7
 
@@ -59,7 +59,7 @@ def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Pr
     return Projection(rows, unit * constraints.gap_rate, free, unit)
 
 
-def _columns(grain: Grains) -> Grains:
+def _columns(grain: Indices) -> Indices:
     """Return the columns of A for the velocities of grains, shape (m, 2)."""
     return np.stack([2 * grain, 2 * grain + 1], axis=1)
 
