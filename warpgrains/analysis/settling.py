@@ -2,8 +2,8 @@
 
 A step that begins at rest moves grains to the minimum of their potential energy, up to a term in their
 displacements, among the places that the frozen normals allow (MODEL.md, eq. 10). Many such steps with a large
-time step end in a packing. At first sweeps solve them loosely, and ever better as forces balance. When grains
-hardly change their places, the method "exact" balances the forces.
+time step end in a packing. At first sweeps solve them loosely, and ever better as forces balance, and some
+velocity is kept. When grains hardly change their places, the method "exact" balances the forces.
 """
 
 from __future__ import annotations
@@ -17,15 +17,17 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.console import Progress
 from warpgrains.errors import SimulationError
+from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.simulation.simulation import Simulation
 
 FIRST, LONGEST = 0.5, 2.0  # first and longest dt while sweeps solve the steps, in sqrt(d / g)
-LOOSE, TIGHT = 1e-2, 2e-5  # first and last tolerance of these steps, in g dt
+KEPT = 0.4  # share of the velocity with which the next of these steps begins: grains fall and slide further
+LOOSE, TIGHT = 1e-2, 1e-4  # first and last tolerance of these steps, in g dt
 SHARE = 0.2  # of the unbalanced acceleration: a tolerance that suffices
 ITERATIONS = 3000  # of such a step, at most
-SETTLED, HELD = 2e-4, 3  # unbalanced acceleration [g], and steps in a row below it, at which they end
+SETTLED, HELD = 1e-3, 3  # unbalanced acceleration [g], and steps in a row below it, at which they end
 EXACT = 1e-7  # tolerance of the steps that balance forces, in g dt
 SLIDING = 0.7  # their longest dt, in sqrt(R / g), the time in which a packing slides in the outer wall
 BALANCED = 1e-6  # unbalanced acceleration [g] at their end
@@ -80,7 +82,7 @@ class Settling:
         """Let grains settle until they hardly change their places."""
         held, dt = 0, FIRST * self._time
         while held < HELD:
-            unbalanced, furthest = self._step()
+            unbalanced, furthest = self._step(KEPT)
             held = held + 1 if unbalanced < SETTLED else 0
             wanted = min(self._tolerance, max(TIGHT, SHARE * unbalanced))
             dt = _next_dt(dt, furthest, FIRST * self._time, LONGEST * self._time)
@@ -116,8 +118,8 @@ class Settling:
             staggered=scene.scheme == "leapfrog",
         )
 
-    def _step(self) -> tuple[float, float]:
-        """Do a step that begins at rest.
+    def _step(self, kept: float = 0.0) -> tuple[float, float]:
+        """Do a step that begins with a share of the velocity, or at rest.
 
         Returns
         -------
@@ -129,13 +131,14 @@ class Settling:
                 " densely"
             )
         simulation, state = self._simulation, self._simulation.state()
-        simulation.restore(replace(state, velocity=np.zeros_like(state.velocity)))
+        before = kept * state.velocity
+        simulation.restore(replace(state, velocity=before))
         report = simulation.step()
         self.steps, self.iterations = self.steps + 1, self.iterations + report.iterations
-        square, dt = (simulation.velocity**2).sum(axis=1), simulation.scene.dt
-        unbalanced = float(np.sqrt(square.mean())) / (self.gravity * dt)
+        velocity, dt = simulation.velocity, simulation.scene.dt
+        unbalanced = float(np.sqrt(2.0 * ((velocity - before) ** 2).mean())) / (self.gravity * dt)
         self._show(unbalanced)
-        return unbalanced, dt * float(np.sqrt(square.max())) / self.diameter
+        return unbalanced, dt * float(distance(velocity).max()) / self.diameter
 
     def _show(self, unbalanced: float) -> None:
         """Show the powers of ten by which the forces balance better than at first."""
@@ -150,7 +153,8 @@ class Settling:
         simulation, self._tolerance = self._simulation, tolerance
         longer, state = dt / simulation.scene.dt, simulation.state()
         simulation.change(dt=dt, tolerance=tolerance * self.gravity * dt)
-        simulation.restore(replace(state, corrections=_scaled(state.corrections, longer, longer)))
+        corrections = _scaled(state.corrections, longer, longer)
+        simulation.restore(replace(state, corrections=corrections, velocity=longer * state.velocity))
 
 
 def _next_dt(dt: float, furthest: float, least: float, most: float) -> float:
