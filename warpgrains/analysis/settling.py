@@ -27,10 +27,11 @@ KEPT = 0.4  # share of the velocity with which the next of these steps begins: g
 LOOSE, TIGHT = 1e-2, 1e-4  # first and last tolerance of these steps, in g dt
 SHARE = 0.2  # of the unbalanced acceleration: a tolerance that suffices
 ITERATIONS = 3000  # of such a step, at most
-SETTLED, HELD = 1e-3, 3  # unbalanced acceleration [g], and steps in a row below it, at which they end
+SETTLED, HELD = 2e-3, 3  # unbalanced acceleration [g], and steps in a row below it, at which they end
 EXACT = 1e-7  # tolerance of the steps that balance forces, in g dt
 SLIDING = 0.7  # their longest dt, in sqrt(R / g), the time in which a packing slides in the outer wall
 BALANCED = 1e-6  # unbalanced acceleration [g] at their end
+LAST_STEPS = 10  # at most, with the time step of the scene
 FAR, NEAR = 0.3, 0.1  # displacements [d] above which the next dt is shorter, and below which it is longer
 
 
@@ -86,21 +87,22 @@ class Settling:
             held = held + 1 if unbalanced < SETTLED else 0
             wanted = min(self._tolerance, max(TIGHT, SHARE * unbalanced))
             dt = _next_dt(dt, furthest, FIRST * self._time, LONGEST * self._time)
-            if dt != self._simulation.scene.dt or wanted < 0.7 * self._tolerance:
-                self._change(dt, wanted)
+            self._change(dt, wanted if wanted < 0.7 * self._tolerance else self._tolerance)
 
     def balance(self) -> None:
         """Let the forces of settled grains balance, at last with the time step of the scene."""
         self._simulation.change(method="exact")
         first, longest = (FIRST * self._time, SLIDING * sqrt(self._scene.radius_out / self.gravity))
-        dt, unbalanced = self._simulation.scene.dt, np.inf
+        dt, unbalanced, last = self._simulation.scene.dt, np.inf, np.inf
         while unbalanced > BALANCED:
             self._change(dt, EXACT)
             unbalanced, furthest = self._step()
-            dt = _next_dt(dt, furthest, first, longest)
+            # a packing that slides to and fro, further every time, needs a shorter dt
+            dt, last = _next_dt(dt, FAR if furthest > 2.0 * last else furthest, first, longest), furthest
         self._change(self._scene.dt, EXACT)
-        while self._step()[0] > BALANCED:
-            pass
+        for _ in range(LAST_STEPS):
+            if self._step()[0] <= BALANCED:
+                break
 
     def state(self) -> State:
         """Return the state of the grains at rest, at time 0, for the settings of the scene."""
@@ -137,6 +139,7 @@ class Settling:
         self.steps, self.iterations = self.steps + 1, self.iterations + report.iterations
         velocity, dt = simulation.velocity, simulation.scene.dt
         unbalanced = float(np.sqrt(2.0 * ((velocity - before) ** 2).mean())) / (self.gravity * dt)
+        unbalanced = float(f"{unbalanced:.2e}")  # the same bits in any order of summation
         self._show(unbalanced)
         return unbalanced, dt * float(distance(velocity).max()) / self.diameter
 
@@ -150,7 +153,10 @@ class Settling:
 
     def _change(self, dt: float, tolerance: float) -> None:
         """Change time step [s] and tolerance [g dt]. Forces stay as they are."""
-        simulation, self._tolerance = self._simulation, tolerance
+        simulation = self._simulation
+        if (dt, tolerance) == (simulation.scene.dt, self._tolerance):
+            return
+        self._tolerance = tolerance
         longer, state = dt / simulation.scene.dt, simulation.state()
         simulation.change(dt=dt, tolerance=tolerance * self.gravity * dt)
         corrections = _scaled(state.corrections, longer, longer)
@@ -159,7 +165,7 @@ class Settling:
 
 def _next_dt(dt: float, furthest: float, least: float, most: float) -> float:
     """Return the next time step [s] after one with a largest displacement [d]."""
-    if furthest > FAR:
+    if furthest >= FAR:
         return max(0.7 * dt, least)
     return max(dt, min(1.3 * dt, most)) if furthest < NEAR else dt
 
