@@ -114,12 +114,15 @@ def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tupl
         after = np.arange(1, len(members) + 1), np.searchsorted(own, own + 1, side="right")
         searches = [(members, *after), (members, *_within(own, own + stride))]
         searches += [(smaller, *_within(own, near + column)) for column in (-stride, 0, stride)]
+        center, reach = position[members], radius[members]  # read in order, too
         for seekers, first, last in searches:
+            seeking, own_reach = position[seekers], radius[seekers]
             for place, among in _matches(first, last):
-                i, j = seekers[place], members[among]
-                overlap = pair_gaps(position, radius, i, j) < -touch
+                gap = distance(center[among] - seeking[place]) - (own_reach[place] + reach[among])
+                overlap = gap < -touch
                 if overlap.any():
-                    yield np.minimum(i, j)[overlap], np.maximum(i, j)[overlap]
+                    i, j = seekers[place[overlap]], members[among[overlap]]
+                    yield np.minimum(i, j), np.maximum(i, j)
 
 
 def _within(ascending: IndexArray, keys: IndexArray) -> tuple[IndexArray, IndexArray]:
