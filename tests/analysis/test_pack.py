@@ -1,6 +1,7 @@
 """Packings at rest: what `pack` returns, by Python and by the command."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -95,6 +96,12 @@ def test_what_is_refused(override, message, capfd) -> None:
     extra = ["--set", "domain.wall=tangent"] if "pressure" in override else []
     assert exit_code("pack", "polydisperse", "--set", override, *extra) == 2
     require_refusal(capfd, message)
+
+
+def test_a_missing_extra_is_named_at_once(scene: Scene, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact", None)
+    with pytest.raises(InputError, match=r"method 'exact' needs"):
+        wg.pack(scene, steps=1)
 
 
 def test_grains_that_do_not_rest_are_an_error(scene: Scene, monkeypatch) -> None:

@@ -22,6 +22,7 @@ from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.shown import Shown
 from warpgrains.simulation.simulation import Simulation
+from warpgrains.solver.service import exact_solver
 
 ENERGY = 1e-9  # largest mean kinetic energy of a grain at rest, in m g d
 TESTED = 10  # steps with the scene's settings, after each of which the grains must rest
@@ -187,6 +188,7 @@ def _require_rest_is_possible(scene: Scene) -> None:
         raise InputError("friction is given: pack takes grains without friction; use run --until rest")
     if scene.has_moving_walls or scene.has_driven_walls:
         raise InputError("a wall moves, or a force drives it: pack takes walls at rest; use run --until rest")
+    exact_solver("exact")  # raises InputError now, and not after minutes, if its extra is missing
 
 
 def _net_forces(now: Snapshot) -> FloatArray:
