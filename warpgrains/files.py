@@ -97,6 +97,11 @@ def publish(draft: Path, target: Path) -> None:
         sync(target.parent)
 
 
+def draft_path(target: Path, writer: str = "") -> Path:
+    """Return the path of what becomes `target` when it is complete, in the same folder, see `draft_of`."""
+    return target.with_name(f".draft{writer}.{target.name}")
+
+
 @contextmanager
 def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
     """Yield the path of a draft; after the block, the draft replaces `target`.
@@ -109,7 +114,7 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
         The file cannot be written. The message names the target.
     """
     target = resolve_link(target)
-    draft = target.with_name(f".draft{writer}.{target.name}")
+    draft = draft_path(target, writer)
     try:
         with _naming(target, draft):
             yield draft

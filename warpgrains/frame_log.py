@@ -112,7 +112,7 @@ class FrameLog:
         self._unsynced = 0, 0
 
     def close(self) -> None:
-        """Flush the log to the disk and close it."""
+        """Close the log."""
         if self._file is not None:
             self._file.close()
             self._file = None

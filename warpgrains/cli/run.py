@@ -263,7 +263,7 @@ def _output(results: dict[str, Any]) -> str:
     if "frames" not in results:
         return str(results["output"])
     frames = results["frames"]
-    return f"{results['output']}, {frames} frame{'s' * (frames > 1)}, {results['fps']:.6g} a second"
+    return f"{results['output']}, {frames} frame{'s' * (frames != 1)}, {results['fps']:.6g} a second"
 
 
 def _without_solution(results: dict[str, Any]) -> str:
