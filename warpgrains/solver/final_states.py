@@ -25,8 +25,8 @@ COUNTED = (
     "overlap",
     "seconds",
 )
-"""Fields of `RunStatistics` that `FinalStates.done` always holds: the device counts them (kernels/record.py), but
-for the wall time."""
+"""Fields of `RunStatistics` that `FinalStates.done` always holds: those that the device counts, and the
+wall time."""
 
 
 class Grains(NamedTuple):

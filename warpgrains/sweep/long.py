@@ -120,8 +120,7 @@ class LongRun(OpenRun):
 
     def count(self, done: StepsDone) -> None:
         """Add the steps that the run has done; it ends now if its end criterion is met."""
-        if self.until is None:
-            self.statistics.add(done.statistics)
+        self.statistics.add(done.statistics)
         self.error = done.error
         if self.statistics.met:
             self.end()
@@ -249,7 +248,7 @@ class LongRunner:
         while any(run.has_steps_left for run in runs):
             start, before = perf_counter(), sum(run.progress for run in runs)
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
-            for last in sets.advance(steps, lambda _: None, ends):
+            for last in sets.advance(steps, None, ends):
                 for k in filter(steps.__getitem__, sets.scenes):
                     runs[k].count(last.done(k))
                 _write_due(runs, sets)

@@ -125,7 +125,7 @@ class Recorder:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
-                self.close()
+                self._finish()
             elif self.frames > 1 or self._is_needed:
                 with suppress(OSError):  # the exception that ended the block is the one to report
                     self.flush()
@@ -178,15 +178,14 @@ class Recorder:
         OSError
             The file cannot be written. The log remains.
         """
-        try:
-            if self.frames == 0:
-                raise ValueError(f"no frame was recorded for '{self.path}'")
-            self.flush()
-            write_recording(self.log, self.path, self.frames)
-            self._frames.remove()
-        finally:
-            self._frames.close()
-            self._lock.release()
+        self.__exit__(None)
+
+    def _finish(self) -> None:
+        if self.frames == 0:
+            raise ValueError(f"no frame was recorded for '{self.path}'")
+        self.flush()
+        write_recording(self.log, self.path, self.frames)
+        self._frames.remove()
 
     def _resume(self, frames: int) -> None:
         """Continue the log after its first frames.
