@@ -70,7 +70,7 @@ def read_regular(path: Path) -> bytes:
 
 
 @contextmanager
-def _naming(target: Path, draft: Path) -> Iterator[None]:
+def naming(target: Path, draft: Path | None = None) -> Iterator[None]:
     """Name the target in errors that name no file, such as that of a full disk, or only the draft."""
     try:
         yield
@@ -91,7 +91,7 @@ def sync(path: Path) -> None:
 
 def publish(draft: Path, target: Path) -> None:
     """Move the complete file `draft` to `target` on the same file system, and flush both to the disk."""
-    with _naming(target, draft):
+    with naming(target, draft):
         sync(draft)
         os.replace(draft, target)
         sync(target.parent)
@@ -116,7 +116,7 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
     target = resolve_link(target)
     draft = draft_path(target, writer)
     try:
-        with _naming(target, draft):
+        with naming(target, draft):
             yield draft
         publish(draft, target)
     finally:

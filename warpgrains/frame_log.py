@@ -10,7 +10,6 @@ import json
 import os
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 from zlib import crc32
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.errors import InputError
-from warpgrains.files import write_atomically
+from warpgrains.files import naming, write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
 """One frame: float32 or int32 arrays by name, shape (n,) or (n, k)."""
@@ -127,8 +126,7 @@ class FrameLog:
         self._kinds = {name: _kind(array) for name, array in sorted(arrays.items())}
         header = json.dumps({"constants": self._constants, "kinds": self._kinds}).encode()
         content = _MAGIC + _record(header)
-        with _naming(self.path):
-            write_atomically(self.path, content)
+        write_atomically(self.path, content)
         self._open(len(content))
 
     def _open(self, end: int) -> None:
@@ -140,7 +138,7 @@ class FrameLog:
         assert self._file is not None
         left = memoryview(record)
         try:
-            with _naming(self.path):
+            with naming(self.path):
                 while left:
                     left = left[self._file.write(left) :]
         except BaseException:
@@ -199,15 +197,6 @@ class LogReader:
             frame[name] = array.reshape(-1, columns) if columns > 1 else array
             start += array.nbytes
         return frame
-
-
-@contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Name the file in an OSError."""
-    try:
-        yield
-    except OSError as error:
-        raise OSError(f"'{path}' cannot be written: {error.strerror or error}") from error
 
 
 def _kind(array: NDArray[Any]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import ChainScale
-from warpgrains.drawing.colors import OF_CONTACTS, GrainColors
+from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import InputError
@@ -65,7 +65,7 @@ class Recorder:
     times : FrameTimes
         Times of the frames, and the steps that they belong to.
     needs_contacts : bool
-        Whether `record` requires contacts, for force chains and colors by `OF_CONTACTS`.
+        Whether `record` requires contacts, for force chains or colors.
 
     Raises
     ------
@@ -91,7 +91,7 @@ class Recorder:
         self.log = log_of(self.path)
         self.times = FrameTimes.of(scene.dt, frames_per_second)
         colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or color_by in OF_CONTACTS
+        self.needs_contacts = forces or colors.needs_contacts
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains, MovingWalls(scene)]
