@@ -29,6 +29,11 @@ _SYNC_FRAMES = 100
 _SYNC_BYTES = 16e6
 
 
+def log_of(path: Path) -> Path:
+    """Return the path of the log that holds the frames of recording `path` until it is complete."""
+    return path.with_name(path.name + ".frames")
+
+
 class FrameLog:
     """Writer that appends frames to a log; the first frame creates the file.
 

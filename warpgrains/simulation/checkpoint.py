@@ -60,6 +60,11 @@ class Checkpoint:
     statistics: RunStatistics
     """Statistics of the run up to the checkpoint."""
 
+    @property
+    def first_step(self) -> int:
+        """Time steps before the run."""
+        return self.state.steps - self.statistics.steps
+
 
 def lock_checkpoint(path: Path) -> Lock:
     """Lock a checkpoint for writing.

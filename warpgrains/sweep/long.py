@@ -125,10 +125,10 @@ class LongRun(OpenRun):
         if self.statistics.met:
             self.end()
 
-    def write(self, now: PresentState) -> None:
+    def record(self, now: PresentState) -> None:
         """Observe and record the present state, if due, unless the run has failed."""
         if self.error is None:
-            super().write(now)
+            super().record(now)
 
     def save_checkpoint(self) -> None:
         """Save a checkpoint after flushing the frames and measurements that it counts."""
@@ -262,7 +262,7 @@ class LongRunner:
 
 def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
     for k, scene in sets.scenes.items():
-        runs[k].write(scene)
+        runs[k].record(scene)
 
 
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:

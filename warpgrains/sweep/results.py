@@ -100,6 +100,12 @@ class Columns(NamedTuple):
         return ["run", "scene", *self.axes, *self.after_labels]
 
 
+def is_possible(columns: list[str]) -> bool:
+    """Return whether some sweep has these columns, see `Columns.after_labels`."""
+    measured = tuple(filter(QUANTITIES.__contains__, columns))
+    return columns in (Columns((), measured, until).after_labels for until in (None, "rest"))
+
+
 def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[RunResult]:
     """Return the results of finished runs, without labels.
 

@@ -14,11 +14,11 @@ from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import InputError
-from warpgrains.frame_log import FrameLog
+from warpgrains.frame_log import FrameLog, log_of
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
-from warpgrains.usd.output import SUFFIXES, lock_output, log_of
+from warpgrains.usd.output import SUFFIXES, lock_output
 from warpgrains.usd.stage import Drawing, MovingWalls, static_layer
 from warpgrains.usd.writer import reopen_log, write_recording
 
