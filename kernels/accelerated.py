@@ -17,7 +17,7 @@ from collections.abc import Callable
 import warp as wp
 
 from . import law
-from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
+from .access import at, larger, named, put, working_first_of, working_normal_of, working_second_of
 from .contacts import chunks_of_set, contact_count, is_wall_set, part_count, range_of_set
 from .driven import correct_wall
 from .lanes import FOUR, end_of_fours, lanes
@@ -44,7 +44,7 @@ def relaxation_factor(s: Scene) -> f64:
     return f64(1.0) + s.momentum.state.relaxation * s.momentum.state.beta
 
 
-def sweeping(count: int, weighted: bool) -> wp.Function:
+def sweeping_pairs(count: int, weighted: bool) -> wp.Function:
     """Return the function that corrects pairs of the working set from y, in place, `count` at a time.
 
     It takes `(scene, begin, end)` and returns the largest |dv|, the cost in phi less the gain, and the slope.
@@ -100,10 +100,10 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
     return sweep
 
 
-def in_fours(sweeping: Callable[[int, bool], wp.Function]) -> wp.Function:
-    """Return the function that corrects pairs by those of `sweeping`: four at a time, then those left."""
-    sweep_four, sweep_one = sweeping(FOUR, False), sweeping(1, False)
-    sweep_four_weighted, sweep_one_weighted = sweeping(FOUR, True), sweeping(1, True)
+def in_fours(sweeping_pairs: Callable[[int, bool], wp.Function]) -> wp.Function:
+    """Return the function that corrects pairs by two of `sweeping_pairs`: in fours, then those left."""
+    sweep_four, sweep_one = sweeping_pairs(FOUR, False), sweeping_pairs(1, False)
+    sweep_four_weighted, sweep_one_weighted = sweeping_pairs(FOUR, True), sweeping_pairs(1, True)
 
     @wp.func
     def sweep_pairs(s: Scene, begin: int, end: int) -> wp.vec3d:
@@ -120,13 +120,13 @@ def in_fours(sweeping: Callable[[int, bool], wp.Function]) -> wp.Function:
     return sweep_pairs
 
 
-sweep_pairs = in_fours(sweeping)
+sweep_pairs = in_fours(sweeping_pairs)
 
 
 def sweeping_walls(driven: bool) -> wp.Function:
     """Return the function that corrects contacts with walls from y, in place.
 
-    It returns what that of `sweeping` does. `driven`: a force drives one of the walls (eq. 29).
+    It returns what that of `sweeping_pairs` does. `driven`: a force drives one of the walls (eq. 29).
     """
 
     @wp.func(inline=not driven)
@@ -175,11 +175,11 @@ sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
 
 
 def correcting_working_sets(
-    sweep_pairs: wp.Function, sweep_walls: wp.Function, sweep_driven_walls: wp.Function
+    name: str, sweep_pairs: wp.Function, sweep_walls: wp.Function, sweep_driven_walls: wp.Function
 ) -> wp.Function:
-    """Return the function `(team, scene, set)` that corrects the contacts of a set that are swept."""
+    """Return the stage that corrects the contacts of a set that are in the working set."""
 
-    @wp.func
+    @named(name)
     def correct_working_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
         begin, end, _, part = chunks_of_set(s, k)
@@ -201,13 +201,7 @@ def correcting_working_sets(
     return correct_working_set
 
 
-correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls, sweep_driven_walls)
-
-
-@wp.func
-def sweep_ahead(team: Team, s: Scene, k: int):
-    """Correct the contacts of a set that are in the working set."""
-    correct_working_set(team, s, k)
+sweep_ahead = correcting_working_sets("sweep_ahead", sweep_pairs, sweep_walls, sweep_driven_walls)
 
 
 @wp.func

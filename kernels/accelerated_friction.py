@@ -21,7 +21,6 @@ from .lanes import lanes
 from .record import Scene, pair_count
 from .restart import back_off, take_t_on
 from .stopping import count_iteration, phase_after_sweep, reduce_max
-from .threads import Team
 
 f64 = wp.float64
 GROWTH = wp.constant(f64(1.2))  # of that change, above which momentum stops
@@ -83,7 +82,7 @@ def extrapolate_rim(s: Scene, i: int):
     put(s.momentum.last_rim, i, u)
 
 
-def sweeping(count: int, weighted: bool) -> wp.Function:
+def sweeping_pairs(count: int, weighted: bool) -> wp.Function:
     """Return the function that corrects pairs of the working set from y, in place, `count` at a time.
 
     It takes `(scene, begin, end)` and returns the largest change of a correction, the changes squared and
@@ -164,11 +163,11 @@ def sweeping(count: int, weighted: bool) -> wp.Function:
     return sweep
 
 
-sweep_pairs = in_fours(sweeping)
+sweep_pairs = in_fours(sweeping_pairs)
 
 
 def sweeping_walls(driven: bool) -> wp.Function:
-    """Return the function that corrects contacts with walls from y, and returns what `sweeping` does.
+    """Return the function that corrects contacts with walls from y, and returns what `sweeping_pairs` does.
 
     `driven`: a force drives one of the walls.
     """
@@ -220,13 +219,9 @@ def sweeping_walls(driven: bool) -> wp.Function:
 
 
 sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
-correct_working_set = correcting_working_sets(sweep_pairs, sweep_walls, sweep_driven_walls)
-
-
-@wp.func
-def sweep_ahead_with_friction(team: Team, s: Scene, k: int):
-    """Correct the contacts of a set that are in the working set."""
-    correct_working_set(team, s, k)
+sweep_ahead_with_friction = correcting_working_sets(
+    "sweep_ahead_with_friction", sweep_pairs, sweep_walls, sweep_driven_walls
+)
 
 
 @wp.func

@@ -12,6 +12,8 @@ process: the environment variable WARPGRAINS_CHECK_BOUNDS=1, read once, when thi
 
 import os
 import re
+from collections.abc import Callable
+from typing import Any
 
 import warp as wp
 
@@ -35,6 +37,16 @@ CHECK = """
 """
 """C++ that returns an index within an array. Where another one was asked for, it is written down, in the
 order of the fields of `Violation`; the gradient's pointer, of no other use here, leads there."""
+
+
+def named(name: str) -> Callable[[Callable[..., Any]], wp.Function]:
+    """Return the decorator of a Warp function that is made several times, each with a name of its own."""
+
+    def function(made: Callable[..., Any]) -> wp.Function:
+        made.__name__ = made.__qualname__ = name
+        return wp.func(made)
+
+    return function
 
 
 def checked(code: str) -> str:

@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from .access import named
 from .record import Phase, Scene
 
 
@@ -9,11 +10,11 @@ def in_phase(*phases: Phase) -> wp.Function:
     """Return the condition that a step is in one of these phases."""
     bits = sum(1 << phase for phase in phases)
 
+    @named("_or_".join(phase.name.lower() for phase in phases))
     def holds(s: Scene) -> bool:
         return (wp.static(bits) >> s.control.phase) & 1 != 0
 
-    holds.__name__ = holds.__qualname__ = "_or_".join(phase.name.lower() for phase in phases)
-    return wp.func(holds)
+    return holds
 
 
 unsolved = in_phase(*set(Phase) - {Phase.ENDED, Phase.ACCEPTED, Phase.FULL})

@@ -158,17 +158,11 @@ def residual_of(s: Scene, c: int) -> f64:
     return wp.max(compliance * wp.abs(change), wp.abs(slip))
 
 
-keep_worst = keeping_worst(residual_of)
+measure_with_friction = keeping_worst("measure_with_friction", residual_of)
 
 
-@wp.func
-def measure_with_friction(team: Team, s: Scene):
-    """Find the largest residual of this thread's share of the contacts."""
-    keep_worst(team, s)
-
-
-def sweeping(weighted: bool) -> wp.Function:
-    """Return the function that corrects pairs, as `gauss_seidel.sweeping` does, with their friction."""
+def sweeping_pairs(weighted: bool) -> wp.Function:
+    """Return the function that corrects pairs, as `gauss_seidel.sweeping_pairs` does, with their friction."""
 
     @wp.func(inline=False)
     def correct_block(s: Scene, begin: int, end: int, k: int):
@@ -219,7 +213,7 @@ def sweeping(weighted: bool) -> wp.Function:
     return in_blocks(correct_block)
 
 
-sweep_equal, sweep_weighted = sweeping(False), sweeping(True)
+sweep_equal, sweep_weighted = sweeping_pairs(False), sweeping_pairs(True)
 
 
 def sweeping_walls(driven: bool) -> wp.Function:
@@ -247,7 +241,8 @@ def sweeping_walls(driven: bool) -> wp.Function:
                 j = second_of(contacts.contact, c)
                 found = correct_wall(s, velocity, i, j, n, dv_before, gap, f64(1.0))
                 dv, change = found[0], found[1] * wp.abs(found[0])
-                monitor(s, j, at(velocity, j))
+                if change > f64(0.0):
+                    monitor(s, j, at(velocity, j))
             else:
                 dv = law.pair_correction(wp.dot(v, n), dv_before, gap)
                 change = wp.abs(dv)
@@ -269,13 +264,9 @@ def sweeping_walls(driven: bool) -> wp.Function:
 
 
 sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
-correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls, sweep_driven_walls)
-
-
-@wp.func
-def sweep_with_friction(team: Team, s: Scene, k: int):
-    """Correct the contacts of a set."""
-    correct_set(team, s, k)
+sweep_with_friction = correcting_sets(
+    "sweep_with_friction", sweep_equal, sweep_weighted, sweep_walls, sweep_driven_walls
+)
 
 
 @wp.func

@@ -14,6 +14,7 @@ from .access import (
     gap_rate_of,
     larger,
     lowest_bit,
+    named,
     normal_of,
     put,
     second_of,
@@ -75,7 +76,7 @@ def in_blocks(correct_block: wp.Function) -> wp.Function:
     return sweep_blocks
 
 
-def sweeping(weighted: bool) -> wp.Function:
+def sweeping_pairs(weighted: bool) -> wp.Function:
     """Return the function that corrects pairs, in place, and monitors their grains.
 
     It takes `(scene, begin, end, k)`, keeps velocities from index k on, and returns the largest |dv|.
@@ -133,7 +134,7 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
         monitor(s, j, moment_at(moments, moment + 1, velocity, j))
 
 
-sweep_equal, sweep_weighted = sweeping(False), sweeping(True)
+sweep_equal, sweep_weighted = sweeping_pairs(False), sweeping_pairs(True)
 
 
 def sweeping_walls(driven: bool) -> wp.Function:
@@ -179,11 +180,11 @@ sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
 
 
 def correcting_sets(
-    equal: wp.Function, weighted: wp.Function, walls: wp.Function, driven_walls: wp.Function
+    name: str, equal: wp.Function, weighted: wp.Function, walls: wp.Function, driven_walls: wp.Function
 ) -> wp.Function:
-    """Return the function `(team, scene, set)` that corrects a set of contacts by one of the four."""
+    """Return the stage that corrects the contacts of a set, by one of four functions."""
 
-    @wp.func
+    @named(name)
     def correct_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
         moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
@@ -201,13 +202,7 @@ def correcting_sets(
     return correct_set
 
 
-correct_set = correcting_sets(sweep_equal, sweep_weighted, sweep_walls, sweep_driven_walls)
-
-
-@wp.func
-def sweep(team: Team, s: Scene, k: int):
-    """Correct the contacts of a set."""
-    correct_set(team, s, k)
+sweep = correcting_sets("sweep", sweep_equal, sweep_weighted, sweep_walls, sweep_driven_walls)
 
 
 @wp.func

@@ -9,6 +9,7 @@ from functools import cache
 
 import warp as wp
 
+from .access import named
 from .contacts import set_count
 from .record import Scene, SceneRecord
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
@@ -33,11 +34,11 @@ def next_set(s: Scene):
 def test(condition: wp.Function) -> wp.Function:
     """Return the stage that writes whether a condition holds where a node of the graph reads it."""
 
+    @named(f"test_{condition.func.__name__}")
     def tested(s: Scene):
         s.control.holds = 1 if condition(s) else 0
 
-    tested.__name__ = tested.__qualname__ = f"test_{condition.func.__name__}"
-    return wp.func(tested)
+    return tested
 
 
 @cache

@@ -138,7 +138,7 @@ class Tuning:
 
 
 @wp.struct
-class RunStatistics:
+class StepSums:
     """Sums and maxima over the steps of a run, by the names of `warpgrains.solver.statistics`."""
 
     steps: wp.int32
@@ -186,7 +186,7 @@ class SceneRecord:
     partial: Partial
     history: History
     step: StepState
-    statistics: RunStatistics
+    statistics: StepSums
     violation: Violation
     steps: wp.int64  # since the start
     to_search: wp.int32  # iterations until a proof that grains cannot fit is worth a search

@@ -11,7 +11,7 @@ carry, at most eta each.
 import warp as wp
 
 from . import law
-from .access import at, first_of, gap_rate_of, larger, normal_of, put, vn_of
+from .access import at, first_of, gap_rate_of, larger, named, normal_of, put, vn_of
 from .contacts import apply, contact_count, contacts_of, gap_rates_now, is_wall_set
 from .driven import missing_correction, push_wall
 from .record import Scene, is_driven, pair_count
@@ -54,10 +54,10 @@ def residual_of(s: Scene, c: int) -> f64:
     return law.natural_residual(vn_of(velocity, contact, c), dv, gap_rate_of(contact, c))
 
 
-def keeping_worst(residual: wp.Function) -> wp.Function:
-    """Return the function `(team, scene)` that keeps the largest residual of a thread's contacts."""
+def keeping_worst(name: str, residual: wp.Function) -> wp.Function:
+    """Return the stage that finds the largest residual of a thread's share of the contacts."""
 
-    @wp.func
+    @named(name)
     def keep_worst(team: Team, s: Scene):
         worst = f64(0.0)
         c, end = thread_range(team, 0, contact_count(s))
@@ -69,10 +69,4 @@ def keeping_worst(residual: wp.Function) -> wp.Function:
     return keep_worst
 
 
-keep_worst = keeping_worst(residual_of)
-
-
-@wp.func
-def measure_residual(team: Team, s: Scene):
-    """Find the largest residual of this thread's share of the contacts."""
-    keep_worst(team, s)
+measure_residual = keeping_worst("measure_residual", residual_of)

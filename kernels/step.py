@@ -96,7 +96,7 @@ def sweeping_order(has_friction: bool) -> list[Stage]:
 def warm_started(has_friction: bool) -> list[Stage]:
     """Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
     return [
-        Each(body_count, warm_start.begin_attempt),
+        Each(body_count, warm_start.begin_velocity),
         *only(has_friction, [Each(grain_count, friction.begin_rim)]),
         Sets(friction.start_with_friction if has_friction else warm_start.start),
         Serial(verlet.clear_check),

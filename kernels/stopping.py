@@ -2,7 +2,7 @@
 
 First come the rules, which read numbers and change nothing, then the stages that choose the phase by them.
 Sweeps and scans end in other files, by `phase_after_sweep` and `stop_or_sweep`; the phases of a new
-list follow each other in neighbors.py and contact_list.py. Accelerated sweeps stop only
+list follow each other in neighbors.py and contact_list.py. Accelerated sweeps stop only on the residual, or
 after a scan of all contacts: zeta is of the working set, and says nothing of the others.
 """
 

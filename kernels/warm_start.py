@@ -12,7 +12,7 @@ from .walls import surface_speed, wall_frame
 
 
 @wp.func
-def begin_attempt(s: Scene, i: int):
+def begin_velocity(s: Scene, i: int):
     """The velocities to correct are the free ones."""
     if s.control.resuming == 0:
         put(s.grains.next_velocity, i, at(s.grains.free_velocity, i))

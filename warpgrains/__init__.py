@@ -19,6 +19,7 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
     from warpgrains.analysis.compress import Packing, compress
+    from warpgrains.analysis.pack import Rest, pack
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
@@ -38,6 +39,7 @@ __all__ = [
     "OutputError",
     "Packing",
     "Recording",
+    "Rest",
     "Scene",
     "SceneError",
     "SceneSummary",
@@ -50,6 +52,7 @@ __all__ = [
     "accuracy",
     "analysis",
     "compress",
+    "pack",
 ]
 
 _HOME = {
@@ -60,6 +63,7 @@ _HOME = {
     "OutputError": "errors",
     "Packing": "analysis.compress",
     "Recording": "analysis.recording",
+    "Rest": "analysis.pack",
     "Scene": "scene.scene",
     "SceneError": "errors",
     "SceneSummary": "batch.batch",
@@ -70,6 +74,7 @@ _HOME = {
     "StepReport": "solver.statistics",
     "Summary": "solver.statistics",
     "compress": "analysis.compress",
+    "pack": "analysis.pack",
 }
 
 

@@ -1,5 +1,7 @@
 """Types of arrays, named after their content."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,4 +10,6 @@ IntArray = NDArray[np.int32]
 """Indices as the kernels store them, such as those of grains."""
 IndexArray = NDArray[np.int64]
 """Indices as NumPy returns them."""
+Indices = NDArray[np.integer[Any]]
+"""Indices of either kind."""
 BoolArray = NDArray[np.bool_]

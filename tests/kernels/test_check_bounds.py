@@ -51,7 +51,7 @@ def checked(*arguments: str) -> subprocess.CompletedProcess[str]:
             'table["grains"]["next_velocity"] = 40',
             "gauss-seidel",
             2,
-            r"begin_attempt uses index \d+ of grains\.next_velocity, which has length 40",
+            r"begin_velocity uses index \d+ of grains\.next_velocity, which has length 40",
         ),
     ],
 )

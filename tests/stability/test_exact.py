@@ -18,7 +18,9 @@ from warpgrains import Batch, InputError, Scene, Simulation, SimulationError
 from warpgrains.accuracy import certify
 from warpgrains.analysis.exact_step import StepProblem
 from warpgrains.scene.walls import OUTER
-from warpgrains.solver import active_set, exact, interior_point
+from warpgrains.solver import active_set, bordered, exact, interior_point
+from warpgrains.solver.bordered import BorderedMatrix
+from warpgrains.solver.exact import Matrices
 from warpgrains.solver.projection import NormalMatrix, Projection, Solution
 
 TOLERANCE = 1e-10  # m/s
@@ -153,9 +155,9 @@ def asked_of_the_host(
     """The problems that the host is given in some steps, and where it starts."""
     asked, real = [], exact.solve
 
-    def solve(problem: Projection, matrix: NormalMatrix, q: np.ndarray, tolerance: float) -> Solution:
+    def solve(problem: Projection, matrices: Matrices, q: np.ndarray, tolerance: float) -> Solution:
         asked.append((problem, q, tolerance))
-        return real(problem, matrix, q, tolerance)
+        return real(problem, matrices, q, tolerance)
 
     with monkeypatch.context() as patch:
         patch.setattr(exact, "solve", solve)
@@ -169,13 +171,13 @@ def test_contacts_that_change_lead_where_the_interior_point_method_does(
     name: str, start: str, kept: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Contacts join and let go by dozens, beside one matrix or with new factors after every third change."""
-    monkeypatch.setattr(active_set, "KEPT", kept)
+    monkeypatch.setattr(bordered, "MOST", kept)
     monkeypatch.setattr(active_set, "most_changes", lambda _: 2000)
     asked = asked_of_the_host(SCENES[name]().replace(**SOON), monkeypatch)
     for problem, swept, tolerance in asked[-3:]:
         q = {"nothing": np.zeros_like(swept), "all": problem.unit, "sweeps": swept}[start]
-        found = active_set.solve(problem, NormalMatrix(problem.rows), q, tolerance)
-        other = interior_point.solve(problem, NormalMatrix(problem.rows), swept, tolerance)
+        found = active_set.solve(problem, BorderedMatrix(), q, tolerance)
+        other = interior_point.solve(problem, NormalMatrix(), swept, tolerance)
         assert found.residual <= tolerance
         assert other.residual <= tolerance
         assert found.factorizations > 1 or kept == 100 or start == "sweeps"
@@ -258,7 +260,8 @@ def test_factors_solve_what_they_are_of() -> None:
     columns = [[0, 1, 4, 5], [2, 3, 4, 5], [0, 1, 6, 7], [2, 3], [4, 5], [4, 5]]
     start = np.concatenate([[0], np.cumsum([len(row) for row in columns])])
     rows = sparse.csr_array((rng.normal(size=18), np.concatenate(columns), start), shape=(6, 10))
-    matrix = NormalMatrix(rows)
+    matrix = NormalMatrix()
+    matrix.take(rows)
     other = rows.copy()
     other.data = rng.normal(size=18)
     matrix.take(other)
@@ -269,14 +272,14 @@ def test_factors_solve_what_they_are_of() -> None:
     assert np.abs(matrix.solve(right) - expected).max() <= 100.0 * EPS * np.abs(right).max()
 
 
-@pytest.mark.parametrize("method", [active_set, interior_point])
+@pytest.mark.parametrize(("method", "matrix"), [(active_set, BorderedMatrix), (interior_point, NormalMatrix)])
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
-def test_one_bound_in_closed_form(scale: float, method: ModuleType) -> None:
+def test_one_bound_in_closed_form(scale: float, method: ModuleType, matrix: Callable[[], object]) -> None:
     """min |u - u0|^2 / 2 under n . u <= b is u0 - max(0, n . u0 - b) n, in any unit of mass and speed."""
     n, free, bound = np.array([0.6, 0.8]), scale * np.array([3.0, 1.0]), scale * 0.5
     rows = sparse.csr_array((n, [0, 1], [0, 2]), shape=(1, 2))
     problem = Projection(rows, np.array([bound]), free, np.array([1.0]))
-    found = method.solve(problem, NormalMatrix(rows), np.zeros(1), 1e-12 * scale)
+    found = method.solve(problem, matrix(), np.zeros(1), 1e-12 * scale)
     assert abs(found.q[0] - (n @ free - bound)) <= 1e-12 * scale
     assert found.residual <= 1e-12 * scale
 
@@ -290,7 +293,7 @@ def test_stop_on_zeta_is_refused() -> None:
 def test_without_the_library_the_extra_is_named(
     make: Callable[[Scene], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("active_set", "exact", "interior_point", "projection"):
+    for module in ("active_set", "bordered", "exact", "interior_point", "projection"):
         monkeypatch.delitem(sys.modules, f"warpgrains.solver.{module}")
     monkeypatch.delattr("warpgrains.solver.exact")
     monkeypatch.setitem(sys.modules, "qdldl", None)

@@ -166,25 +166,34 @@ def _wall_pressure(simulation: Simulation) -> float:
 def _packing(simulation: Simulation, run: Summary) -> Packing:
     now = snapshot(simulation)
     force = now.force if len(now.force) else np.array([np.nan])
-    least = WEAK * float(force.mean())
-    loose = rattlers(now, least)
-    between = ~loose[now.pair[now.force >= least]].any(axis=1)
-    at_walls = ~loose[now.wall[now.wall_force >= least, 0]]
-    held = int((~loose).sum())
-    contacts = 2.0 * float(between.sum() + at_walls.sum())
+    contacts, loose = carrying_contacts(now)
     return Packing(
         simulation=simulation,
         at_rest=run.met,
         radius=now.scene.radius_out,
         fraction=global_packing_fraction(now),
         bulk_fraction=_bulk_fraction(now),
-        contacts=contacts / held if held else 0.0,
-        rattlers=int(loose.sum()),
+        contacts=contacts,
+        rattlers=loose,
         pressure=_wall_pressure(simulation),
         mean_force=float(force.mean()),
         largest_force=float(force.max()),
         run=run,
     )
+
+
+def carrying_contacts(now: Snapshot) -> tuple[float, int]:
+    """Return the contacts of a grain that is no rattler, and the number of rattlers, see `Packing`.
+
+    Contacts with less than 1e-4 of the mean force do not count.
+    """
+    least = WEAK * float(now.force.mean()) if len(now.force) else np.nan
+    loose = rattlers(now, least)
+    between = ~loose[now.pair[now.force >= least]].any(axis=1)
+    at_walls = ~loose[now.wall[now.wall_force >= least, 0]]
+    held = int((~loose).sum())
+    contacts = 2.0 * float(between.sum() + at_walls.sum())
+    return contacts / held if held else 0.0, int(loose.sum())
 
 
 def _bulk_fraction(now: Snapshot) -> float:

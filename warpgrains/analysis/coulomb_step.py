@@ -16,8 +16,8 @@ import numpy as np
 from scipy import sparse
 
 from warpgrains.analysis.exact_step import REACH, ExactStep, StepProblem, Witness, solve_projection
-from warpgrains.arrays import FloatArray
-from warpgrains.solver.constraints import Grains, StepConstraints
+from warpgrains.arrays import FloatArray, Indices
+from warpgrains.solver.constraints import StepConstraints
 from warpgrains.solver.projection import Projection
 
 
@@ -79,5 +79,5 @@ def _rows(step: StepConstraints, along: FloatArray, rim: float, n: int) -> spars
     )
 
 
-def _columns(grain: Grains) -> Grains:
+def _columns(grain: Indices) -> Indices:
     return 3 * grain[:, np.newaxis] + np.arange(3)

@@ -180,5 +180,5 @@ def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, floa
 def package_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
     """Return y and z by the package's interior point method, started from zero."""
     nothing = np.zeros_like(projection.bound)
-    z = interior_point.solve(projection, NormalMatrix(projection.rows), nothing, TOLERANCE).q
+    z = interior_point.solve(projection, NormalMatrix(), nothing, TOLERANCE).q
     return -(projection.rows.T @ z), z

@@ -162,6 +162,17 @@ def _add_compress(parser: ArgumentParser) -> None:
     add("--json", action="store_true", help="print the results as one JSON object")
 
 
+def _add_pack(parser: ArgumentParser) -> None:
+    add = parser.add_argument
+    add("scene", metavar="SCENE", help="a TOML file, or the name of a shipped scene such as polydisperse")
+    add("--steps", type=int, default=2000, metavar="N", help="largest number of steps (default: 2000)")
+    add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: as many as help)")
+    kinds = "packing to write: a checkpoint, .npz, for run --resume, or grains, .csv, for a scene file"
+    add("-o", "--output", metavar="FILE", help=kinds)
+    _add_set(parser)
+    add("--json", action="store_true", help="print the results as one JSON object")
+
+
 def _add_check(parser: ArgumentParser) -> None:
     parser.add_argument("file", metavar="FILE", help="the recording, a USD file")
 
@@ -260,6 +271,13 @@ COMMANDS = {
         "compress grains to a jammed packing",
         "Compress the grains of a scene without gravity by a pressure on the outer wall until they rest,"
         " and print packing fraction, contacts and forces.",
+    ),
+    "pack": Command(
+        "tools.pack",
+        _add_pack,
+        "settle grains to a packing at rest",
+        "Let the grains of a scene settle under gravity, strongly damped, until their forces balance,"
+        " and print energy, net forces and contacts. The packing rests with the scene's own settings.",
     ),
     "check": Command(
         "tools.check",

@@ -1,4 +1,4 @@
-"""Commands for recordings (`check`, `recover`, `plot`, `export`), jammed packings and the `report`."""
+"""Commands for recordings (`check`, `recover`, `plot`, `export`), `compress` and `pack`, and the `report`."""
 
 import json
 import warnings
@@ -80,6 +80,26 @@ def compress(arguments: Namespace) -> bool:
     results = packing.results() | {"output": arguments.output}
     time = {"time": f"{packing.run.seconds:.2f} s", "output": arguments.output or "none (-o saves one)"}
     print(json.dumps(results) if arguments.json else in_columns(packing.summary() | time))
+    return False
+
+
+def pack(arguments: Namespace) -> bool:
+    """Let the grains of a scene settle, and print how well they rest."""
+    from warpgrains.scene.scene import Scene
+
+    scene = Scene.load(arguments.scene, arguments.overrides or [])
+    if arguments.output is not None:
+        require_writable_path("packing", Path(arguments.output), ".npz", ".csv")
+    with stdout_to_stderr():
+        start_warp()
+        from warpgrains.analysis.pack import pack
+
+        rest = pack(scene, arguments.steps, progress=True, threads=arguments.threads)
+        if arguments.output is not None:
+            rest.save(arguments.output)
+    results = rest.results() | {"output": arguments.output}
+    time = {"time": f"{rest.seconds:.2f} s", "output": arguments.output or "none (-o saves one)"}
+    print(json.dumps(results) if arguments.json else in_columns(rest.summary() | time))
     return False
 
 

@@ -7,13 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray, IntArray
+from warpgrains.arrays import FloatArray, IndexArray, Indices
 from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
-
-Grains = IndexArray | IntArray
 
 
 def distance(vectors: FloatArray) -> FloatArray:
@@ -32,12 +30,12 @@ def require_distinct(field: str, position: FloatArray) -> None:
         raise InputError(f"{field} of grain {second} is {place}: grain {first} has the same center")
 
 
-def pair_gaps(position: FloatArray, radius: FloatArray, i: Grains, j: Grains) -> FloatArray:
+def pair_gaps(position: FloatArray, radius: FloatArray, i: Indices, j: Indices) -> FloatArray:
     """Return the gaps between discs i and j [m], shape (m,)."""
     return distance(position[j] - position[i]) - (radius[i] + radius[j])
 
 
-def pair_normals(position: FloatArray, i: Grains, j: Grains) -> FloatArray:
+def pair_normals(position: FloatArray, i: Indices, j: Indices) -> FloatArray:
     """Return the unit vectors from the centers of discs i to those of discs j, shape (m, 2)."""
     d = position[j] - position[i]
     return d / distance(d)[:, np.newaxis]
@@ -105,25 +103,36 @@ def overlapping_pairs(position: FloatArray, radius: FloatArray) -> Iterator[tupl
     touch = ROUNDING * np.abs(position).max(initial=0.0)
     for this_class in np.unique(size_class):
         members = np.flatnonzero(size_class == this_class)
-        seekers = np.flatnonzero(size_class <= this_class)
+        smaller = np.flatnonzero(size_class < this_class)
         cell = np.floor((position - position.min(axis=0)) / (2.0 * radius[members].max())).astype(np.int64)
         stride = cell[:, 1].max() + 3
         key = cell[:, 0] * stride + cell[:, 1]
-        members = members[np.argsort(key[members], kind="stable")]
-        for neighbour in (column + row for column in (-stride, 0, stride) for row in (-1, 0, 1)):
-            for place, among in _matches(key[seekers] + neighbour, key[members]):
-                i, j = seekers[place], members[among]
-                overlap = pair_gaps(position, radius, i, j) < -touch
-                overlap &= (size_class[i] != size_class[j]) | (i < j)
+        members, smaller = (found[np.argsort(key[found], kind="stable")] for found in (members, smaller))
+        own, near = key[members], key[smaller]  # in order, so that searches stay in the cache
+        after = np.arange(1, len(members) + 1), np.searchsorted(own, own + 1, side="right")
+        searches = [(members, *after), (members, *_within(own, own + stride))]
+        searches += [(smaller, *_within(own, near + column)) for column in (-stride, 0, stride)]
+        center, reach = position[members], radius[members]  # read in order, too
+        for seekers, first, last in searches:
+            seeking, own_reach = position[seekers], radius[seekers]
+            for place, among in _matches(first, last):
+                gap = distance(center[among] - seeking[place]) - (own_reach[place] + reach[among])
+                overlap = gap < -touch
                 if overlap.any():
-                    yield np.minimum(i, j)[overlap], np.maximum(i, j)[overlap]
+                    i, j = seekers[place[overlap]], members[among[overlap]]
+                    yield np.minimum(i, j), np.maximum(i, j)
 
 
-def _matches(keys: IndexArray, ascending: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """Yield all k, m with keys[k] == ascending[m] in chunks: the first match of each k, then the next."""
-    first = np.searchsorted(ascending, keys, side="left")
-    last = np.searchsorted(ascending, keys, side="right")
-    k = np.arange(len(keys))
+def _within(ascending: IndexArray, keys: IndexArray) -> tuple[IndexArray, IndexArray]:
+    """Return where the numbers begin and end that differ from each key by at most 1."""
+    return np.searchsorted(ascending, keys - 1, side="left"), np.searchsorted(
+        ascending, keys + 1, side="right"
+    )
+
+
+def _matches(first: IndexArray, last: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """Yield all k, m with first[k] <= m < last[k] in chunks: the first m of each k, then the next."""
+    k = np.arange(len(first))
     while (busy := first < last).any():
         k, first, last = k[busy], first[busy], last[busy]
         yield k, first

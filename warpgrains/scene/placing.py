@@ -107,9 +107,11 @@ class _Discs:
         """Try positions [m], shape (m, 2), one after the other."""
         import warp as wp
 
+        from warpgrains.host_kernels import launch
+
         self._set("places", positions)
         record = wp.array(ptr=self._record.ctypes.data, shape=1, dtype=_kernels().DiscsRecord, device="cpu")
-        _launch(_kernels().place, [record])
+        launch(_kernels().place, [record])
 
     def _set(self, name: str, array: np.ndarray[Any, Any], record: Any = None) -> None:
         """Store the address of a NumPy array in the kernel's record, or in a part of it.
@@ -163,37 +165,42 @@ def _push(region: Region, position: FloatArray, radius: FloatArray, enough: floa
     import warp as wp
 
     with BUILDING:
+        from warpgrains.host_kernels import launch, shared
         from warpgrains.kernels import pushing
 
     walls, box = _limits(region)
     worst = np.array([np.inf, 0.0])
-    centers, radii = _shared(position, wp.vec2d), _shared(radius, wp.float64)
-    result = _shared(worst, wp.float64)
+    centers, radii = shared(position, wp.vec2d), shared(radius)
+    result = shared(worst)
     far, listed, pair = SKIN * radius.min(), np.full_like(position, np.inf), np.empty((0, 2), np.int32)
     while sweeps > 0 and (worst[0] > enough or distance(position - listed).max() > far):
         if distance(position - listed).max() > far:
             listed, pair = position.copy(), _near(position, (1.0 + SKIN) * radius)
-        inputs: list[Any] = [centers, radii, _shared(pair, wp.vec2i), walls, box, AT_ONCE, enough, result]
-        _launch(pushing.push, inputs)
+        inputs: list[Any] = [centers, radii, shared(pair, wp.vec2i), walls, box, AT_ONCE, enough, result]
+        launch(pushing.push, inputs)
         sweeps -= int(worst[1])
     return float(worst[0])
 
 
 def _near(position: FloatArray, radius: FloatArray) -> np.ndarray[Any, Any]:
     """Return the pairs of discs that overlap, in lexicographic order, shape (m, 2)."""
-    found = [np.stack(pair, axis=1) for pair in overlapping_pairs(position, radius)]
-    pair = np.concatenate([np.empty((0, 2), np.int64), *found])
-    return np.ascontiguousarray(pair[np.lexsort(pair.T[::-1])], np.int32)
+    n = len(radius)
+    keys = np.concatenate(
+        [np.empty(0, np.int64), *(i * n + j for i, j in overlapping_pairs(position, radius))]
+    )
+    keys.sort()  # faster than a sort of pairs
+    return np.stack(np.divmod(keys, n), axis=1).astype(np.int32)
 
 
 def _limits(region: Region) -> tuple[Any, Any]:
     """Return the walls and the box of a region as kernel arguments."""
+    from warpgrains.host_kernels import shared
     from warpgrains.kernels.types import Shape
     from warpgrains.kernels.walls import Walls
 
     walls, box = Walls(), _kernels().Box()
     walls.annulus.radius_in, walls.annulus.radius_out = region.ring.radius_in, region.ring.radius_out
-    walls.shape = _shared(_shapes(region), Shape)
+    walls.shape = shared(_shapes(region), Shape)
     box.low, box.high = region.low, region.high
     return walls, box
 
@@ -201,22 +208,6 @@ def _limits(region: Region) -> tuple[Any, Any]:
 def _shapes(region: Region) -> FloatArray:
     """Return the obstacles as the kernels keep them, before they move, shape (walls, 10)."""
     return np.array([wall.shape for wall in region.obstacles]).reshape(-1, 10)
-
-
-def _shared(array: np.ndarray[Any, Any], dtype: Any) -> Any:
-    """Return a Warp array that shares the memory of a NumPy array."""
-    import warp as wp
-
-    return wp.array(array, dtype=dtype, device="cpu", copy=False)
-
-
-def _launch(kernel: Any, inputs: list[Any]) -> None:
-    """Launch a kernel with one thread on the CPU. Other Python threads may launch it at the same time."""
-    import warp as wp
-
-    with BUILDING:
-        kernel.module.load(wp.get_device("cpu"), 1)
-    wp.launch(kernel, dim=1, inputs=inputs, device="cpu")
 
 
 def _kernels() -> ModuleType:

@@ -10,18 +10,19 @@ redundant contact). On the way from q to z some corrections become 0; their cont
 dual decreases. At z, contacts with violated bounds join W. Every change lowers the dual, so that no W occurs
 twice.
 
-After sweeps, few of thousands of contacts are in the wrong set. One matrix is factored, for the first W. Each
-change of W borders it with a column and a row, and costs one more solution, about 10 % of a factorization.
+After sweeps, few of thousands of contacts are in the wrong set. One matrix is factored, for the first W, and
+changes of W border it (bordered.py).
 """
 
 import numpy as np
-import qdldl
 from scipy import sparse
 
 from warpgrains.arrays import BoolArray, FloatArray
-from warpgrains.solver.projection import PROXIMITY, NormalMatrix, Projection, Solution
+from warpgrains.host_kernels import launch, share
+from warpgrains.kernels import dual as kernels
+from warpgrains.solver.bordered import BorderedMatrix
+from warpgrains.solver.projection import PROXIMITY, Projection, Solution
 
-KEPT = 100  # changes of W before a new factorization
 CENTRES = 8  # most updates of q* for one W
 MET = 0.1  # largest error of the bounds that are met, in tolerances
 NEGLIGIBLE = 1e-12  # [m/s]: contacts with smaller corrections leave W
@@ -32,119 +33,114 @@ def most_changes(grains: int) -> int:
     return max(20, grains // 40)
 
 
-class _Equations:
-    """Solutions for a set W, obtained from the factors for another set, the base."""
+class _Dual:
+    """The dual at a point q, which moves in place.
 
-    def __init__(self, problem: Projection, matrix: NormalMatrix):
-        self._problem, self._matrix = problem, matrix
-        self._columns = np.empty((KEPT, len(problem.bound)))  # A u of a force on each changed contact
-        self.across = problem.rows.T
-        self.factorizations = 0
+    Attributes
+    ----------
+    q, slack : ndarray
+        q and s = b - A u, shape (m,).
+    across : csc_array
+        A^T.
+    """
 
-    def slack(self, q: FloatArray) -> FloatArray:
-        """Return s = b - A u."""
+    def __init__(self, problem: Projection, q: FloatArray):
+        self._problem, self.across = problem, problem.rows.T
+        self.q, self.slack, self._target = q.copy(), np.empty_like(q), np.empty_like(q)
+        self._arrays: kernels.Dual | None = None
+        self.move(q)
+
+    def _shared(self) -> kernels.Dual:
+        """Return the arrays of the kernel."""
+        arrays, rows, free = kernels.Dual(), self._problem.rows, self._problem.free
+        start, column = (part.astype(np.int32, copy=False) for part in (rows.indptr, rows.indices))
+        share(arrays, {"start": start, "column": column, "entry": rows.data, "target": self._target})
+        share(arrays, {"q": self.q, "slack": self.slack})
+        share(arrays, {name: np.empty_like(free) for name in ("ahead", "spread")})
+        return arrays
+
+    def move(self, q: FloatArray) -> None:
+        """Move to another point."""
         rows, b, free, _ = self._problem
-        return b - rows @ (free - self.across @ q)
+        self.q[:] = q
+        self.slack[:] = b - rows @ (free - self.across @ q)
 
-    def factor(self, carrying: BoolArray) -> None:
-        """Factor the matrix of a new base."""
+    def descend(self, z: FloatArray, a: float) -> None:
+        """Move towards z, clipped at 0, to where the dual stops falling, but by the step a at least."""
+        self._target[:] = z
+        self._arrays = self._arrays or self._shared()
+        launch(kernels.descend, [self._arrays, a])
+
+
+class _Equations:
+    """The equations of a set W for rows A.
+
+    Factors of the same A, from a problem with other bounds, are used again.
+    """
+
+    def __init__(self, rows: sparse.csr_array, matrix: BorderedMatrix, dual: _Dual):
+        self._rows, self._matrix, self._carrying = rows, matrix, dual.q > 0.0
+        self._across = dual.across
+        self.factorizations = 0
+        if not (matrix.fits(rows) and matrix.change(self._carrying)):
+            self._factor()
+        self.centre(dual.q, dual.slack)
+
+    def _factor(self) -> None:
         self.factorizations += 1
-        self._matrix.factor(np.where(carrying, PROXIMITY, 0.0))
-        self._base = self._carrying = carrying
-        self._changed: list[int] = []
+        self._matrix.factor(self._rows, self._carrying)
 
-    def centre(self, q: FloatArray) -> None:
-        """Set q* to q, and update the base's solution accordingly."""
-        self._q, short = q, np.where(self._carrying, self.slack(q), 0.0)
+    def centre(self, q: FloatArray, slack: FloatArray) -> None:
+        """Set q*, with its slack."""
+        self._q, self._slack = q.copy(), slack.copy()
+        short = np.where(self._carrying, slack, 0.0)
         self._push = q - PROXIMITY * short
-        du = self._matrix.solve(PROXIMITY * (self.across @ np.where(self._base, short, 0.0)))
-        self._closing = self._problem.rows @ du
+        self._matrix.take(PROXIMITY * (self._across @ np.where(self._matrix.base, short, 0.0)))
 
     def change(self, carrying: BoolArray) -> None:
-        """Change W for the same q*. If a contact has joined, call `center` next."""
-        wanted = carrying != self._base
-        if wanted.sum() > KEPT:
-            self.factor(carrying)
-            self.centre(self._q)
-            return
+        """Change W for the same q*. If a contact has joined, call `centre` next."""
         self._carrying = carrying
-        kept = [k for k, c in enumerate(self._changed) if wanted[c]]
-        if len(kept) < len(self._changed):
-            self._columns[: len(kept)] = self._columns[kept]
-            self._changed = [self._changed[k] for k in kept]
-        wanted[self._changed] = False
-        for c in np.flatnonzero(wanted).tolist():
-            self._columns[len(self._changed)] = self._column(c)
-            self._changed.append(c)
-
-    def _column(self, c: int) -> FloatArray:
-        rows, force = self._problem.rows, np.zeros(len(self._problem.free))
-        entries = slice(rows.indptr[c], rows.indptr[c + 1])
-        force[rows.indices[entries]] = rows.data[entries]
-        return rows @ self._matrix.solve(force)
+        if not self._matrix.change(carrying):
+            self._factor()
+            self.centre(self._q, self._slack)
 
     def solve(self) -> FloatArray:
         """Return z, 0 where no contact carries.
 
-        A contact that has joined adds an equation for its z to those of the base. One that has left adds an
-        unknown force that cancels its z.
+        A contact that has joined the base adds an equation for its z. One that has left it adds an unknown
+        force that cancels its z.
         """
-        changed, columns = self._changed, self._columns[: len(self._changed)]
-        joined, push = ~self._base[changed], self._push
-        if not changed:
-            return np.where(self._carrying, push + PROXIMITY * self._closing, 0.0)
-        small = columns[:, changed] + np.diag(np.where(joined, 1.0, -1.0) / PROXIMITY)
+        changed = self._matrix.changed
+        joined, push = ~self._matrix.base[changed], self._push
         own = push[changed] - np.where(joined, self._q[changed], 0.0)
-        force = qdldl.Solver(sparse.csc_matrix(small)).solve(self._closing[changed] + own / PROXIMITY)
-        closing = self._closing - np.einsum("k,km->m", force, columns)
-        z = np.where(self._carrying, push + PROXIMITY * closing, 0.0)
+        force, du = self._matrix.solve(own / PROXIMITY)
+        z = np.where(self._carrying, push + PROXIMITY * (self._rows @ du), 0.0)
         z[changed] = np.where(joined, self._q[changed] + force, 0.0)
         return z
 
 
-def _lowest(equations: _Equations, q: FloatArray, z: FloatArray, a: float) -> FloatArray:
-    """Return the point from q towards z, clipped at 0, where the dual stops falling.
-
-    The first zero of a correction is at step a.
-    """
-    slack = equations.slack(q)
-
-    def at(a: float) -> tuple[float, FloatArray]:
-        there = np.maximum(q + a * (z - q), 0.0)
-        spread = equations.across @ (there - q)
-        return float(((there - q) * slack).sum() + 0.5 * (spread * spread).sum()), there
-
-    here, further = at(a), at(2.0 * a)
-    while further[0] < here[0] and a < 0.5:
-        a *= 2.0
-        here, further = further, at(2.0 * a)
-    return here[1]
-
-
-def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
+def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance: float) -> Solution:
     """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
 
     If too many contacts would have to change, the last corrections are returned.
     """
-    unit = problem.unit
-    matrix.take(problem.rows)
-    carrying, equations = q > 0.0, _Equations(problem, matrix)
-    equations.factor(carrying)
-    equations.centre(q)
+    unit, carrying = problem.unit, q > 0.0
+    dual = _Dual(problem, q)
+    equations = _Equations(problem.rows, matrix, dual)
     changes = centres = 0
     most = most_changes(len(problem.free) // 2)
     while changes <= most:
         z = equations.solve()
         leaving = carrying & (z < -NEGLIGIBLE * unit)
         if leaving.any():
-            q = _lowest(equations, q, z, float((q[leaving] / (q - z)[leaving]).min()))
-            leaving &= q <= NEGLIGIBLE * unit
-            q[leaving] = 0.0
+            dual.descend(z, float((dual.q[leaving] / (dual.q - z)[leaving]).min()))
+            leaving &= dual.q <= NEGLIGIBLE * unit
+            dual.q[leaving] = 0.0
             changes, carrying = changes + int(leaving.sum()), carrying & ~leaving
             equations.change(carrying)
             continue
-        q = np.maximum(z, 0.0)
-        slack = equations.slack(q) / unit
+        dual.move(np.maximum(z, 0.0))
+        slack = dual.slack / unit
         if np.abs(slack[carrying]).max(initial=0.0) > MET * tolerance and centres < CENTRES:
             centres += 1
         else:
@@ -153,5 +149,5 @@ def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: f
                 break
             changes, centres, carrying = changes + int(joining.sum()), 0, carrying | joining
             equations.change(carrying)
-        equations.centre(q)
-    return Solution(q, problem.residual(q), equations.factorizations)
+        equations.centre(dual.q, dual.slack)
+    return Solution(dual.q, problem.residual(dual.q), equations.factorizations)

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import BoolArray, FloatArray, Indices
 from warpgrains.scene.geometry import pair_gaps, pair_normals
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-
-Grains = NDArray[np.integer[Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +37,15 @@ class StepConstraints:
 
     scene: Scene
     position: FloatArray
-    wall: Grains
-    first: Grains
-    second: Grains
+    wall: Indices
+    first: Indices
+    second: Indices
     normal: FloatArray
     gap_rate: FloatArray
     time: float
 
     @classmethod
-    def at(cls, scene: Scene, position: FloatArray, pair: Grains, wall: Grains, time: float) -> Self:
+    def at(cls, scene: Scene, position: FloatArray, pair: Indices, wall: Indices, time: float) -> Self:
         """Return the constraints of pairs, shape (k, 2), and of contacts (grain, wall), shape (m - k, 2).
 
         `position` holds the centers of all grains at the start of the step [m], shape (n, 2), and `time` is
@@ -84,12 +81,12 @@ class StepConstraints:
         )
 
     @property
-    def wall_grain(self) -> Grains:
+    def wall_grain(self) -> Indices:
         """Grain of every wall contact, shape (m - k,)."""
         return self.wall[:, 0]
 
 
-def every_wall(scene: Scene, grain: Grains) -> Grains:
+def every_wall(scene: Scene, grain: Indices) -> Indices:
     """Return contacts (grain, wall) of grains with all walls, ordered by wall, shape (m, 2)."""
     walls = scene.wall_numbers
     return np.stack([np.tile(grain, len(walls)), np.repeat(walls, len(grain))], axis=1)

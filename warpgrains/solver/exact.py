@@ -7,7 +7,7 @@ measure the residual and check the list (kernels/exact.py).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.kernels.record import Phase
 from warpgrains.scene.walls import INNER, body_of
 from warpgrains.solver import active_set, interior_point
+from warpgrains.solver.bordered import BorderedMatrix
 from warpgrains.solver.constraints import StepConstraints
 from warpgrains.solver.projection import NormalMatrix, Projection, Solution, projection_of
 
@@ -26,16 +27,23 @@ ASKED = 0.5  # of the tolerance; leaves a margin for rounding in the kernels
 BETTER = 0.01  # of the residual after the sweeps: an answer must be below
 
 
-def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
+class Matrices(NamedTuple):
+    """Matrices of the two methods, whose memory is used again."""
+
+    active: BorderedMatrix
+    interior: NormalMatrix
+
+
+def solve(problem: Projection, matrices: Matrices, q: FloatArray, tolerance: float) -> Solution:
     """Solve a step from the corrections of some sweeps by the active-set method.
 
     If it fails, use the interior point method.
     """
-    found = active_set.solve(problem, matrix, q, tolerance)
+    found = active_set.solve(problem, matrices.active, q, tolerance)
     if found.residual <= tolerance:
         return found
     start = found.q if found.residual < problem.residual(q) else q
-    inner = interior_point.solve(problem, matrix, start, tolerance)
+    inner = interior_point.solve(problem, matrices.interior, start, tolerance)
     return inner._replace(factorizations=found.factorizations + inner.factorizations)
 
 
@@ -51,7 +59,7 @@ class ExactSolver:
 
     def __init__(self, scene: Scene, memory: SceneMemory):
         self._scene, self._memory = scene, memory
-        self._matrix: NormalMatrix | None = None
+        self._matrices = Matrices(BorderedMatrix(), NormalMatrix())
 
     def solve(self) -> None:
         """Replace the corrections of the step if better ones are found, and let the kernels continue.
@@ -60,13 +68,11 @@ class ExactSolver:
         takes the gaps of the last answer, until an answer satisfies its own gaps.
         """
         contacts, record = FrozenContacts(self._scene, self._memory), self._memory.record
-        if self._matrix is None or not self._matrix.fits(contacts.problem.rows):
-            self._matrix = NormalMatrix(contacts.problem.rows)
         tolerance, q = ASKED * self._scene.tolerance, contacts.corrections()
         problem = contacts.problem_at(q)
         before = left = problem.residual(q)
         while left > tolerance:
-            found = solve(problem, self._matrix, q, tolerance)
+            found = solve(problem, self._matrices, q, tolerance)
             record["step"]["factorizations"] += found.factorizations
             problem = contacts.problem_at(found.q)
             last, residual = left, problem.residual(found.q)

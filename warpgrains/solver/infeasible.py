@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.arrays import FloatArray
-from warpgrains.solver.constraints import Grains, StepConstraints, every_wall
+from warpgrains.arrays import FloatArray, Indices
+from warpgrains.solver.constraints import StepConstraints, every_wall
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -82,7 +82,7 @@ class UnilateralConstraints(StepConstraints):
         return _complex(self.normal)
 
     @cached_property
-    def grain_pushed(self) -> Grains:
+    def grain_pushed(self) -> Indices:
         """Both grains of every pair and the grain of every wall contact, shape (m + k,)."""
         return np.concatenate([self.first, self.second])
 

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.kernels.record import RunStatistics as Sums
-from warpgrains.kernels.record import StepState
+from warpgrains.kernels.record import StepState, StepSums
 from warpgrains.solver.statistics import RunStatistics, StepReport
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 STEP = tuple(StepState.vars)  # names of its fields
-SUMS = tuple(Sums.vars)
+SUMS = tuple(StepSums.vars)
 
 
 class LastSteps(NamedTuple):

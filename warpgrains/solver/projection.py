@@ -14,8 +14,8 @@ import numpy as np
 import qdldl
 from scipy import sparse
 
-from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.solver.constraints import Grains, StepConstraints
+from warpgrains.arrays import FloatArray, Indices
+from warpgrains.solver.constraints import StepConstraints
 
 PROXIMITY = 1e9  # rho; without it matrix entries reach 1e13, and residuals stall at 1e-5 to 1e-7
 
@@ -53,12 +53,13 @@ def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Pr
     unit = np.concatenate([np.sqrt(mass_i / (mass_i + mass_j) * mass_j), np.sqrt(mass[alone])])
     data, indices = (np.concatenate([part.ravel() for part in parts]) for parts in (values, columns))
     start = np.concatenate([[0], np.cumsum(np.repeat([4, 2], [pairs, len(alone)]))])
+    indices, start = indices.astype(np.int32), start.astype(np.int32)
     rows = sparse.csr_array((data, indices, start), shape=(len(unit), 2 * len(mass)))
     free = (np.sqrt(mass)[:, np.newaxis] * free_velocity).ravel()
     return Projection(rows, unit * constraints.gap_rate, free, unit)
 
 
-def _columns(grain: Grains) -> Grains:
+def _columns(grain: Indices) -> Indices:
     """Return the columns of A for the velocities of grains, shape (m, 2)."""
     return np.stack([2 * grain, 2 * grain + 1], axis=1)
 
@@ -74,69 +75,78 @@ class Solution(NamedTuple):
 
 
 class NormalMatrix:
-    """I + A^T diag(d) A and its factors, for all A with the same sparsity pattern.
+    """I + A^T diag(d) A in blocks of two rows and columns, one for each grain, and its factors.
 
-    The entries are a matrix times d. The pattern of that matrix is found once, its values for every A.
-
-    Parameters
+    Attributes
     ----------
-    rows : csr_array
-        A; no row is empty.
+    solver : qdldl.Solver
+        Factors of the matrix.
     """
 
-    def __init__(self, rows: sparse.csr_array):
-        self._columns, self._starts = rows.indices, rows.indptr
-        size = rows.shape[1]
-        keys, row, left, right = (np.concatenate(parts) for parts in zip(*_products(rows), strict=True))
-        order = np.argsort(keys, kind="stable")
-        self._left, self._right, keys = left[order], right[order], keys[order]
-        entries = np.sort(np.concatenate([keys, np.arange(size) * (size + 1)]), kind="stable")
-        entries = entries[np.append(True, entries[1:] != entries[:-1])]
-        start = np.searchsorted(keys, np.append(entries, size * size)).astype(np.int32)
-        values = np.zeros(len(keys))
-        self._map = sparse.csr_array(
-            (values, row[order].astype(np.int32), start), shape=(len(entries), rows.shape[0])
-        )
-        column, line = np.divmod(entries, size)
-        self._identity = (column == line).astype(float)
-        start = np.searchsorted(column, np.arange(size + 1)).astype(np.int32)
-        self._matrix = sparse.csc_matrix(
-            (self._identity.copy(), line.astype(np.int32), start), shape=(size, size)
-        )
-        self._factors: Any = None
-
-    def fits(self, rows: sparse.csr_array) -> bool:
-        """Return True if another A has the same sparsity pattern."""
-        return np.array_equal(rows.indices, self._columns) and np.array_equal(rows.indptr, self._starts)
+    def __init__(self) -> None:
+        self._pairs = np.empty(0, np.int64)
+        self._size = 0
+        self.solver: Any = None
 
     def take(self, rows: sparse.csr_array) -> None:
-        """Take the values of A."""
-        self._map.data[:] = rows.data[self._left] * rows.data[self._right]
+        """Take A. Its rows have two entries, of one grain, or four, of two grains in ascending order.
 
-    def factor(self, diagonal: FloatArray) -> None:
-        """Factor the matrix for some d."""
-        self._matrix.data[:] = self._identity + self._map @ diagonal
-        if self._factors is None:
-            self._factors = qdldl.Solver(self._matrix, upper=True)
+        The order of elimination depends on the pairs of grains alone, and is kept while these are the same.
+        """
+        start = rows.indptr[:-1].astype(np.int64)
+        self._is_pair = np.diff(rows.indptr) == 4
+        pair = start[self._is_pair]
+        self._alone, self._first = rows.indices[start] // 2, rows.indices[pair] // 2
+        self._second = rows.indices[pair + 2] // 2
+        grains = rows.shape[1] // 2
+        key = self._second.astype(np.int64) * grains + self._first
+        pairs = np.sort(key)
+        pairs = pairs[np.append(True, pairs[1:] != pairs[:-1])[: len(pairs)]]
+        if grains != self._size or not np.array_equal(pairs, self._pairs):
+            self._size, self._pairs = grains, pairs
+            self._make_pattern()
+        self._place = np.searchsorted(self._pairs, key)
+        x, y = rows.data[start], rows.data[start + 1]
+        u, v = rows.data[pair + 2], rows.data[pair + 3]
+        self._squares = [np.append(a, b) for a, b in ((x * x, u * u), (x * y, u * v), (y * y, v * v))]
+        x, y = x[self._is_pair], y[self._is_pair]
+        self._products = [x * u, y * u, x * v, y * v]
+
+    def _make_pattern(self) -> None:
+        """Make the upper triangle of the matrix, by columns, for the present pairs of grains."""
+        j, i = np.divmod(self._pairs, self._size)
+        pairs = np.bincount(j, minlength=self._size)
+        length = np.stack([2 * pairs + 1, 2 * pairs + 2], axis=1).ravel()
+        start = np.concatenate([[0], np.cumsum(length)])
+        above = 2 * (np.arange(len(j)) - (np.cumsum(pairs) - pairs)[j])
+        left, right = start[2 * j] + above, start[2 * j + 1] + above
+        self._blocks = [left, left + 1, right, right + 1]
+        diagonal = start[1::2] - 1
+        last = start[2::2] - 1
+        self._diagonal = [diagonal, last - 1, last]
+        line = np.empty(start[-1], np.int32)
+        for place, row in zip(self._blocks, (2 * i, 2 * i + 1, 2 * i, 2 * i + 1), strict=True):
+            line[place] = row
+        own = 2 * np.arange(self._size)
+        line[diagonal], line[last - 1], line[last] = own, own, own + 1
+        shape = (2 * self._size, 2 * self._size)
+        values = np.zeros(start[-1])
+        self._matrix = sparse.csc_matrix((values, line, start.astype(np.int32)), shape=shape)
+        self.solver = None
+
+    def factor(self, d: FloatArray) -> None:
+        """Factor the matrix."""
+        data, apart = self._matrix.data, d[self._is_pair]
+        grain, weight = np.append(self._alone, self._second), np.append(d, apart)
+        for place, square, one in zip(self._diagonal, self._squares, (1.0, 0.0, 1.0), strict=True):
+            data[place] = one + np.bincount(grain, weight * square, self._size)
+        for place, product in zip(self._blocks, self._products, strict=True):
+            data[place] = np.bincount(self._place, apart * product, len(self._pairs))
+        if self.solver is None:
+            self.solver = qdldl.Solver(self._matrix, upper=True)
         else:
-            self._factors.update(self._matrix, upper=True)
+            self.solver.update(self._matrix, upper=True)
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return the inverse of the factored matrix times a vector."""
-        return self._factors.solve(right)
-
-
-def _products(rows: sparse.csr_array) -> list[tuple[IndexArray, IndexArray, IndexArray, IndexArray]]:
-    """Return all terms of A^T diag(d) A, upper triangle: position by columns, row of A, two entries of A."""
-    found = []
-    lengths = np.diff(rows.indptr)
-    for length in np.unique(lengths):
-        row = np.flatnonzero(lengths == length)
-        first, second = np.triu_indices(length)
-        entry = rows.indptr[row][:, np.newaxis] + np.arange(length)
-        column = rows.indices[entry].astype(np.int64)
-        place = column[:, second] * rows.shape[1] + column[:, first]
-        found.append(
-            (place.ravel(), np.repeat(row, len(first)), entry[:, first].ravel(), entry[:, second].ravel())
-        )
-    return found
+        return self.solver.solve(right)

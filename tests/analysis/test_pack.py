@@ -1,0 +1,115 @@
+"""Packings at rest: what `pack` returns, by Python and by the command."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from command import exit_code, require_refusal
+
+import warpgrains as wg
+from warpgrains import InputError, Scene, SimulationError
+
+FEW = ["grains.count=60", "solver.tolerance=1e-7"]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene.load("polydisperse", FEW)
+
+
+@pytest.fixture(scope="module")
+def rest(scene: Scene) -> wg.Rest:
+    return wg.pack(scene, threads=1)
+
+
+def test_forces_balance_with_the_settings_of_the_scene(scene: Scene, rest: wg.Rest) -> None:
+    assert 0.0 < rest.energy < 1e-9
+    assert rest.rms_force <= rest.largest_force < 1e-4
+    assert rest.contacts == pytest.approx(4.0, abs=0.15)  # as many forces as equations
+    assert rest.overlap < 1e-6
+    packed = rest.simulation.scene
+    assert (packed.dt, packed.drag, packed.scheme, packed.wall) == (scene.dt, scene.drag, "leapfrog", "round")
+    assert rest.simulation.steps == 0
+    assert not rest.simulation.velocity.any()
+
+
+def test_walls_carry_the_weight_and_the_grains_stay(rest: wg.Rest) -> None:
+    simulation = wg.Simulation(rest.simulation.scene)
+    simulation.restore(rest.simulation.state())
+    scene, before = simulation.scene, simulation.position
+    simulation.advance(100)
+    walls = simulation.wall_contacts()
+    push = (walls.force[:, np.newaxis] * -walls.normal).sum(axis=0)
+    weight = scene.mass.sum() * np.array(scene.gravity)
+    assert push == pytest.approx(-weight, abs=1e-4 * np.linalg.norm(weight))
+    assert np.abs(simulation.position - before).max() < 1e-4 * scene.smallest_radius
+    energy = 0.5 * scene.mass @ (simulation.velocity**2).sum(axis=1)
+    assert energy < 1e-9 * 9.81 * scene.mass.sum() * 2.0 * scene.radius.mean()
+
+
+def test_energy_is_least_among_near_packings(scene: Scene, rest: wg.Rest) -> None:
+    """No step from rest, however long, finds places of less potential energy."""
+    simulation = wg.Simulation(rest.simulation.scene, dt=0.1, drag=0.0, scheme="text", method="exact")
+    simulation.step()
+    lowered = scene.mass @ (rest.simulation.position - simulation.position)[:, 1] / scene.mass.sum()
+    assert lowered < 1e-6 * scene.smallest_radius
+
+
+def test_the_bits_do_not_depend_on_threads(scene: Scene, rest: wg.Rest) -> None:
+    again = wg.pack(scene, threads=2)
+    assert np.array_equal(again.simulation.position, rest.simulation.position)
+    ours, theirs = (of.simulation.state().corrections for of in (rest, again))
+    assert np.array_equal(ours.pair_correction, theirs.pair_correction)
+    assert (again.energy, again.steps, again.iterations) == (rest.energy, rest.steps, rest.iterations)
+
+
+def test_the_command_prints_and_saves_the_same(rest: wg.Rest, tmp_path, monkeypatch, capfd) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = [word for override in FEW for word in ("--set", override)]
+    assert exit_code("pack", "polydisperse", "--json", "-o", "rest.npz", *options) == 0
+    printed = json.loads(capfd.readouterr().out)
+    assert (printed["energy"], printed["contacts"]) == (rest.energy, rest.contacts)
+    again = wg.Simulation.load("rest.npz")
+    assert np.array_equal(again.position, rest.simulation.position)
+    assert again.step().iterations == 1
+    assert exit_code("run", "--resume", "rest.npz", "--steps", "20", "--json") == 0
+    assert json.loads(capfd.readouterr().out)["steps"] == 20
+    rest.save("rest.csv")
+    (tmp_path / "again.toml").write_text('[domain]\nradius_out = 1.0\n[grains]\nfile = "rest.csv"\n')
+    table = Scene.load("again.toml")
+    assert np.array_equal(table.position, rest.simulation.position)
+    assert np.array_equal(table.mass, rest.simulation.scene.mass)
+    with pytest.raises(InputError, match=r"packing 'rest\.txt' must end in \.npz, \.csv"):
+        rest.save("rest.txt")
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("physics.gravity=[0.0, 0.0]", "gravity is 0 or turns: pack needs a constant one"),
+        ("contact.friction=0.5", "friction is given: pack takes grains without friction"),
+        ("domain.pressure=1.0", "a wall moves, or a force drives it: pack takes walls at rest"),
+    ],
+)
+def test_what_is_refused(override, message, capfd) -> None:
+    extra = ["--set", "domain.wall=tangent"] if "pressure" in override else []
+    assert exit_code("pack", "polydisperse", "--set", override, *extra) == 2
+    require_refusal(capfd, message)
+
+
+def test_a_missing_extra_is_named_at_once(scene: Scene, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "warpgrains.solver.exact", None)
+    with pytest.raises(InputError, match=r"method 'exact' needs"):
+        wg.pack(scene, steps=1)
+
+
+def test_grains_that_do_not_rest_are_an_error(scene: Scene, monkeypatch) -> None:
+    with pytest.raises(SimulationError, match="the grains are not at rest after 5 steps: give more steps"):
+        wg.pack(scene, steps=5)
+    for bound in ("ENERGY", "TOLERANCES"):
+        monkeypatch.setattr(f"warpgrains.analysis.pack.{bound}", 0.0)
+    with pytest.raises(
+        SimulationError, match=r"have a kinetic energy of .*: reduce solver\.tolerance, 1e-07"
+    ):
+        wg.pack(scene)

@@ -1,0 +1,199 @@
+"""Packings at rest under gravity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import hypot
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from warpgrains.analysis.compress import TOLERANCES, carrying_contacts
+from warpgrains.analysis.settling import Settling
+from warpgrains.analysis.snapshot import Snapshot, snapshot
+from warpgrains.arrays import FloatArray
+from warpgrains.console import progress_bar
+from warpgrains.errors import InputError, SimulationError
+from warpgrains.files import require_writable_path, table_text, write_atomically
+from warpgrains.scene import checks
+from warpgrains.scene.geometry import distance
+from warpgrains.scene.scene import Scene, SceneLike, as_scene
+from warpgrains.shown import Shown
+from warpgrains.simulation.simulation import Simulation
+from warpgrains.solver.service import exact_solver
+
+ENERGY = 1e-9  # largest mean kinetic energy of a grain at rest, in m g d
+TESTED = 10  # steps with the scene's settings, after each of which the grains must rest
+
+
+@dataclass(frozen=True, repr=False)
+class Rest(Shown):
+    """Result of `pack`: a packing at rest.
+
+    Examples
+    --------
+    >>> rest = wg.pack("polydisperse")
+    >>> rest.energy < 1e-9, rest.simulation.steps
+    (True, 0)
+    """
+
+    simulation: Simulation = field(repr=False)
+    """The packing with the settings of its scene, at time 0. It can be run, saved and drawn."""
+    energy: float
+    """Largest mean kinetic energy of a grain in steps with the scene's settings, in m g d, where d is the
+    mean diameter."""
+    largest_force: float
+    """Largest net force on a grain, its weight included, in weights of the grain."""
+    rms_force: float
+    """Root of the mean square of the net forces, in weights."""
+    contacts: float
+    """Contacts of a grain that is no rattler, as in `Packing`: about 4, where forces follow from balance
+    alone."""
+    rattlers: int
+    """Grains that carry no loads, see `analysis.rattlers`."""
+    overlap: float
+    """Largest overlap [m]."""
+    steps: int
+    """Steps done, the tests of rest included."""
+    iterations: int
+    """Iterations of all steps."""
+    seconds: float
+    """Wall time [s]."""
+
+    def results(self) -> dict[str, Any]:
+        """Return the numbers by name, as ``warpgrains pack --json`` prints them."""
+        return {key: value for key, value in vars(self).items() if key != "simulation"}
+
+    def summary(self) -> dict[str, str]:
+        """Return the lines that describe the packing, by name."""
+        scene = self.simulation.scene
+        return {
+            "scene": f"{scene.name}, {scene.n} grains",
+            "steps": f"{self.steps}, at rest",
+            "iterations": f"{self.iterations}",
+            "kinetic energy": f"{self.energy:.1e} m g d a grain",
+            "net forces": f"{self.rms_force:.1e} weights, largest {self.largest_force:.1e}",
+            "contacts": f"{self.contacts:.3f} a grain, without {self.rattlers} rattlers",
+            "worst overlap": f"{self.overlap:.2e} m",
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Save the packing atomically.
+
+        Parameters
+        ----------
+        path : str or Path
+            A checkpoint, ``.npz``, which `Simulation.load` and ``warpgrains run --resume`` read; or a table
+            of the grains, ``.csv``, for ``file`` in the section ``[grains]`` of a scene.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        path = Path(checks.path("path", path))
+        require_writable_path("packing", path, ".npz", ".csv")
+        if path.suffix == ".npz":
+            self.simulation.save(path)
+            return
+        scene = self.simulation.scene
+        table = np.column_stack([scene.position, scene.radius, scene.mass]).tolist()
+        rows = [dict(zip(("x", "y", "radius", "mass"), row, strict=True)) for row in table]
+        write_atomically(path, table_text(rows).encode())
+
+
+def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: int | None = None) -> Rest:
+    """Let grains settle under gravity, strongly damped, until their forces balance.
+
+    Parameters
+    ----------
+    scene : Scene, path or str
+        Grains without friction, among walls at rest. The denser they begin, the sooner they rest.
+    steps : int
+        Largest number of steps.
+    progress : bool
+        Whether to show a progress bar on standard error.
+    threads : int, optional
+        See `Simulation`. The packing does not depend on it.
+
+    Returns
+    -------
+    Rest
+        The packing. With the settings of the scene, the mean kinetic energy of a grain is at most 1e-9 m g d,
+        or that at 30 tolerances if it is larger, after each of the first 10 steps.
+
+    Raises
+    ------
+    InputError
+        The scene has no constant gravity, or friction, or walls that move; or an argument is invalid; or the
+        extra ``[exact]`` is not installed.
+    SimulationError
+        The grains are not at rest after `steps` steps, or not with the settings of the scene.
+
+    Examples
+    --------
+    >>> rest = wg.pack("polydisperse")
+    >>> f"{rest.contacts:.1f} contacts a grain", rest.rms_force < 1e-3
+    ('4.0 contacts a grain', True)
+    """
+    start, scene = perf_counter(), as_scene("scene", scene)
+    steps = checks.whole_number("steps", steps)
+    _require_rest_is_possible(scene)
+    with progress_bar(100, shown=progress, unit="percent") as bar:
+        settling = Settling(scene, steps, threads, bar)
+        settling.settle()
+        settling.balance()
+    state = settling.state()
+    scene = scene.replace(position=state.position, velocity=state.velocity)
+    simulation = Simulation(scene, threads=threads)
+    simulation.restore(state)
+    weight = scene.mass * settling.gravity
+    energy, overlap, iterations = 0.0, 0.0, settling.iterations
+    for _ in range(TESTED):
+        report = simulation.step()
+        square = (simulation.velocity**2).sum(axis=1)
+        energy = max(energy, 0.5 * float(scene.mass @ square / weight.sum()) / settling.diameter)
+        overlap, iterations = max(overlap, report.overlap), iterations + report.iterations
+    most = max(ENERGY, 0.5 * (TOLERANCES * scene.tolerance) ** 2 / (settling.gravity * settling.diameter))
+    if not energy <= most:
+        raise SimulationError(
+            f"with the settings of the scene, grains have a kinetic energy of {energy:.1e} m g d, above"
+            f" {most:.1e}: reduce solver.tolerance, {scene.tolerance:g} m/s, or raise solver.max_iterations"
+        )
+    now = snapshot(simulation)
+    net = _net_forces(now) / weight
+    contacts, rattlers = carrying_contacts(now)
+    simulation.restore(state)
+    return Rest(
+        simulation=simulation,
+        energy=energy,
+        largest_force=float(net.max()),
+        rms_force=float(np.sqrt((net**2).mean())),
+        contacts=contacts,
+        rattlers=rattlers,
+        overlap=overlap,
+        steps=settling.steps + TESTED,
+        iterations=iterations,
+        seconds=perf_counter() - start,
+    )
+
+
+def _require_rest_is_possible(scene: Scene) -> None:
+    """Raise InputError if a scene has no gravity, or if its grains may keep moving, or rest in many ways."""
+    if hypot(*scene.gravity) == 0.0 or scene.gravity_rate:
+        raise InputError("gravity is 0 or turns: pack needs a constant one; compress needs none")
+    if scene.has_friction:
+        raise InputError("friction is given: pack takes grains without friction; use run --until rest")
+    if scene.has_moving_walls or scene.has_driven_walls:
+        raise InputError("a wall moves, or a force drives it: pack takes walls at rest; use run --until rest")
+    exact_solver("exact")  # raises InputError now, and not after minutes, if its extra is missing
+
+
+def _net_forces(now: Snapshot) -> FloatArray:
+    """Return the moduli of the sum of weight and contact forces on every grain [N], shape (n,)."""
+    loads = now.loads
+    push = [np.bincount(loads.grain, -loads.force * along, now.n) for along in loads.normal.T]
+    weight = now.scene.mass[:, np.newaxis] * np.array(now.scene.gravity)
+    return distance(weight + np.stack(push, axis=1))
