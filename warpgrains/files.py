@@ -70,7 +70,7 @@ def read_regular(path: Path) -> bytes:
 
 
 @contextmanager
-def _naming(target: Path, draft: Path) -> Iterator[None]:
+def naming(target: Path, draft: Path | None = None) -> Iterator[None]:
     """Name the target in errors that name no file, such as that of a full disk, or only the draft."""
     try:
         yield
@@ -91,10 +91,15 @@ def sync(path: Path) -> None:
 
 def publish(draft: Path, target: Path) -> None:
     """Move the complete file `draft` to `target` on the same file system, and flush both to the disk."""
-    with _naming(target, draft):
+    with naming(target, draft):
         sync(draft)
         os.replace(draft, target)
         sync(target.parent)
+
+
+def draft_path(target: Path, writer: str = "") -> Path:
+    """Return the path of what becomes `target` when it is complete, in the same folder, see `draft_of`."""
+    return target.with_name(f".draft{writer}.{target.name}")
 
 
 @contextmanager
@@ -109,9 +114,9 @@ def draft_of(target: Path, writer: str = "") -> Iterator[Path]:
         The file cannot be written. The message names the target.
     """
     target = resolve_link(target)
-    draft = target.with_name(f".draft{writer}.{target.name}")
+    draft = draft_path(target, writer)
     try:
-        with _naming(target, draft):
+        with naming(target, draft):
             yield draft
         publish(draft, target)
     finally:

@@ -10,7 +10,6 @@ import json
 import os
 import struct
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 from zlib import crc32
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.errors import InputError
-from warpgrains.files import write_atomically
+from warpgrains.files import naming, write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
 """One frame: float32 or int32 arrays by name, shape (n,) or (n, k)."""
@@ -28,6 +27,11 @@ _MAGIC = b"warpgrains frames 1\n"
 _HEAD = struct.Struct("<QI")
 _SYNC_FRAMES = 100
 _SYNC_BYTES = 16e6
+
+
+def log_of(path: Path) -> Path:
+    """Return the path of the log that holds the frames of recording `path` until it is complete."""
+    return path.with_name(path.name + ".frames")
 
 
 class FrameLog:
@@ -112,7 +116,7 @@ class FrameLog:
         self._unsynced = 0, 0
 
     def close(self) -> None:
-        """Flush the log to the disk and close it."""
+        """Close the log."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -127,8 +131,7 @@ class FrameLog:
         self._kinds = {name: _kind(array) for name, array in sorted(arrays.items())}
         header = json.dumps({"constants": self._constants, "kinds": self._kinds}).encode()
         content = _MAGIC + _record(header)
-        with _naming(self.path):
-            write_atomically(self.path, content)
+        write_atomically(self.path, content)
         self._open(len(content))
 
     def _open(self, end: int) -> None:
@@ -140,7 +143,7 @@ class FrameLog:
         assert self._file is not None
         left = memoryview(record)
         try:
-            with _naming(self.path):
+            with naming(self.path):
                 while left:
                     left = left[self._file.write(left) :]
         except BaseException:
@@ -199,15 +202,6 @@ class LogReader:
             frame[name] = array.reshape(-1, columns) if columns > 1 else array
             start += array.nbytes
         return frame
-
-
-@contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Name the file in an OSError."""
-    try:
-        yield
-    except OSError as error:
-        raise OSError(f"'{path}' cannot be written: {error.strerror or error}") from error
 
 
 def _kind(array: NDArray[Any]) -> str:

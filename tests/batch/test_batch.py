@@ -245,9 +245,13 @@ class TestUntil:
         scenes = [Scene.load("annulus")] * 3
         sets, statistics = ResidentSets(scenes, find_device("cpu"), threads=1), RunStatistics()
         end = criterion(lambda scene: scene.steps >= 20, scenes[1])
-        (last,) = sets.advance([5, 50, 35], lambda _: None, {1: Ending(end, statistics)})
-        assert [last.done(k).statistics.steps for k in range(3)] == [5, 20, 35]
-        assert last.done(1).statistics is statistics
+        for steps, taken in (([5, 10, 30], [5, 10, 30]), ([0, 40, 5], [0, 10, 5])):
+            before = replace(statistics)
+            (last,) = sets.advance(steps, None, {1: Ending(end, statistics)})
+            assert [last.done(k).statistics.steps for k in range(3)] == taken
+            assert statistics == before
+            statistics.add(last.done(1).statistics)
+        assert statistics.met
         assert [sets.state(k).steps for k in range(3)] == [5, 20, 35]
 
     def test_bad_criterion_is_refused(self) -> None:

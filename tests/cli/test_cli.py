@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+from argparse import ArgumentParser
+from dataclasses import dataclass
 from time import monotonic, sleep
 
 import numpy as np
@@ -12,6 +14,9 @@ import pytest
 from command import exit_code, require_refusal
 
 from warpgrains import Scene, Simulation, SimulationError
+from warpgrains.cli import commands
+from warpgrains.cli.run import _output
+from warpgrains.described import described, described_fields
 
 GRAINS = """
 domain = {radius_in = 0.5, radius_out = 1.0}
@@ -132,6 +137,24 @@ def test_summary_is_aligned_lines(scene, tmp_path, capfd):
     assert summary["output"] == f"{output}, 3 frames, 24 a second"
     rows = "scene, steps, iterations, not converged, worst residual, worst overlap, overlaps at start"
     assert ", ".join(summary) == f"{rows}, time, output"
+
+
+@pytest.mark.parametrize(("frames", "said"), [(0, "0 frames"), (1, "1 frame"), (2, "2 frames")])
+def test_number_of_frames(frames, said):
+    assert _output({"output": "a.usdc", "frames": frames, "fps": 24.0}) == f"a.usdc, {said}, 24 a second"
+
+
+def test_option_without_a_default_has_the_type_of_its_field(monkeypatch):
+    @dataclass
+    class Options:
+        limit: float | None = described("Largest speed.", default=None, needs=None, metavar="V")
+
+    monkeypatch.setattr(commands, "RunOptions", Options)
+    monkeypatch.setattr(commands, "OPTIONS", described_fields(Options))
+    monkeypatch.setattr(commands, "FLAGS", {"limit": "--limit"})
+    parser = ArgumentParser()
+    commands._add_outputs(parser)
+    assert parser.parse_args(["--limit", "0.5"]).limit == 0.5
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,13 @@ from PIL import Image, ImageSequence
 from recordings import make_scene, record
 from walls_seen import View
 
-from warpgrains import InputError, Scene, Simulation
+from warpgrains import InputError, OutputError, Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import GrainColors, mark_color
 from warpgrains.drawing.frames import Frame
-from warpgrains.pictures.film import Film
+from warpgrains.pictures.film import Film, draw_film
 from warpgrains.pictures.shots import Painter
+from warpgrains.usd.reader import RecordingReader
 
 STEPS = 40
 STRIDE = 4
@@ -93,11 +94,13 @@ def require_marks(view, pixels, simulation):
         assert np.allclose(view.at(pixels, simulation.position + shift), expected, atol=LOSS)
 
 
-def test_film_of_a_recording(tmp_path, states, capsys):
+@pytest.mark.parametrize("suffix", [".gif", ".mp4"])
+def test_film_of_a_recording(tmp_path, states, capsys, suffix):
     recording = record(tmp_path / "run.usdc", states, Scene.load("annulus"), draw_as="discs")
-    assert exit_code("plot", recording, "-o", tmp_path / "run.gif") == 0
-    assert capsys.readouterr().out == f"{tmp_path / 'run.gif'}: 11 frames\n"
-    frames, rate = film_frames(tmp_path / "run.gif")
+    film = tmp_path / f"run{suffix}"
+    assert exit_code("plot", recording, "-o", film) == 0
+    assert capsys.readouterr().out == f"{film}: 11 frames\n"
+    frames, rate = film_frames(film)
     assert (len(frames), rate) == (11, pytest.approx(50.0))
     view, (position, velocity) = View(frames[0], 0.08), states[-1]
     colors = GrainColors(Scene.load("annulus"), "speed").of(Frame(position, velocity))
@@ -130,10 +133,25 @@ def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_two_processes_do_not_make_one_film(tmp_path, held_elsewhere, capfd):
-    held_elsewhere(tmp_path / "run.mp4")
-    assert exit_code("run", "annulus", "-o", tmp_path / "run.mp4") == 2
+@pytest.mark.parametrize("suffix", [".mp4", ".png"])
+def test_two_processes_do_not_draw_one_output(tmp_path, held_elsewhere, states, capfd, suffix):
+    path = tmp_path / f"run{suffix}"
+    held_elsewhere(path)
+    assert exit_code("run", "annulus", "-o", path) == 2
     require_refusal(capfd, "is being written by")
+    recording = RecordingReader(record(tmp_path / "run.usdc", states, Scene.load("annulus")))
+    picture = Simulation(Scene.load("annulus")).plot()
+    with pytest.raises(OutputError, match="is being written by"):
+        picture.save(path) if suffix == ".png" else draw_film(recording, path)
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".png"])
+def test_drawn_output_replaces_what_was_there_and_leaves_no_lock(tmp_path, suffix):
+    path = tmp_path / f"run{suffix}"
+    path.write_bytes(b"earlier")
+    Simulation(Scene.load("annulus")).run(steps=2, record=path)
+    assert path.read_bytes() != b"earlier"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 class TestStill:

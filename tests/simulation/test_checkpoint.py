@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,28 @@ import pytest
 from same_bits import contents
 
 from warpgrains import InputError, Scene, Simulation
-from warpgrains.scene.state import first_state
+from warpgrains.scene.state import Corrections, State, VerletList, first_state
 from warpgrains.simulation.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
+from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
+
+STORED = Scene, State, Corrections, VerletList, RunOptions, RunStatistics
+FIELDS = {
+    name: names.split()
+    for name, names in {
+        "Scene": "position velocity radius mass spin radius_in radius_out wall pressure wall_mass"
+        " angular_velocity_out angular_velocity_in walls gravity drag spin_drag friction wall_friction dt"
+        " duration scheme tolerance max_iterations order method stop on_unconverged name text",
+        "State": "steps position velocity corrections lists staggered spin angle driven",
+        "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction",
+        "VerletList": "pair wall skin recent_deviation reference_position reference_velocity frame scalar",
+        "RunOptions": "steps record fps color_by forces draw_as checkpoint every until measure series"
+        " measure_every",
+        "RunStatistics": "steps frames iterations iterations_max unconverged infeasible infeasible_grains"
+        " residual gap_error overlap rebuilds restarts seconds held met",
+    }.items()
+}
+"""Fields of version 8. Whoever changes them must increase `VERSION`."""
 
 
 @pytest.fixture
@@ -74,7 +94,8 @@ class TestRoundTrip:
 class TestFile:
     def test_layout_of_this_version(self, saved):
         """A file that another version could not read needs another number."""
-        assert VERSION == 7
+        assert VERSION == 8
+        assert {kind.__name__: [own.name for own in fields(kind)] for kind in STORED} == FIELDS
         with np.load(saved, allow_pickle=False) as archive:
             header = json.loads(archive["header"].tobytes())
             found = {name: archive[name].shape[1:] for name in archive.files}

@@ -8,7 +8,9 @@ from schemes import contact_mass
 from warpgrains import Scene
 from warpgrains.solver.advance import advance
 from warpgrains.solver.engine import Engine
+from warpgrains.solver.final_states import COUNTED
 from warpgrains.solver.tuning import find_device
+from warpgrains.sweep import results
 
 
 @pytest.mark.parametrize("which", [[0, 1, 2], [2, 0], [1]])
@@ -27,6 +29,7 @@ def test_same_as_one_by_one(which, moved):
     assert (engine._records.together("grains.position") is None) == moved
     ends = engine.ends(np.array(which, np.int64))
     assert len(ends.dt) == len(which)
+    assert sorted(ends.done) == sorted(COUNTED)
     for place, k in enumerate(which):
         state, scene, statistics = engine.state(k), scenes[k], engine.last_steps.statistics(k)
         expected = {
@@ -45,6 +48,11 @@ def test_same_as_one_by_one(which, moved):
         for name, counted in ends.done.items():
             assert counted[place] == getattr(statistics, name), name
     assert statistics_differ(ends.done, which)
+
+
+def test_column_that_short_runs_lack_is_refused_at_once():
+    with pytest.raises(LookupError, match="column gap_error: not among the statistics of short runs, steps,"):
+        results._counted("gap_error", "worst error")
 
 
 def at_each_wall(corrections, scene):

@@ -10,6 +10,11 @@ from sweeps import SMALL, batch, results, table, write
 from warpgrains import Recording, Scene, Simulation, SimulationError
 from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.sweep.execution import ExecutionOptions
+from warpgrains.sweep.results import Columns
+from warpgrains.sweep.runner import finish_runs
+from warpgrains.sweep.sweep import Sweep
+from warpgrains.sweep.sweep_folder import SweepFolder
 from warpgrains.usd.check import inspect_recording
 
 
@@ -91,6 +96,23 @@ class TestResults:
         assert good["steps"] == "10"
         assert bad["error"].startswith("step 1, from t = 0.0 s: ")
         assert "first run 1: step 1, from t = 0.0 s: " in capfd.readouterr().out
+
+    @pytest.mark.parametrize("options", [(), ("--folders",)])
+    def test_failed_run_has_its_seconds_and_its_last_good_state(self, tmp_path, options):
+        text = (
+            'scene = "annulus"\n[set]\nsolver.max_iterations = 3\n[axes]\nsolver.on_unconverged = ["raise"]'
+        )
+        sweep, out = Sweep.load(write(tmp_path, text)), tmp_path / "out"
+        folder = SweepFolder(out, Columns(sweep.axes))
+        folder.unfinished(sweep, sweep.runs, False)
+        folder.prepare(sweep)
+        execution = ExecutionOptions(folders=bool(options))
+        assert finish_runs(folder, sweep.runs, execution, lambda _: None) == {}
+        assert "step 20" in folder.write_tables(sweep).failed[0]
+        kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
+        assert kept.statistics.steps == kept.state.steps == 19
+        assert kept.statistics.seconds > 0.0
+        assert table(out / "timing.csv")[0]["seconds"] == f"{kept.statistics.seconds:.3f}"
 
     @pytest.mark.parametrize("options", [(), ("--folders",)])
     def test_runs_that_do_not_fit_in_memory(self, tmp_path, done, monkeypatch, options):

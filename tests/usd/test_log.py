@@ -6,11 +6,13 @@ import pytest
 from pxr import Sdf, Usd
 from recordings import grains_of, make_frames, make_scene, points_recorder, record
 
+from warpgrains import files
 from warpgrains.drawing.frames import Frame
 from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of, recover
+from warpgrains.usd.writer import reopen_log
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
 
@@ -198,6 +200,14 @@ class TestResume:
         require_frames(path, frames)
         whole = record(tmp_path / "whole.usdc", frames)
         assert path.read_bytes() == whole.read_bytes()
+
+    def test_log_of_a_finished_file_is_on_the_disk(self, tmp_path, monkeypatch):
+        path = record(tmp_path / "run.usdc", make_frames(3))
+        synced = []
+        monkeypatch.setattr(files, "sync", synced.append)
+        reopen_log(path, log_of(path))
+        assert synced[-2:] == [tmp_path / ".draft.run.usdc.frames", tmp_path]
+        assert set(tmp_path.iterdir()) == {path, log_of(path)}
 
     @pytest.mark.parametrize("suffix", SUFFIXES)
     def test_continues_a_finished_file(self, tmp_path, suffix):

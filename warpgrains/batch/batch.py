@@ -167,7 +167,7 @@ class Batch(Shown):
             A number of some scene is no longer finite (that scene keeps the state before the step, and the
             other scenes have advanced), or another thread advances this batch.
         """
-        sets = self._advance([1] * len(self), lambda _: None, {}, gravity)
+        sets = self._advance([1] * len(self), None, {}, gravity)
         errors = sorted(error for last in sets for error in last.errors.items())
         if errors:
             raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors))
@@ -240,7 +240,7 @@ class Batch(Shown):
     def _advance(
         self,
         steps: list[int],
-        on_progress: OnProgress,
+        on_progress: OnProgress | None,
         endings: Mapping[int, Ending],
         gravity: ArrayLike | None,
     ) -> list[SetSteps]:

@@ -6,6 +6,7 @@ kept as states.
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -30,14 +31,17 @@ SHARE = 0.5  # largest fraction of the free memory for a resident set
 
 
 class Ending(NamedTuple):
-    """End criterion of a scene, and the statistics of its run, which are updated."""
+    """End criterion of a scene, and the statistics of its run before the steps to do."""
 
     criterion: EndCriterion | None
     statistics: RunStatistics
 
 
 class StepsDone(NamedTuple):
-    """Statistics of the last steps of a scene, its last report, and the reason of an early stop, if any."""
+    """Statistics of the last steps of a scene, its last report, and the reason of an early stop, if any.
+
+    The statistics of a run are the sum over its steps, also those of its end criterion.
+    """
 
     statistics: RunStatistics
     report: StepReport | None
@@ -159,7 +163,7 @@ class ResidentSets:
     def advance(
         self,
         steps: Sequence[int],
-        on_progress: OnProgress,
+        on_progress: OnProgress | None = None,
         endings: Mapping[int, Ending] | None = None,
         gravity: FloatArray | None = None,
     ) -> Iterator[SetSteps]:
@@ -187,12 +191,13 @@ class ResidentSets:
             yield
 
     def _advance_set(
-        self, steps: Sequence[int], on_progress: OnProgress, endings: Mapping[int, Ending]
+        self, steps: Sequence[int], on_progress: OnProgress | None, endings: Mapping[int, Ending]
     ) -> SetSteps:
         if not endings:
             return self._launch(steps, on_progress)
         runs = {k: endings.get(k) or Ending(None, RunStatistics()) for k in self.scenes}
-        ended = {k: StepsDone(run.statistics, None, None) for k, run in runs.items()}
+        runs = {k: Ending(criterion, replace(before)) for k, (criterion, before) in runs.items()}
+        ended = {k: StepsDone(RunStatistics(), None, None) for k in self.scenes}
         left = {k: steps[k] for k in self.scenes if steps[k] > 0}
         last = SetSteps([], self._place, {})
         while left and not self._is_canceled:
@@ -203,16 +208,21 @@ class ResidentSets:
             last = self._launch(due, on_progress)
             for k in tuple(left):
                 done, (criterion, statistics) = last.done(k), runs[k]
+                held = statistics.held
                 statistics.add(done.statistics)
-                ended[k] = StepsDone(statistics, done.report or ended[k].report, done.error)
                 left[k] -= done.statistics.steps
                 is_whole = done.error is None and done.statistics.steps == due[k]
                 is_met = is_whole and criterion is not None and criterion.is_met(self.scenes[k], statistics)
                 if is_met or not is_whole or left[k] == 0:
                     del left[k]
+                done.statistics.held, done.statistics.met = statistics.held - held, is_met
+                ended[k].statistics.add(done.statistics)
+                ended[k] = done._replace(
+                    statistics=ended[k].statistics, report=done.report or ended[k].report
+                )
         return last._replace(ended=ended)
 
-    def _launch(self, steps: Sequence[int], on_progress: OnProgress) -> SetSteps:
+    def _launch(self, steps: Sequence[int], on_progress: OnProgress | None) -> SetSteps:
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
         advance([engine for engine, _ in self._engines], self._threads, on_progress)

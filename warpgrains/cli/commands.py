@@ -4,10 +4,11 @@ import os
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any, NamedTuple
+from types import NoneType
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 from warpgrains.console import exit_on_interrupt
-from warpgrains.simulation.options import FLAGS, OPTIONS
+from warpgrains.simulation.options import FLAGS, OPTIONS, RunOptions
 
 
 class Command(NamedTuple):
@@ -57,16 +58,15 @@ def _add_outputs(parser: ArgumentParser) -> None:
     """Add the options of `RunOptions`, grouped by the options that they need."""
     titles = {"record": "recording", "measure": "series", "series": "series", "checkpoint": "checkpoints"}
     groups: dict[str, Any] = {title: parser.add_argument_group(title) for title in titles.values()}
+    types = get_type_hints(RunOptions)
     for name, flag in FLAGS.items():
         default, option = OPTIONS[name].default, OPTIONS[name].metadata
         group = groups.get(titles.get(option["needs"] or name, ""), parser)
         given: dict[str, Any] = {"dest": name, "help": option["meaning"][0].lower() + option["meaning"][1:-1]}
-        if default is False:
-            given["action"] = "store_true"
-        else:
-            given["metavar"] = option["metavar"]
+        (kind,) = set(get_args(types[name]) or [types[name]]) - {NoneType}
+        given |= {"action": "store_true"} if kind is bool else {"metavar": option["metavar"], "type": kind}
         if default:
-            given |= {"type": type(default), "help": f"{given['help']} (default: {default})"}
+            given["help"] += f" (default: {default})"
         if name == "every":
             given["help"] += f", and two rows of a series (default: {OPTIONS['measure_every'].default})"
         if name == "draw_as":

@@ -22,6 +22,7 @@ from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
+from warpgrains.frame_log import log_of
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
@@ -79,14 +80,13 @@ def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> 
     Invalid outputs, and those that another process writes, are refused before Warp starts and compiles
     kernels.
     """
-    if options.record is not None and options.shows is None:
+    if options.shows == "recording":
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
     with stdout_to_stderr(), ExitStack() as held:
         until = criterion(options.until, start.scene)
         series = _series(start, options, arguments)
-        begun_at = start.state.steps - start.statistics.steps
-        run = runs.OpenRun(options, start.statistics, begun_at, until, series)
+        run = runs.OpenRun(options, start.statistics, start.first_step, until, series)
         held.enter_context(run.opened(start.scene))
         if series is not None:
             held.enter_context(series)
@@ -97,8 +97,8 @@ def _commands_to_continue(options: RunOptions) -> Iterator[str]:
     """Yield the commands that continue an interrupted run, or recover its frames."""
     if options.checkpoint is not None and Path(options.checkpoint).exists():
         yield f"to continue: warpgrains run --resume {shlex.quote(options.checkpoint)}"
-    if options.record is not None and Path(f"{options.record}.frames").exists():
-        yield f"to recover the frames so far: warpgrains recover {shlex.quote(options.record + '.frames')}"
+    if options.record is not None and (log := log_of(Path(options.record))).exists():
+        yield f"to recover the frames so far: warpgrains recover {shlex.quote(str(log))}"
 
 
 def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
@@ -131,8 +131,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
         start = read_checkpoint(kept)  # the run may have continued before the lock was acquired
     if other is not None and (start.options is None or os.path.realpath(other) != os.path.realpath(kept)):
         held.enter_context(lock_checkpoint(Path(other)))
-    begun_at = start.state.steps - start.statistics.steps
-    planned = start.scene.steps if start.options is None else begun_at + start.options.steps
+    planned = start.scene.steps if start.options is None else start.first_step + start.options.steps
     end = _steps(start.scene, arguments) or planned
     if end < start.state.steps:
         raise InputError(
@@ -140,7 +139,7 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
         )
     options = start.options or RunOptions(steps=planned)
     spacing = _spacing(arguments.every, options.checkpoint or other, options.series)
-    return start, replace(options, steps=end - begun_at, **_given(arguments, "checkpoint"), **spacing)
+    return start, replace(options, steps=end - start.first_step, **_given(arguments, "checkpoint"), **spacing)
 
 
 def _require_needed(given: dict[str, Any]) -> None:
@@ -230,7 +229,7 @@ def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> 
         results["bounds_checked"] = True
     if options.until is not None:
         results["until"] = options.until
-    if options.record is not None and options.shows != "still":
+    if options.shows in ("film", "recording"):
         results |= {"frames": statistics.frames, "fps": true_rate(scene, options.rate)}
     return results
 
@@ -263,7 +262,7 @@ def _output(results: dict[str, Any]) -> str:
     if "frames" not in results:
         return str(results["output"])
     frames = results["frames"]
-    return f"{results['output']}, {frames} frame{'s' * (frames > 1)}, {results['fps']:.6g} a second"
+    return f"{results['output']}, {frames} frame{'s' * (frames != 1)}, {results['fps']:.6g} a second"
 
 
 def _without_solution(results: dict[str, Any]) -> str:

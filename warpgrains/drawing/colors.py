@@ -130,6 +130,8 @@ class GrainColors:
         All colors (sRGB), shape (k, 3).
     still : ndarray or None
         Index of the color of each grain, shape (n,), if it is constant; None if it changes between frames.
+    needs_contacts : bool
+        Whether the quantity follows from the contacts of a frame.
 
     Raises
     ------
@@ -142,6 +144,7 @@ class GrainColors:
             raise InputError(f"color_by is {color_by!r}: it needs a scene with friction")
         checks.one_of("color_by", color_by, colorings(scene))
         self._scene, radius = scene, scene.radius
+        self.needs_contacts = color_by in OF_CONTACTS
         self.scale: ColorScale | None = None
         self.still: IndexArray | None = None
         if color_by == "palette":

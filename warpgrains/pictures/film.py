@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from errno import EIO
 from fractions import Fraction
 from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
-from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 import imageio_ffmpeg
@@ -22,7 +21,7 @@ from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.kinds import FASTEST, FILMS
-from warpgrains.pictures.shots import Painter, Setting, Shot, setting_of, shot_of
+from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setting_of, shot_of
 from warpgrains.pictures.still import Canvas
 
 if TYPE_CHECKING:
@@ -172,49 +171,33 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
     Raises
     ------
     InputError
-        It cannot be written there.
+        It cannot be written there. It is an `OutputError` if another process writes it.
     """
     require_writable_path("film", output, *FILMS)
-    frames = range(0, len(reader.time), ceil(reader.rate / FASTEST[output.suffix]))
-    with draft_of(output) as draft, FilmWriter(draft, setting_of(reader), reader.rate / frames.step) as film:
+    frames = range(0, len(reader.time), max(1, ceil(reader.rate / FASTEST[output.suffix])))
+    with (
+        Lock(output),
+        draft_of(output) as draft,
+        FilmWriter(draft, setting_of(reader), reader.rate / frames.step) as film,
+    ):
         for frame in frames:
             film.add(shot_of(reader, frame))
     return frames
 
 
-class Film:
-    """A film of a run.
-
-    The file appears, complete, when the block ends without an error.
-
-    Raises
-    ------
-    InputError
-        The film cannot be written. It is an `OutputError` if another process writes it.
-    """
+class Film(DrawnOutput):
+    """A film of a run, see `DrawnOutput`."""
 
     def __init__(self, path: Path, scene: Scene, frames_per_second: float, painter: Painter) -> None:
-        require_writable_path("output", path, *FILMS)
-        self._path, self._painter = path, painter
         self.times = FrameTimes.of(scene.dt, frames_per_second)
-        self.needs_contacts = painter.needs_contacts
-        self._held = ExitStack()
-        self._held.enter_context(Lock(path))
+        super().__init__(path, painter, *FILMS)
 
     def __enter__(self) -> Self:
-        draft = self._held.enter_context(draft_of(self._path))
-        self._writer = self._held.enter_context(FilmWriter(draft, self._painter.setting, self.times.rate))
+        draft = self.enter_context(draft_of(self._path))
+        self._writer = self.enter_context(FilmWriter(draft, self._painter.setting, self.times.rate))
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._held.__exit__(kind, error, trace)
 
     def record(self, frame: Frame) -> None:
         """Append the state at the end of the step in which the next frame lies."""
         k = self._writer.frames
         self._writer.add(self._painter.shot(self.times.shown(k, frame), k / self.times.rate))
-
-    def flush(self) -> None:
-        """Do nothing, because a film cannot be continued."""

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale, chains_of
-from warpgrains.drawing.colors import OF_CONTACTS, ColorScale, GrainColors
+from warpgrains.drawing.colors import ColorScale, GrainColors
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import drawn_walls, moved_walls
+from warpgrains.files import require_writable_path
+from warpgrains.locks import Lock
 from warpgrains.scene.band import Band
 
 if TYPE_CHECKING:
@@ -80,7 +84,7 @@ class Painter:
     def __init__(self, scene: Scene, color_by: str, forces: bool, largest: float | None = None) -> None:
         self._scene = scene
         self._colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or color_by in OF_CONTACTS
+        self.needs_contacts = forces or self._colors.needs_contacts
         chain_scale = ChainScale.of(scene) if forces else None
         if largest is not None:
             chain_scale = chain_scale and replace(chain_scale, force=largest)
@@ -102,6 +106,27 @@ class Painter:
     def shot_of(self, simulation: Simulation) -> Shot:
         """Return a shot of the present state of a simulation of the scene."""
         return self.shot(Frame.of(simulation, self.needs_contacts))
+
+
+class DrawnOutput(ExitStack):
+    """Base of the film and the picture of a run, which is locked until the block ends.
+
+    It replaces any file of its name when it is complete.
+
+    Raises
+    ------
+    InputError
+        It cannot be written. It is an `OutputError` if another process writes it.
+    """
+
+    def __init__(self, path: Path, painter: Painter, *suffixes: str) -> None:
+        super().__init__()
+        require_writable_path("output", path, *suffixes)
+        self._path, self._painter, self.needs_contacts = path, painter, painter.needs_contacts
+        self.enter_context(Lock(path))
+
+    def flush(self) -> None:
+        """Do nothing, because a run that is drawn cannot be continued."""
 
 
 def setting_of(reader: RecordingReader) -> Setting:

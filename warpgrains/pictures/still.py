@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import pathlib
-from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -23,8 +22,9 @@ from warpgrains.drawing.colors import ColorScale, mark_color
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import WALL_COLOR, marks
 from warpgrains.files import draft_of, require_writable_path
+from warpgrains.locks import Lock
 from warpgrains.pictures.kinds import STILLS
-from warpgrains.pictures.shots import Painter, Setting, Shot
+from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot
 from warpgrains.scene.band import Band
 
 _MARGIN = 0.02  # in radii of the outer wall
@@ -190,10 +190,11 @@ class Picture:
         Raises
         ------
         InputError
-            The picture cannot be written.
+            The picture cannot be written. It is an `OutputError` if another process writes it.
         """
         require_writable_path("picture", pathlib.Path(path), *STILLS)
-        save_figure(self.figure, pathlib.Path(path))
+        with Lock(pathlib.Path(path)):
+            save_figure(self.figure, pathlib.Path(path))
 
     def _repr_png_(self) -> bytes:
         png = io.BytesIO()
@@ -201,25 +202,14 @@ class Picture:
         return png.getvalue()
 
 
-class Still(nullcontext[None]):
-    """A picture of the end of a run.
-
-    Raises
-    ------
-    InputError
-        The picture cannot be written.
-    """
+class Still(DrawnOutput):
+    """A picture of the end of a run, see `DrawnOutput`."""
 
     times = None
 
     def __init__(self, path: pathlib.Path, painter: Painter) -> None:
-        super().__init__()
-        require_writable_path("picture", path, *STILLS)
-        self._path, self._painter, self.needs_contacts = path, painter, painter.needs_contacts
+        super().__init__(path, painter, *STILLS)
 
     def record(self, frame: Frame) -> None:
         """Write the picture of a frame."""
-        Picture(self._painter.setting, self._painter.shot(frame)).save(self._path)
-
-    def flush(self) -> None:
-        """Do nothing, because a run that draws its end cannot be continued."""
+        save_figure(Picture(self._painter.setting, self._painter.shot(frame)).figure, self._path)

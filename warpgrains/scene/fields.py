@@ -21,9 +21,6 @@ from warpgrains.scene.scheme import SCHEMES
 from warpgrains.scene.wall_kinds import checked_walls
 from warpgrains.scene.walls import Annulus
 
-if TYPE_CHECKING:
-    pass
-
 ORDERS = ("sequential", "color")
 METHODS = ("gauss-seidel", "accelerated", "exact")
 STOPS = ("default", "zeta", "residual")

@@ -3,7 +3,10 @@
 The entry `header` is JSON text in UTF-8 with the format, the version, and all numbers and texts. Floats are
 written so that the same doubles are read back. Every array is a separate entry `part.field`, named after the
 dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); `_stored_names` lists the fields
-that are stored under another name. Any change of the entries must increase `VERSION`.
+that are stored under another name.
+
+If a field of these, of `RunOptions` or of `RunStatistics` is added, removed, renamed or changes its meaning,
+`VERSION` must increase, so that another version of the program says which version it reads.
 """
 
 import io
@@ -27,7 +30,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 7
+VERSION = 8
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
@@ -56,6 +59,11 @@ class Checkpoint:
     """Options of the run that wrote the checkpoint, if a run wrote it."""
     statistics: RunStatistics
     """Statistics of the run up to the checkpoint."""
+
+    @property
+    def first_step(self) -> int:
+        """Time steps before the run."""
+        return self.state.steps - self.statistics.steps
 
 
 def lock_checkpoint(path: Path) -> Lock:

@@ -125,7 +125,7 @@ class RunOptions:
             needed = option.metadata["needs"]
             if needed is not None and getattr(self, needed) is None and getattr(self, name) != option.default:
                 raise InputError(f"{name} has no effect without {needed}")
-        if self.shows is not None:
+        if self.shows in ("still", "film"):
             self._require_no_recording(self.shows)
 
     @property
@@ -134,8 +134,10 @@ class RunOptions:
 
     @property
     def shows(self) -> str | None:
-        """Kind of picture that `record` is according to its suffix: "still" or "film", or None."""
-        return "still" if self._suffix in STILLS else "film" if self._suffix in FILMS else None
+        """Kind of output that `record` is by its suffix: "still", "film" or "recording"; None without it."""
+        if self.record is None:
+            return None
+        return "still" if self._suffix in STILLS else "film" if self._suffix in FILMS else "recording"
 
     @property
     def rate(self) -> float:
@@ -165,7 +167,7 @@ class RunOptions:
         if self.record is None:
             return None
         path = Path(self.record)
-        if self.shows is not None:
+        if self.shows != "recording":
             require_drawing(f"'{path}'", self.shows == "film")
             from warpgrains.pictures.shots import Painter
 

@@ -97,7 +97,17 @@ class OpenRun:
             left.append(steps_to_multiple(self.first_step + steps, self.observer.every))
         return min(left)
 
-    def write(self, now: PresentState) -> None:
+    @property
+    def steps_to_stop(self) -> int:
+        """Number of steps to the next output, test of the end criterion or checkpoint."""
+        steps, left = self.statistics.steps, [self.steps_to_output]
+        if self.until is not None:
+            left.append(steps_to_test(steps))
+        if self.options.checkpoint is not None:
+            left.append(steps_to_multiple(steps, self.options.every))
+        return min(left)
+
+    def record(self, now: PresentState) -> None:
         """Observe and record the present state, if due."""
         steps = self.statistics.steps
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
@@ -105,6 +115,13 @@ class OpenRun:
         if self.output is not None and steps == self._next_frame:
             self.output.record(Frame.of(now, self.output.needs_contacts))
             self.statistics.frames += 1
+
+    def save_if_due(self, now: PresentState) -> None:
+        """Save a checkpoint, if due, after flushing the frames and measurements that it counts."""
+        path = self.options.checkpoint_after(self.statistics.steps)
+        if path is not None:
+            self.flush()
+            write_checkpoint(path, Checkpoint(now.scene, now.state(), self.options, self.statistics))
 
     def flush(self) -> None:
         """Flush frames and measurements to the disk, before a checkpoint that counts them."""
@@ -139,9 +156,10 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
     statistics, until = run.statistics, run.until
     start = perf_counter() - statistics.seconds
     with progress_bar(run.options.steps, statistics.steps, progress) as bar, _flushed(run.observer):
-        _write(simulation, run)
+        run.record(simulation)
+        run.save_if_due(simulation)
         while statistics.steps < run.options.steps:
-            done = simulation.advance(_steps_to_next(run), bar.update)
+            done = simulation.advance(run.steps_to_stop, bar.update)
             if done.infeasible and not statistics.infeasible:
                 step, grains = simulation.infeasible_steps[0]
                 warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
@@ -149,7 +167,8 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
             statistics.seconds = perf_counter() - start
             if until is not None and until.is_met(simulation, statistics):
                 run.end()
-            _write(simulation, run)
+            run.record(simulation)
+            run.save_if_due(simulation)
     statistics.seconds = perf_counter() - start
     if until is not None and not statistics.met:
         warn(f"{until.name} was not reached within {simulation.time:g} s of simulated time", stacklevel=3)
@@ -163,22 +182,3 @@ def _flushed(observer: Observer | None) -> Iterator[None]:
     finally:
         if observer is not None:
             observer.flush()
-
-
-def _write(simulation: Simulation, run: OpenRun) -> None:
-    """Write to the outputs what is due, and a checkpoint."""
-    run.write(simulation)
-    path = run.options.checkpoint_after(run.statistics.steps)
-    if path is not None:
-        run.flush()
-        write_checkpoint(path, Checkpoint(simulation.scene, simulation.state(), run.options, run.statistics))
-
-
-def _steps_to_next(run: OpenRun) -> int:
-    """Return the number of steps to the next output, test of the end criterion, checkpoint or end."""
-    steps, left = run.statistics.steps, [run.steps_to_output]
-    if run.until is not None:
-        left.append(steps_to_test(steps))
-    if run.options.checkpoint is not None:
-        left.append(steps_to_multiple(steps, run.options.every))
-    return min(left)

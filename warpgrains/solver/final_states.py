@@ -14,6 +14,20 @@ from warpgrains.scene.walls import Annulus
 if TYPE_CHECKING:
     from warpgrains.solver.records import SceneRecords
 
+COUNTED = (
+    "steps",
+    "unconverged",
+    "iterations",
+    "rebuilds",
+    "restarts",
+    "iterations_max",
+    "residual",
+    "overlap",
+    "seconds",
+)
+"""Fields of `RunStatistics` that `FinalStates.done` always holds: those that the device counts, and the
+wall time."""
+
 
 class Grains(NamedTuple):
     """Grains of m scenes with n grains each. The first axis of every array is that of the scenes."""
@@ -46,7 +60,7 @@ class FinalStates(NamedTuple):
     dt: FloatArray
     """[s], shape (m,)."""
     done: Mapping[str, NDArray[Any]]
-    """Sums and maxima over their steps, by field of `RunStatistics`, shape (m,) each."""
+    """Sums and maxima over their steps, by field of `RunStatistics`, shape (m,) each: at least `COUNTED`."""
 
     @classmethod
     def of(cls, records: SceneRecords, which: IndexArray) -> Self:

@@ -222,12 +222,6 @@ class RunStatistics(FormerNames):
     def __post_init__(self) -> None:
         self.infeasible_grains = tuple(self.infeasible_grains)
 
-    @classmethod
-    def of_summary(cls, summary: Summary) -> Self:
-        """Return the statistics from which a summary was computed."""
-        alike = [field.name for field in fields(cls) if hasattr(summary, field.name)]
-        return cls(iterations=round(summary.iterations_mean * summary.steps), **_alike(summary, *alike))
-
     def add(self, other: Self) -> None:
         """Add the statistics of other steps."""
         for counted in fields(self):
@@ -236,11 +230,6 @@ class RunStatistics(FormerNames):
 
     def summary(self, output: str | None) -> Summary:
         """Return the summary of the steps counted."""
-        alike = [field.name for field in fields(Summary) if hasattr(self, field.name)]
+        alike = {own.name: getattr(self, own.name) for own in fields(Summary) if hasattr(self, own.name)}
         mean = self.iterations / max(1, self.steps)
-        return Summary(iterations_mean=mean, output=output, **_alike(self, *alike))
-
-
-def _alike(record: Any, *names: str) -> dict[str, Any]:
-    """Return the named fields of a record."""
-    return {name: getattr(record, name) for name in names}
+        return Summary(iterations_mean=mean, output=output, **alike)

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from math import inf
 from time import perf_counter
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
@@ -63,28 +63,36 @@ class LongRun(OpenRun):
     @classmethod
     def begin(
         cls, sweep: SweepFolder, point: ResumePoint, execution: ExecutionOptions, held: ExitStack
-    ) -> Self | str:
-        """Return the run, or the reason why it cannot continue: another process has it, or it has failed.
+    ) -> Self | None:
+        """Return the run; None if it cannot begin and has failed, which is then its result.
 
         Its lock and outputs are entered into `held`.
+
+        Raises
+        ------
+        OutputError
+            Another process has the run.
+        OSError
+            Its files cannot be used.
         """
         folder, run = sweep.of(point.run), None
         with ExitStack() as own:
             try:
                 own.push(folder.lock())
                 start = folder.begin(execution)
-                if point.error is not None:
-                    raise InputError(point.error)
                 if point.state is not None and point.statistics is not None and start.statistics.steps == 0:
                     start = replace(start, state=point.state, statistics=point.statistics)
                 run = cls(folder, start)
                 own.push(run._open())
-            except (OutputError, OSError) as error:
-                return str(error)
+            except OutputError:
+                raise
             except InputError as error:
                 reason = str(error) if run is None else f"{error}: {HOW_TO_REPEAT}"
                 folder.fail(reason, 0.0 if run is None else run.statistics.seconds)
-                return reason
+                return None
+            if point.error is not None:
+                run.error = point.error
+                run.save_checkpoint()
             held.push(own.pop_all())
             return run
 
@@ -112,16 +120,15 @@ class LongRun(OpenRun):
 
     def count(self, done: StepsDone) -> None:
         """Add the steps that the run has done; it ends now if its end criterion is met."""
-        if self.until is None:
-            self.statistics.add(done.statistics)
+        self.statistics.add(done.statistics)
         self.error = done.error
         if self.statistics.met:
             self.end()
 
-    def write(self, now: PresentState) -> None:
+    def record(self, now: PresentState) -> None:
         """Observe and record the present state, if due, unless the run has failed."""
         if self.error is None:
-            super().write(now)
+            super().record(now)
 
     def save_checkpoint(self) -> None:
         """Save a checkpoint after flushing the frames and measurements that it counts."""
@@ -145,8 +152,16 @@ class LongRun(OpenRun):
             self.folder.fail(self.error, self.statistics.seconds)
 
 
+class LongGroup(NamedTuple):
+    """Runs that are advanced together."""
+
+    runs: list[LongRun]
+    held: ExitStack
+    """Their locks and outputs."""
+
+
 class LongRunner:
-    """Runner for runs with a folder each.
+    """Runner for runs with a folder each. It locks them from `begin` to their ends.
 
     Parameters
     ----------
@@ -165,16 +180,28 @@ class LongRunner:
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.widest = WIDTH if execution.fps is None else RECORDED_WIDTH
         self.narrowest = min(LEAST_WIDTH, self.widest)
+        self._held = ExitStack()
 
-    def begin(self, points: list[ResumePoint], held: ExitStack) -> list[LongRun]:
-        """Return the runs that can continue; their locks and outputs are entered into `held`."""
-        begun = [(point, LongRun.begin(self._folder, point, self._execution, held)) for point in points]
-        self.left |= {point.run.number: run for point, run in begun if isinstance(run, str)}
-        runs = [run for _, run in begun if not isinstance(run, str)]
-        self._on_progress(len(points) - len(runs))
-        return runs
+    def __enter__(self) -> Self:
+        return self
 
-    def carry_out(self, runs: list[LongRun]) -> int:
+    def __exit__(self, *error: Any) -> None:
+        self._held.__exit__(*error)
+
+    def begin(self, points: list[ResumePoint]) -> LongGroup:
+        """Return the runs that can continue."""
+        group = LongGroup([], self._held.enter_context(ExitStack()))
+        for point in points:
+            try:
+                run = LongRun.begin(self._folder, point, self._execution, group.held)
+            except (OutputError, OSError) as error:
+                self.left[point.run.number] = str(error)
+            else:
+                group.runs.extend([] if run is None else [run])
+        self._on_progress(len(points) - len(group.runs))
+        return group
+
+    def carry_out(self, group: LongGroup) -> int:
         """Advance runs to their ends, complete their recordings and save their results.
 
         Returns
@@ -182,11 +209,13 @@ class LongRunner:
         int
             Total number of grains of the runs.
         """
-        self._on_progress(sum(run.progress for run in runs))
-        self._advance([run for run in runs if run.has_steps_left])
-        troubles = [(run, run.complete()) for run in runs]
-        self.left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
-        _write(LongRun.finish, [run for run, trouble in troubles if trouble is None])
+        runs = group.runs
+        with group.held:
+            self._on_progress(sum(run.progress for run in runs))
+            self._advance([run for run in runs if run.has_steps_left])
+            troubles = [(run, run.complete()) for run in runs]
+            self.left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
+            _write(LongRun.finish, [run for run, trouble in troubles if trouble is None])
         return sum(run.scene.n for run in runs)
 
     def _advance(self, runs: list[LongRun]) -> None:
@@ -219,7 +248,7 @@ class LongRunner:
         while any(run.has_steps_left for run in runs):
             start, before = perf_counter(), sum(run.progress for run in runs)
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
-            for last in sets.advance(steps, lambda _: None, ends):
+            for last in sets.advance(steps, None, ends):
                 for k in filter(steps.__getitem__, sets.scenes):
                     runs[k].count(last.done(k))
                 _write_due(runs, sets)
@@ -233,7 +262,7 @@ class LongRunner:
 
 def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
     for k, scene in sets.scenes.items():
-        runs[k].write(scene)
+        runs[k].record(scene)
 
 
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:

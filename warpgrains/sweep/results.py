@@ -17,7 +17,7 @@ from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.files import Row
-from warpgrains.solver.final_states import FinalStates, Grains
+from warpgrains.solver.final_states import COUNTED, FinalStates, Grains
 from warpgrains.solver.statistics import RunStatistics
 
 
@@ -32,7 +32,9 @@ class Column(NamedTuple):
 
 
 def _counted(field: str, meaning: str) -> Column:
-    """Return the column of a count of `RunStatistics`."""
+    """Return the column of a count of `RunStatistics`, one of `COUNTED`."""
+    if field not in COUNTED:
+        raise LookupError(f"column {field}: not among the statistics of short runs, {', '.join(COUNTED)}")
     return Column(meaning, lambda ends: ends.done[field].astype(np.int64), kind=int)
 
 
@@ -59,7 +61,11 @@ COLUMNS = {
     "unconverged": _counted("unconverged", "number of steps that stopped short of the tolerance"),
     "worst_overlap": Column("largest overlap after any step", lambda ends: ends.done["overlap"], "m"),
     **{name: _at_the_end(name, of_runs) for name, of_runs in SWEEP_QUANTITIES.items()},
-    MET: _counted(MET, "with `--until`: 1 if the run was at rest, else 0"),
+    MET: Column(
+        "with `--until`: 1 if the run was at rest, else 0",
+        lambda ends: ends.done[MET].astype(np.int64),
+        kind=int,
+    ),
     "error": Column(
         "reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), ""), kind=str
     ),
@@ -92,6 +98,12 @@ class Columns(NamedTuple):
     def all(self) -> list[str]:
         """Columns of the table of all results."""
         return ["run", "scene", *self.axes, *self.after_labels]
+
+
+def is_possible(columns: list[str]) -> bool:
+    """Return whether some sweep has these columns, see `Columns.after_labels`."""
+    measured = tuple(filter(QUANTITIES.__contains__, columns))
+    return columns in (Columns((), measured, until).after_labels for until in (None, "rest"))
 
 
 def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[RunResult]:

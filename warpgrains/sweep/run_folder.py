@@ -11,12 +11,13 @@ result.csv         a line of names and a line of values; a run is finished if th
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from warpgrains.analysis.quantities import QUANTITIES
 from warpgrains.errors import InputError, OutputError
-from warpgrains.files import csv_line, read_regular, read_table, table_text, write_atomically
+from warpgrains.files import Row, csv_line, read_regular, read_table, table_text, write_atomically
+from warpgrains.frame_log import log_of
 from warpgrains.locks import Lock
 from warpgrains.scene.document import parse_toml
 from warpgrains.scene.reader import scene_fields
@@ -26,7 +27,7 @@ from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.execution import ExecutionOptions
-from warpgrains.sweep.results import MET, SECONDS, Columns, RunResult, failure, require_result
+from warpgrains.sweep.results import SECONDS, Columns, RunResult, failure, is_possible, require_result
 from warpgrains.sweep.shards import OTHER_COLUMNS
 from warpgrains.sweep.sweep import Run
 
@@ -48,16 +49,25 @@ class RunFolder:
 
     Attributes
     ----------
-    labels : dict of str to str
-        The first columns of the run's result.
+    number : int
+        Of the run.
     """
 
     def __init__(self, path: Path, run: Run, columns: Columns):
-        self.path, self.labels, self.columns = path, run.labels(), columns
-        self.number, self._text = run.number, run.text(f"../../{GRAINS}")
+        self.path, self.number, self.columns, self._run = path, run.number, columns, run
         self.scene_file, self.checkpoint = path / "scene.toml", path / "checkpoint.npz"
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
         self.result = path / RESULT
+
+    @cached_property
+    def labels(self) -> Row:
+        """The first columns of the run's result."""
+        return self._run.labels()
+
+    @cached_property
+    def _text(self) -> str:
+        """Text of the scene file."""
+        return self._run.text(f"../../{GRAINS}")
 
     def require_this_run(self) -> None:
         """Raise OutputError if the folder belongs to another run, and InputError if it is damaged."""
@@ -108,11 +118,9 @@ class RunFolder:
         """Return whether the result is intact, but has other columns than this sweep."""
         with suppress(OSError, InputError):
             names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
-            until = "rest" if MET in names else None
-            columns = Columns(
-                measured=tuple(filter(QUANTITIES.__contains__, names)), until=until
-            ).after_labels
-            return names == [*self.labels, *columns, SECONDS] and columns != self.columns.after_labels
+            columns = names[len(self.labels) : -1]
+            is_intact = names == [*self.labels, *columns, SECONDS] and is_possible(columns)
+            return is_intact and columns != self.columns.after_labels
         return False
 
     def lock(self) -> Lock:
@@ -139,8 +147,6 @@ class RunFolder:
         scene = Scene(**{**scene_fields(self._text, self.scene_file), "name": self.labels["scene"]})
         wanted: dict[str, Any] = {}
         if execution.fps is not None:
-            from warpgrains.usd.recorder import log_of
-
             log_of(self.recording).unlink(missing_ok=True)
             wanted = {"record": str(self.recording), "fps": execution.fps}
         if execution.measure_every is not None:

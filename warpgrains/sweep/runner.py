@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from itertools import islice
 from time import perf_counter
-from typing import Any
+from typing import Protocol, TypeVar
 
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
 from warpgrains.sweep.long import LongRunner, ResumePoint
@@ -24,6 +24,26 @@ from warpgrains.sweep.sweep_folder import SweepFolder
 GROUP = 1.0  # intended duration of a group [s]
 FIRST_WIDTH = 16  # runs in a group
 MOST_GRAINS = 200_000  # in a group
+
+Group = TypeVar("Group")
+
+
+class Runner(Protocol[Group]):
+    """Interface of the classes that execute groups of runs."""
+
+    @property
+    def narrowest(self) -> int:
+        """Least number of runs in a group, unless their grains are too many."""
+
+    @property
+    def widest(self) -> int:
+        """Largest number of runs in a group."""
+
+    def begin(self, points: list[ResumePoint]) -> Group:
+        """Prepare a group. Another thread calls it while the previous group is advanced."""
+
+    def carry_out(self, group: Group) -> int:
+        """Advance a group and save its results; return its number of grains."""
 
 
 def finish_runs(
@@ -48,29 +68,32 @@ def finish_runs(
     points: Iterable[ResumePoint] = map(ResumePoint, runs)
     with ExitStack() as ended:
         if not execution.needs_folders and execution.device == "cpu":
-            short = ended.enter_context(closing(ShortRunner(folder, execution, on_progress)))
+            short = ended.enter_context(ShortRunner(folder, execution, on_progress))
             _in_groups(short, points)
             left, points = short.left, short.longer
-        others = LongRunner(folder, execution, on_progress)
-        _in_groups(others, points)
-    return left | others.left
+        long = ended.enter_context(LongRunner(folder, execution, on_progress))
+        _in_groups(long, points)
+    return left | long.left
 
 
-def _in_groups(runs: ShortRunner | LongRunner, points: Iterable[ResumePoint]) -> None:
-    """Execute runs in groups. Another thread prepares each group while the previous one is advanced."""
-    waiting, width = iter(points), FIRST_WIDTH
-    with ExitStack() as all_held, ThreadPoolExecutor(1) as ahead:
+def _in_groups(runs: Runner[Group], points: Iterable[ResumePoint]) -> None:
+    """Execute runs in groups. Another thread prepares each group while the previous one is advanced.
 
-        def begin_next() -> tuple[Future[Any], ExitStack] | None:
-            chunk, held = list(islice(waiting, width)), all_held.enter_context(ExitStack())
-            return (ahead.submit(runs.begin, chunk, held), held) if chunk else None
+    The size of a group follows from the last group that was carried out before its preparation began.
+    """
+    waiting = iter(points)
+    with ThreadPoolExecutor(1) as ahead:
 
-        following = begin_next()
+        def begin_next(width: int) -> tuple[int, Future[Group]] | None:
+            chunk = list(islice(waiting, width))
+            return (len(chunk), ahead.submit(runs.begin, chunk)) if chunk else None
+
+        width = FIRST_WIDTH
+        following = begin_next(width)
         while following is not None:
-            future, held = following
+            size, future = following
             group = future.result()
-            following, start = begin_next(), perf_counter()
-            with held:
-                grains = runs.carry_out(group)
-            most = min(runs.widest, MOST_GRAINS * width // max(1, grains))
-            width = next_size(width, perf_counter() - start, GROUP, most, runs.narrowest)
+            following, start = begin_next(width), perf_counter()
+            grains = runs.carry_out(group)
+            most = min(runs.widest, MOST_GRAINS * size // max(1, grains))
+            width = next_size(size, perf_counter() - start, GROUP, most, runs.narrowest)

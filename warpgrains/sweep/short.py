@@ -7,9 +7,9 @@ process loses one group only.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import Ending, ResidentSets, SetSteps
@@ -78,12 +78,14 @@ class ShortRunner:
         folder.shards.path.mkdir(parents=True, exist_ok=True)
         self._locks = RunLocks(folder.shards.path / ".claims")
 
-    def close(self) -> None:
-        """Release the locks on runs, also on those that continue with a folder."""
-        self._locks.close()
+    def __enter__(self) -> Self:
+        return self
 
-    def begin(self, points: list[ResumePoint], held: ExitStack) -> ShortGroup:
-        """Load the scenes of runs into memory. Nothing is entered into `held`."""
+    def __exit__(self, *_: object) -> None:
+        self._locks.close()  # also of the runs that have continued with a folder
+
+    def begin(self, points: list[ResumePoint]) -> ShortGroup:
+        """Load the scenes of runs into memory."""
         free = self._available([point.run for point in points])
         runs = [short for run in free if (short := self._short(run)) is not None]
         sets = None

@@ -73,7 +73,7 @@ class SweepFolder:
         return self._runs / f"{number:05}"
 
     def prepare(self, sweep: Sweep) -> None:
-        """Write the common part of the runs. If it exists already, it must be that of this sweep."""
+        """Write the common part of the runs, unless it exists, see `unfinished`."""
         for base in sweep.bases:
             files = {self._scene_file(base): self._common(base)}
             copies = base.grain_files.values()

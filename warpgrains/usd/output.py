@@ -13,11 +13,6 @@ RECORDED_BY = "warpgrains"
 """Key in a layer's custom data that identifies a recording."""
 
 
-def log_of(path: Path) -> Path:
-    """Return the path of the log that holds the frames of recording `path` until it is complete."""
-    return path.with_name(path.name + ".frames")
-
-
 def lock_output(path: Path) -> Lock:
     """Lock a recording for writing.
 

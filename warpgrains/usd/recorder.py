@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import ChainScale
-from warpgrains.drawing.colors import OF_CONTACTS, GrainColors
+from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import InputError
-from warpgrains.frame_log import FrameLog
+from warpgrains.frame_log import FrameLog, log_of
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
-from warpgrains.usd.output import SUFFIXES, lock_output, log_of
+from warpgrains.usd.output import SUFFIXES, lock_output
 from warpgrains.usd.stage import Drawing, MovingWalls, static_layer
 from warpgrains.usd.writer import reopen_log, write_recording
 
@@ -65,7 +65,7 @@ class Recorder:
     times : FrameTimes
         Times of the frames, and the steps that they belong to.
     needs_contacts : bool
-        Whether `record` requires contacts, for force chains and colors by `OF_CONTACTS`.
+        Whether `record` requires contacts, for force chains or colors.
 
     Raises
     ------
@@ -91,7 +91,7 @@ class Recorder:
         self.log = log_of(self.path)
         self.times = FrameTimes.of(scene.dt, frames_per_second)
         colors = GrainColors(scene, color_by)
-        self.needs_contacts = forces or color_by in OF_CONTACTS
+        self.needs_contacts = forces or colors.needs_contacts
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains, MovingWalls(scene)]
@@ -125,7 +125,7 @@ class Recorder:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             if kind is None:
-                self.close()
+                self._finish()
             elif self.frames > 1 or self._is_needed:
                 with suppress(OSError):  # the exception that ended the block is the one to report
                     self.flush()
@@ -178,15 +178,14 @@ class Recorder:
         OSError
             The file cannot be written. The log remains.
         """
-        try:
-            if self.frames == 0:
-                raise ValueError(f"no frame was recorded for '{self.path}'")
-            self.flush()
-            write_recording(self.log, self.path, self.frames)
-            self._frames.remove()
-        finally:
-            self._frames.close()
-            self._lock.release()
+        self.__exit__(None)
+
+    def _finish(self) -> None:
+        if self.frames == 0:
+            raise ValueError(f"no frame was recorded for '{self.path}'")
+        self.flush()
+        write_recording(self.log, self.path, self.frames)
+        self._frames.remove()
 
     def _resume(self, frames: int) -> None:
         """Continue the log after its first frames.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, Tf, UsdUtils, Work
 
 from warpgrains.errors import InputError
-from warpgrains.files import publish, resolve_link
+from warpgrains.files import draft_of, draft_path, publish, resolve_link
 from warpgrains.frame_log import FrameLog, LogReader
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
@@ -64,9 +64,8 @@ def reopen_log(recording: Path, log: Path) -> None:
     OSError
         The recording cannot be read, or the log cannot be written.
     """
-    draft = log.with_name(f".draft.{log.name}")
-    draft.unlink(missing_ok=True)
-    with _reporting_os_errors(recording):
+    with draft_of(log) as draft, _reporting_os_errors(recording):
+        draft.unlink(missing_ok=True)
         flat = Sdf.Layer.OpenAsAnonymous(str(recording))
         paths: list[Sdf.Path] = []
         flat.Traverse(Sdf.Path.absoluteRootPath, paths.append)
@@ -76,9 +75,7 @@ def reopen_log(recording: Path, log: Path) -> None:
         frames = FrameLog(draft, _without_frames(flat, animated))
         for code in flat.ListAllTimeSamples():
             frames.append({str(path): _sample(flat, path, code) for path in animated})
-    frames.sync()
-    frames.close()
-    draft.rename(log)
+        frames.close()
 
 
 def _sample(flat: Sdf.Layer, path: Sdf.Path, code: float) -> NDArray[Any]:
@@ -134,7 +131,7 @@ def _require_frames(path: Path, names: Any, frames: int) -> None:
 @contextmanager
 def _temporary_folder(target: Path) -> Iterator[Path]:
     """Yield an empty folder next to the target, because a killed USD process leaves temporary files there."""
-    folder = target.with_name(f".draft.{target.name}")
+    folder = draft_path(target)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     try:
