@@ -125,6 +125,16 @@ def test_benchmark_of_peers(tmp_path: Path) -> None:
     assert picture.stat().st_size > 10_000
 
 
+@pytest.mark.slow
+def test_benchmark_of_growth(tmp_path: Path) -> None:
+    file, picture = tmp_path / "growth.csv", tmp_path / "growth.png"
+    command("growth", "--grains", 12, 50, "--cache", tmp_path, "-o", file, "--picture", picture)
+    rows = [row for row in csv.DictReader(file.open()) if row["program"] == "warpgrains"]
+    assert [row["n"] for row in rows] == ["12", "50"]
+    assert all(float(row["overlap of pairs"]) <= 1e-2 for row in rows)
+    assert picture.stat().st_size > 10_000
+
+
 def test_mutants_are_changes_of_the_kernels_as_they_are() -> None:
     for mutant in mutants():
         assert mutant.source.count(mutant.old) == 1, mutant
