@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 import clarabel
 import numpy as np
+import qdldl
 from scipy import sparse
 from scipy.spatial import cKDTree
 
@@ -34,7 +35,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.solver import interior_point
 from warpgrains.solver.constraints import StepConstraints, every_wall
-from warpgrains.solver.projection import NormalMatrix, Projection, projection_of
+from warpgrains.solver.projection import Projection, projection_of
 
 TOLERANCE = 1e-14  # requested from the library, which stops earlier if rounding prevents it
 REGULARIZATION = 1e-12  # of the library's matrix; with the default, 1e-8, it stops at a gap of about 1e-6
@@ -175,6 +176,25 @@ def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, floa
             return y, float(np.sqrt(gap))
         tightening += 2.0 * short
     raise SimulationError("the exact velocities were not found: no solution satisfies every gap")
+
+
+class NormalMatrix:
+    """I + A^T diag(d) A and its factors, for any A; that of solver/projection.py is for contacts of discs."""
+
+    def take(self, rows: sparse.csr_array) -> None:
+        """Take A."""
+        self._rows = rows
+
+    def factor(self, d: FloatArray) -> None:
+        """Factor the matrix."""
+        product = self._rows.T @ sparse.diags_array(d) @ self._rows
+        matrix = sparse.csc_matrix(sparse.triu(product + sparse.eye_array(self._rows.shape[1])))
+        self._factors = qdldl.Solver(matrix, upper=True)
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Return the inverse of the factored matrix times a vector."""
+        found: FloatArray = self._factors.solve(right)
+        return found
 
 
 def package_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
