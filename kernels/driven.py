@@ -1,4 +1,4 @@
-"""Walls on which a force acts, and that move as contacts let them (MODEL.md, eqs. 27 to 29).
+"""Walls on which a force acts, and that move as contacts let them (MODEL.md, eqs. 27 to 30).
 
 Such a wall is one more body with a velocity, of one component. Its speed comes after the velocities of the
 grains, in all arrays of velocities, and so do its mass and its numbers in the list's check (verlet.py). So

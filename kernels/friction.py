@@ -1,4 +1,4 @@
-"""Coulomb friction and rotation (MODEL.md, eqs. 21 to 24), as stages that only scenes with friction have.
+"""Coulomb friction and rotation (MODEL.md, eqs. 21 to 25), as stages that only scenes with friction have.
 
 A visit to a contact corrects the normal velocity, as without friction, and then the velocity at which the two
 surfaces slip. For discs the two do not depend on each other but for Coulomb's bound, so that one visit solves

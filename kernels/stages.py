@@ -58,8 +58,8 @@ class Shared:
 class Sets:
     """A stage `(team, scene, k)` for every set k of contacts, in order: pairs, then contacts with walls.
 
-    A set of pairs is an independent set, which several threads share, or all pairs if there is one thread
-    (coloring.py).
+    A set of pairs is an independent set, which several threads share, or all pairs if one thread does plain
+    sweeps (coloring.py).
     """
 
     stage: wp.Function

@@ -25,7 +25,7 @@ class Walls:
     annulus: Annulus
     shape: wp.array(dtype=Shape)  # of the walls inside it
     motion: wp.array(dtype=Motion)  # of these, and
-    pose: wp.array(dtype=Pose)  # where they are at the end of the step; both empty if none moves
+    pose: wp.array(dtype=Pose)  # where they are at the end of the step; both empty if none moves or is driven
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
 

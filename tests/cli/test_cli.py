@@ -167,16 +167,17 @@ def test_length_of_a_run(scene, capfd, arguments, steps):
 
 
 @pytest.mark.parametrize(
-    ("fps", "said"),
+    ("name", "fps", "said"),
     [
-        (200, "--fps 200 cannot be met: with one frame every step of 0.01 s there are 100"),
-        (60, ""),
-        (None, ""),
+        ("out.usdc", 200, "--fps 200 cannot be met: with one frame every step of 0.01 s there are 100"),
+        ("out.gif", 60, "--fps 60 cannot be met: a file of this kind has at most 50"),
+        ("out.usdc", 60, ""),
+        ("out.usdc", None, ""),
     ],
 )
-def test_a_rate_that_cannot_be_met_is_said(scene, tmp_path, capfd, fps, said):
+def test_a_rate_that_cannot_be_met_is_said(scene, tmp_path, capfd, name, fps, said):
     asked = [] if fps is None else ["--fps", fps]
-    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", *asked) == 0
+    assert exit_code("run", scene, "-o", tmp_path / name, *asked) == 0
     assert capfd.readouterr().err == (said and f"warpgrains: warning: {said}\n")
 
 

@@ -180,6 +180,13 @@ def test_bad_override(override, message):
         Scene.load("annulus", [override])
 
 
+def test_walls_are_no_section():
+    """An override of a list of walls had no effect, and was recorded."""
+    said = "override 'walls.friction=0.5': walls is a list, no section of keys"
+    with pytest.raises(InputError, match=re.escape(said)):
+        Scene.load("hopper", ["walls.friction=0.5"])
+
+
 def test_scene_that_is_not_there_or_no_text(tmp_path):
     with pytest.raises(InputError, match=r"'anulus': did you mean 'annulus'\? Known: annulus, bidisperse, "):
         Scene.load("anulus")

@@ -1,5 +1,6 @@
 """Sweep files: which runs they stand for, and that each run's scene file is what it says"""
 
+import re
 import tomllib
 
 import numpy as np
@@ -105,6 +106,27 @@ class TestRuns:
         assert load(tmp_path, 'scene = "annulus"').runs[0].base.sections["grains"]["radius"] == 0.1
         (tmp_path / "annulus").unlink()
         assert load(tmp_path, 'scene = "annulus"').runs[0].base.sections["grains"]["layout"] == "rows"
+
+    def test_folders_of_results_hide_no_shipped_name(self, tmp_path, monkeypatch):
+        (tmp_path / "annulus").mkdir()
+        assert load(tmp_path, 'scene = "annulus"').runs[0].base.sections["grains"]["layout"] == "rows"
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "iterations").mkdir()
+        assert len(Sweep.load("iterations").axes) > 0
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            (f'{AXES}grains.radius = [0.1, {{file = "radii.csv"}}]', "files of radii belong into scenes"),
+            (
+                'scene = "annulus"\n[set.walls]\nfriction = 0.1',
+                "walls.friction: walls are a list",
+            ),
+        ],
+    )
+    def test_what_a_sweep_cannot_vary(self, tmp_path, text, message):
+        with pytest.raises(InputError, match=re.escape(message)):
+            load(tmp_path, text)
 
 
 class TestText:

@@ -111,7 +111,7 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
     given |= _spacing(given.pop("every", None), arguments.checkpoint, arguments.series)
     options = RunOptions(steps=_steps(scene, arguments) or scene.steps, **given)
     if "fps" in given:
-        _warn_of_rate(scene, options.fps)
+        _warn_of_rate(scene, options)
     if options.checkpoint is not None:
         held.enter_context(lock_checkpoint(Path(options.checkpoint)))
     return Checkpoint(scene, first_state(scene), options, RunStatistics()), options
@@ -207,12 +207,15 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
     tqdm.write(f"warpgrains: warning: {message}", file=sys.stderr)
 
 
-def _warn_of_rate(scene: Scene, fps: float) -> None:
-    """Warn if a recording cannot have `fps` frames per second [1/s], and print its true rate."""
-    rate = true_rate(scene, fps)
-    if rate != fps:
-        steps = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
-        _show_warning(f"--fps {fps:g} cannot be met: {steps}")
+def _warn_of_rate(scene: Scene, options: RunOptions) -> None:
+    """Warn if an output cannot have as many frames per second as wanted, and print its true rate."""
+    rate = true_rate(scene, options.rate)
+    if rate == options.fps:
+        return
+    reason = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
+    if rate == options.rate:
+        reason = f"a file of this kind has at most {rate:.6g}"
+    _show_warning(f"--fps {options.fps:g} cannot be met: {reason}")
 
 
 def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> dict[str, Any]:

@@ -100,8 +100,9 @@ def override_key(document: Table, override: str) -> None:
     if parsed.keys() != {"value"}:
         raise InputError(f"override {override!r}: {value!r} is not a TOML value")
     table = document.setdefault(section, {})
-    if isinstance(table, dict):
-        table[key] = parsed["value"]
+    if not isinstance(table, dict):
+        raise InputError(f"override {override!r}: {section} is a {type(table).__name__}, no section of keys")
+    table[key] = parsed["value"]
 
 
 def _exists(path: Path) -> bool:

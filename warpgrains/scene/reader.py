@@ -47,6 +47,8 @@ def scene_fields(text: str, path: Path, overrides: Iterable[str] = ()) -> Table:
 
 def require_key(section: str, key: str) -> None:
     """Raise InputError unless scene files may have this key in this section."""
+    if section == "walls":
+        raise InputError(f"walls.{key}: walls are a list, whose keys cannot be set one by one")
     _require_section(section)
     of_layouts = {name for layout in LAYOUTS.values() for name in keyword_parameters(layout)}
     known = SECTIONS.get(section, (*SOURCES, *PROPERTIES, *of_layouts))

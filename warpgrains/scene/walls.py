@@ -2,8 +2,8 @@
 
 Wall 0 is the outer circle, wall 1 the inner one (the number is reserved even if there is none), and walls
 2, 3, ... are those of `Scene.walls`. On the device both circles are one body with two sides, followed by the
-others (kernels/walls.py). With friction the inner circle is a separate body, a disc at the origin
-(`Scene.has_two_circles`). Where a contact names two bodies, wall w is the negative number -1 - w.
+others (kernels/walls.py). With friction or a driven wall the inner circle is a separate body, a disc at the
+origin (`Scene.has_two_circles`). Where a contact names two bodies, wall w is the negative number -1 - w.
 """
 
 from typing import Any, NamedTuple, Self
@@ -141,7 +141,7 @@ def outward(position: FloatArray) -> FloatArray:
 
 
 def body_of(wall: IntArray, two_circles: bool) -> IntArray:
-    """Return the device's number of each wall. Without friction both circles are body 0."""
+    """Return the device's number of each wall. Unless there are two circles, both sides are body 0."""
     return wall if two_circles else np.maximum(wall - 1, 0)
 
 

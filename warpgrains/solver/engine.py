@@ -230,8 +230,10 @@ class Engine:
             while self.left[k] > 0 and self._outcome[k] == SOLVED and not self._cancel[0]:
                 with BUILDING:
                     graph = self._graph(k)
+                start = perf_counter()
                 wp.capture_launch(graph)
                 self._records.pull(k)
+                self.seconds[k] += perf_counter() - start
                 self.left[k] -= self._memory[k].record["control"]["phase"] == Phase.ACCEPTED
                 self._outcome[k] = self._memory[k].record["step"]["outcome"]
 

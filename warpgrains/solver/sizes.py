@@ -38,7 +38,7 @@ class Sizes:
     walls : ndarray
         Number of wall bodies (kernels/walls.py).
     moving : ndarray
-        1 if a wall inside the annulus moves, else 0.
+        1 if a wall inside the annulus moves, as given in advance or by a force, else 0.
     driven : ndarray
         1 if a force drives a wall, else 0.
     weighted : ndarray

@@ -31,6 +31,7 @@ from warpgrains.scene.document import (
     parse_toml,
     read_document,
     read_text,
+    shipped,
     shipped_scenes,
     toml_text,
     toml_value,
@@ -126,6 +127,8 @@ class Sweep:
         """
         path = Path(path)
         is_folder = os.path.isdir(path)
+        if str(path) in shipped("sweep") and not any(path.glob("*.toml")):
+            is_folder = False  # results of the shipped sweep may be in a folder of its name
         document: Table = {"folder": "."} if is_folder else parse_toml(read_text(path, "sweep"), path)
         for key in document:
             checks.one_of("key of a sweep", key, KEYS)
@@ -134,6 +137,9 @@ class Sweep:
         for key in fixed.keys() & axes.keys():
             raise InputError(f"{key} is in [set] and in [axes]: it must be in one of them")
         lists = {key: axis_values(key, axis) for key, axis in axes.items()}
+        for value in lists.get("grains.radius", []):
+            if isinstance(value, dict) and "file" in value:
+                raise InputError(f"grains.radius of an axis is {value!r}: files of radii belong into scenes")
         bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
         pairs = itertools.product(bases, _combinations(lists, combine))
         return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists), bases)
@@ -197,7 +203,7 @@ def _base_paths(document: Table, folder: Path) -> list[Path]:
     if not isinstance(name, str):
         raise InputError(f"{given} is {name!r}: it must be the name of a {given}")
     if given == "scene":
-        return [Path(name) if name in shipped_scenes() and not (folder / name).exists() else folder / name]
+        return [Path(name) if name in shipped_scenes() and not (folder / name).is_file() else folder / name]
     scenes = sorted((folder / name).glob("*.toml"))
     if not scenes:
         raise InputError(f"folder {str(folder / name)!r} has no scenes: it must hold .toml files")
