@@ -20,14 +20,12 @@ from typing import Any
 import numpy as np
 
 from warpgrains import Scene
-from warpgrains.console import start_warp
 
 from .box2d3 import Box2d3
 from .flow import flowing, splashing
 from .kamino import Kamino
 from .peer_programs import Lammps, Pymunk, Warpgrains
-from .peers import MARKERS, overlaps
-from .rows import open_table
+from .peers import MARKERS, command_line, overlaps, parsed, publish
 from .timing import say, seconds
 
 COLUMNS = ("program", "threads", "n", "setting", "ms of 10 ms", "overlap of pairs")
@@ -161,25 +159,13 @@ def draw(measured: list[dict[str, str]], file: Path) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure, write the figures down one by one, and draw them."""
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.growth", description=__doc__.split("\n")[0])
-    parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
-    parser.add_argument("--picture", type=Path, help="PNG file of time over the number of grains")
-    parser.add_argument("--grains", type=int, nargs="+", default=GRAINS, help="how many grains")
-    parser.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
+    """Measure every program at every number of grains."""
+    parser = command_line("growth", __doc__.split("\n")[0], GRAINS)
     parser.add_argument("--longest", type=float, default=300.0, help="limit of a measurement [s]")
     kept = Path(gettempdir(), "warpgrains-bench")
     parser.add_argument("--cache", type=Path, default=kept, help="folder of the states that splash")
-    chosen = parser.parse_args(arguments)
-    start_warp()
-    measured = []
-    with open_table(chosen.output, COLUMNS) as table:
-        for cells in rows(chosen):
-            say(", ".join(cells.values()))
-            table.add(cells)
-            measured.append(cells)
-    if chosen.picture:
-        draw(measured, chosen.picture)
+    chosen = parsed(parser, arguments)
+    publish(rows(chosen), COLUMNS, chosen, draw)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ given, are left out, and said.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from time import process_time
@@ -134,27 +134,49 @@ def draw(measured: list[dict[str, str]], file: Path) -> None:
     figure.savefig(file, dpi=110)
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Measure, write the figures down one by one, and draw them."""
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.peers", description=__doc__.split("\n")[0])
+def command_line(module: str, description: str, grains: Sequence[int]) -> argparse.ArgumentParser:
+    """Return the parser of the options that comparisons with other programs have."""
+    parser = argparse.ArgumentParser(prog=f"python -m tests.bench.{module}", description=description)
     parser.add_argument("-o", "--output", type=Path, help="CSV file (default: standard output)")
-    parser.add_argument("--picture", type=Path, help="PNG file of time against overlap")
-    parser.add_argument("--grains", type=int, nargs="+", default=[100, 1000], help="how many grains")
-    parser.add_argument("--friction", type=float, default=0.0, help="coefficient of friction (default: 0)")
+    parser.add_argument("--picture", type=Path, help="PNG file of the figures")
+    parser.add_argument("--grains", type=int, nargs="+", default=grains, help="how many grains")
     parser.add_argument("--box2d3", type=Path, metavar="FOLDER", help="source of Box2D 3.1 or newer")
+    return parser
+
+
+def parsed(parser: argparse.ArgumentParser, arguments: list[str] | None) -> argparse.Namespace:
+    """Return the options that are given, after a look at the source of Box2D."""
     chosen = parser.parse_args(arguments)
     if chosen.box2d3 and not is_source(chosen.box2d3):
         parser.error(f"--box2d3: {chosen.box2d3} holds no source of Box2D 3.1 or newer (src/physics_world.c)")
+    return chosen
+
+
+def publish(
+    measured: Iterator[dict[str, str]],
+    columns: Sequence[str],
+    chosen: argparse.Namespace,
+    draw: Callable[[list[dict[str, str]], Path], None],
+) -> None:
+    """Write figures down one by one as they are measured, and draw them."""
     start_warp()
-    measured = []
-    with open_table(chosen.output, COLUMNS) as table:
-        for n in chosen.grains:
-            for cells in rows(flowing(n, friction=chosen.friction), chosen.box2d3):
-                say(", ".join(cells.values()))
-                table.add(cells)
-                measured.append(cells)
+    written = []
+    with open_table(chosen.output, columns) as table:
+        for cells in measured:
+            say(", ".join(cells.values()))
+            table.add(cells)
+            written.append(cells)
     if chosen.picture:
-        draw(measured, chosen.picture)
+        draw(written, chosen.picture)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Compare the programs at the numbers of grains that are asked for."""
+    parser = command_line("peers", __doc__.split("\n")[0], [100, 1000])
+    parser.add_argument("--friction", type=float, default=0.0, help="coefficient of friction (default: 0)")
+    chosen = parsed(parser, arguments)
+    scenes = (flowing(n, friction=chosen.friction) for n in chosen.grains)
+    publish((cells for scene in scenes for cells in rows(scene, chosen.box2d3)), COLUMNS, chosen, draw)
 
 
 if __name__ == "__main__":

@@ -104,9 +104,10 @@ def test_benchmark_of_the_exact_method(tmp_path: Path) -> None:
     assert all(row.endswith("<= 0,1") for row in rows)
 
 
-def test_a_folder_without_box2d_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("module", ["peers", "growth"])
+def test_a_folder_without_box2d_is_refused(tmp_path: Path, module: str) -> None:
     file = tmp_path / "peers.csv"
-    line = [sys.executable, "-m", "tests.bench.peers", "--box2d3", str(tmp_path), "-o", str(file)]
+    line = [sys.executable, "-m", f"tests.bench.{module}", "--box2d3", str(tmp_path), "-o", str(file)]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
     told = f"--box2d3: {tmp_path} holds no source of Box2D 3.1 or newer (src/physics_world.c)"
     assert done.returncode == 2
