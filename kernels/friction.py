@@ -20,8 +20,8 @@ from .access import (
     second_of,
 )
 from .contacts import apply, contacts_of, gap_rates_now, is_wall_set, surface_of
-from .driven import correct_wall, missing_correction, push_wall
-from .gauss_seidel import correcting_sets, in_blocks, note_moment
+from .driven import missing_correction, push_wall
+from .gauss_seidel import correct_driven_wall, correcting_sets, in_blocks, note_moment
 from .record import Scene, grain_count, is_accelerated, is_driven, pair_count
 from .residual import keeping_worst
 from .threads import Team
@@ -236,14 +236,11 @@ def sweeping_walls(driven: bool) -> wp.Function:
             rim_weight = rim_weights(s, c, True)
             v, u, t = at(velocity, i), at(rim, i), law.tangent(n)
             dv_before, dvt_before = at(contacts.dv, c), at(contacts.dvt, c)
-            gap, _ = gap_rates_now(contacts, c, v)
             if wp.static(driven):
-                j = second_of(contacts.contact, c)
-                found = correct_wall(s, velocity, i, j, n, dv_before, gap, f64(1.0))
-                dv, change = found[0], found[1] * wp.abs(found[0])
-                if change > f64(0.0):
-                    monitor(s, j, at(velocity, j))
+                found = correct_driven_wall(s, c, dv_before)
+                dv, change = found[0], found[1]
             else:
+                gap, _ = gap_rates_now(contacts, c, v)
                 dv = law.pair_correction(wp.dot(v, n), dv_before, gap)
                 change = wp.abs(dv)
             vt = wp.dot(v, t) + (u - surface[1])

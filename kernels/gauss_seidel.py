@@ -137,6 +137,21 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
 sweep_equal, sweep_weighted = sweeping_pairs(False), sweeping_pairs(True)
 
 
+@wp.func
+def correct_driven_wall(s: Scene, c: int, dv_before: f64) -> wp.vec2d:
+    """Correct the speed of the wall of a contact, and monitor it.
+
+    Returns the change of dv, by which the grain is still to be corrected, and that of vn [m/s] (eq. 29).
+    """
+    velocity, contact = s.grains.next_velocity, s.contacts.contact
+    i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
+    found = correct_wall(s, velocity, i, j, n, dv_before, gap_rate_of(contact, c), f64(1.0))
+    change = found[1] * wp.abs(found[0])
+    if change > f64(0.0):
+        monitor(s, j, at(velocity, j))  # its changes add up: it has more contacts than a grain
+    return wp.vec2d(found[0], change)
+
+
 def sweeping_walls(driven: bool) -> wp.Function:
     """Return the function that corrects contacts with walls, in place, and monitors their grains.
 
@@ -155,12 +170,8 @@ def sweeping_walls(driven: bool) -> wp.Function:
             v = at(velocity, i)
             dv_before = at(contacts.dv, c)
             if wp.static(driven):
-                j = second_of(contacts.contact, c)
-                gap_rate = gap_rate_of(contacts.contact, c)
-                found = correct_wall(s, velocity, i, j, n, dv_before, gap_rate, f64(1.0))
-                dv, change = found[0], found[1] * wp.abs(found[0])
-                if change > f64(0.0):
-                    monitor(s, j, at(velocity, j))  # its changes add up: it has more contacts than a grain
+                found = correct_driven_wall(s, c, dv_before)
+                dv, change = found[0], found[1]
             else:
                 gap, back = gap_rates_now(contacts, c, v)
                 dv = law.projection(wp.dot(v, n), dv_before, gap, back) - dv_before
