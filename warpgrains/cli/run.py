@@ -29,7 +29,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 from warpgrains.simulation import run as runs
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint
-from warpgrains.simulation.options import FLAGS, OPTIONS, RunOptions
+from warpgrains.simulation.options import FLAGS, RunOptions, require_needed
 from warpgrains.simulation.until import criterion
 from warpgrains.solver.statistics import RunStatistics, named
 
@@ -106,9 +106,10 @@ def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOption
     if arguments.scene is None:
         raise InputError("SCENE is missing: give a scene, or --resume FILE to continue a run")
     given = _given(arguments, *FLAGS)
-    _require_needed(given)
+    every = given.pop("every", None)
+    require_needed(given, FLAGS.__getitem__)
+    given |= _spacing(every, arguments.checkpoint, arguments.series)
     scene = _scene(arguments)
-    given |= _spacing(given.pop("every", None), arguments.checkpoint, arguments.series)
     options = RunOptions(steps=_steps(scene, arguments) or scene.steps, **given)
     if "fps" in given:
         _warn_of_rate(scene, options)
@@ -142,23 +143,12 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptio
     return start, replace(options, steps=end - start.first_step, **_given(arguments, "checkpoint"), **spacing)
 
 
-def _require_needed(given: dict[str, Any]) -> None:
-    """Raise InputError if an option is given without one that it needs; `every` may serve two files."""
-    for name in given:
-        needed = OPTIONS[name].metadata["needs"]
-        if name == "every" or needed is None or needed in given:
-            continue
-        if OPTIONS[needed].metadata["needs"] == name:
-            raise InputError("--measure and --series must be given together")
-        raise InputError(f"{FLAGS[name]} needs {FLAGS[needed]}")
-
-
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
     """Return the options for the steps between two checkpoints and between two rows of a series."""
     if every is None:
         return {}
     if checkpoint is series is None:
-        raise InputError("--every needs --checkpoint or --measure")
+        raise InputError("--every has no effect without --checkpoint or --measure")
     spaced = {"every": checkpoint, "measure_every": series}
     return {name: every for name, file in spaced.items() if file is not None}
 

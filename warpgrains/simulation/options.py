@@ -6,7 +6,7 @@ A checkpoint stores the options of its run, but not the options of the execution
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -121,10 +121,7 @@ class RunOptions:
             value = getattr(self, name)
             if value is not None or option.default is not None:
                 object.__setattr__(self, name, option.metadata["check"](name, value))
-        for name, option in OPTIONS.items():
-            needed = option.metadata["needs"]
-            if needed is not None and getattr(self, needed) is None and getattr(self, name) != option.default:
-                raise InputError(f"{name} has no effect without {needed}")
+        require_needed([name for name, option in OPTIONS.items() if getattr(self, name) != option.default])
         if self.shows in ("still", "film"):
             self._require_no_recording(self.shows)
 
@@ -224,6 +221,14 @@ def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
     if steps is not None:
         return checks.whole_number("steps", steps, least=0)
     return scene.steps if duration is None else scene.steps_in(duration)
+
+
+def require_needed(given: Collection[str], named: Callable[[str], str] = str) -> None:
+    """Raise InputError if an option is given without the one that it needs; `named` returns their names."""
+    for name in given:
+        needed = OPTIONS[name].metadata["needs"]
+        if needed is not None and needed not in given:
+            raise InputError(f"{named(name)} has no effect without {named(needed)}")
 
 
 def _path_relative_to(checkpoint: Path, field: str, stored: Any) -> str | None:
