@@ -13,10 +13,10 @@ from sample_scenes import random_scene
 
 from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.batch import resident
-from warpgrains.batch.resident import Ending, ResidentSets
+from warpgrains.batch.resident import ResidentSets
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS, ORDERS
-from warpgrains.simulation.until import criterion
+from warpgrains.simulation.until import CountedRun, criterion
 from warpgrains.solver import sizes, tuning
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.tuning import find_device
@@ -243,15 +243,13 @@ class TestUntil:
 
     def test_belongs_to_a_scene_by_its_number(self) -> None:
         scenes = [Scene.load("annulus")] * 3
-        sets, statistics = ResidentSets(scenes, find_device("cpu"), threads=1), RunStatistics()
-        end = criterion(lambda scene: scene.steps >= 20, scenes[1])
-        for steps, taken in (([5, 10, 30], [5, 10, 30]), ([0, 40, 5], [0, 10, 5])):
-            before = replace(statistics)
-            (last,) = sets.advance(steps, None, {1: Ending(end, statistics)})
+        sets = ResidentSets(scenes, find_device("cpu"), threads=1)
+        ends = None, criterion(lambda scene: scene.steps >= 20, scenes[1]), None
+        runs = [CountedRun(50, RunStatistics(), end) for end in ends]
+        for steps, taken in (([5, 10, 30], [5, 10, 30]), ([0, 40, 5], [5, 20, 35])):
+            (last,) = sets.advance(steps, None, runs)
             assert [last.done(k).statistics.steps for k in range(3)] == taken
-            assert statistics == before
-            statistics.add(last.done(1).statistics)
-        assert statistics.met
+        assert [(run.steps, run.statistics.met) for run in runs] == [(50, False), (20, True), (50, False)]
         assert [sets.state(k).steps for k in range(3)] == [5, 20, 35]
 
     def test_bad_criterion_is_refused(self) -> None:

@@ -193,11 +193,6 @@ class RunOptions:
             first_step=first_step,
         )
 
-    def checkpoint_after(self, steps: int) -> Path | None:
-        """Return the path of the checkpoint that is due after step number `steps`, or None."""
-        is_due = steps % self.every == 0 or steps == self.steps
-        return Path(self.checkpoint) if self.checkpoint is not None and is_due else None
-
     def stored(self, checkpoint: Path) -> dict[str, Any]:
         """Return the options as a checkpoint stores them.
 
@@ -214,13 +209,26 @@ class RunOptions:
         return cls(**{**stored, **files, "checkpoint": str(checkpoint)})
 
 
-def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
-    """Return the number of steps of a run, from `steps` or a duration [s], by default that of the scene."""
+def steps_of(
+    scene: Scene,
+    steps: int | None,
+    duration: float | None,
+    planned: int | None = None,
+    least: int = 0,
+    dashes: str = "",
+) -> int:
+    """Return the number of steps of a run, at least `least`.
+
+    It is `steps`, or that of a duration [s], or else `planned`, by default that of the scene. Messages name
+    the options with `dashes` in front, as on the command line.
+    """
     if steps is not None and duration is not None:
         raise InputError("give steps or duration, not both")
     if steps is not None:
-        return checks.whole_number("steps", steps, least=0)
-    return scene.steps if duration is None else scene.steps_in(duration)
+        return checks.whole_number(f"{dashes}steps", steps, least)
+    if duration is not None:
+        return scene.steps_in(checks.positive(f"{dashes}duration", duration))
+    return scene.steps if planned is None else planned
 
 
 def require_needed(given: Collection[str], named: Callable[[str], str] = str) -> None:
