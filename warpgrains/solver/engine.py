@@ -166,7 +166,8 @@ class Engine:
 
     def scene_at(self, k: int, name: str) -> Scene:
         """Return scene k with its driven walls where they are in "position", or were in "last_position"."""
-        return self.scenes[k].with_walls_at(self._pulled(k).coordinates(name))
+        scene = self.scenes[k]
+        return scene.with_walls_at(self._pulled(k).coordinates(name)) if scene.has_driven_walls else scene
 
     def last_staggered(self, k: int) -> bool:
         """Return True if the velocities of scene k were half a step behind before its last good step."""
@@ -177,7 +178,8 @@ class Engine:
 
         They cover the steps since `submit`.
         """
-        ends = FinalStates.of(self._records, which)
+        scenes = [self.scene_at(k, "position") for k in which.tolist()]
+        ends = FinalStates.of(scenes, self._records, which)
         return ends._replace(done={**ends.done, "seconds": self.seconds[which]})
 
     def corrections(self, k: int) -> Corrections:
