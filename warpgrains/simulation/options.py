@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
+from warpgrains.drawing.kinds import FASTEST, KINDS, require_drawing
 from warpgrains.errors import InputError
-from warpgrains.files import require_writable_path, resolve_link
-from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS, require_drawing
+from warpgrains.files import resolve_link
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
@@ -33,6 +33,14 @@ def _file(field: str, name: Any) -> str:
     if checks.text(field, name) == "" or "\0" in name:
         raise InputError(f"{field} is {name!r}: it must be the name of a file")
     return str(resolve_link(Path(name))) if os.path.islink(name) else name
+
+
+def _output(field: str, name: Any) -> str:
+    """Return the name of an output, whose suffix is one of `KINDS`."""
+    name = _file(field, name)
+    if Path(name).suffix not in KINDS:
+        raise InputError(f"output '{name}' must end in {', '.join(KINDS)}")
+    return name
 
 
 def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
@@ -59,7 +67,7 @@ class RunOptions:
     record: str | None = _option(
         "A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present"
         " state first; or a picture of the end (.png, .pdf, .svg).",
-        _file,
+        _output,
         "OUT",
         flag="--output",
     )
@@ -126,20 +134,14 @@ class RunOptions:
             self._require_no_recording(self.shows)
 
     @property
-    def _suffix(self) -> str | None:
-        return None if self.record is None else Path(self.record).suffix
-
-    @property
     def shows(self) -> str | None:
         """Kind of output that `record` is by its suffix: "still", "film" or "recording"; None without it."""
-        if self.record is None:
-            return None
-        return "still" if self._suffix in STILLS else "film" if self._suffix in FILMS else "recording"
+        return None if self.record is None else KINDS[Path(self.record).suffix]
 
     @property
     def rate(self) -> float:
         """Requested frames per second of simulated time [1/s], limited by what the file can store."""
-        return min(self.fps, FASTEST.get(self._suffix, self.fps))
+        return min(self.fps, FASTEST.get(Path(self.record or "").suffix, self.fps))
 
     def _require_no_recording(self, kind: str) -> None:
         """Raise InputError for options that recordings have and pictures of this kind lack."""
@@ -176,9 +178,9 @@ class RunOptions:
             from warpgrains.pictures.still import Still
 
             return Still(path, painter)
-        from warpgrains.usd.recorder import SUFFIXES, Recorder, log_of
+        from warpgrains.frame_log import log_of
+        from warpgrains.usd.recorder import Recorder
 
-        require_writable_path("output", path, *SUFFIXES, *FILMS, *STILLS)
         is_whole = statistics.frames > 0 and path.is_file() and not log_of(path).exists()
         if is_whole and statistics.steps == self.steps:
             return None

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from warpgrains.described import documented
+from warpgrains.drawing.kinds import require_drawing
 from warpgrains.errors import InputError, missing_extra
-from warpgrains.pictures.kinds import require_drawing
 from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
