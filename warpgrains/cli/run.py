@@ -48,7 +48,7 @@ def run(arguments: Namespace) -> bool:
             _carry_out(run, state, arguments)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(*_commands_to_continue(run.options)) from None
-    results = results_of(run.scene, run.statistics, run.options)
+    results = results_of(run)
     print(json.dumps(results) if arguments.json else summary_lines(results))
     return False
 
@@ -176,9 +176,10 @@ def _warn_of_rate(scene: Scene, options: RunOptions) -> None:
     _show_warning(f"--fps {options.fps:g} cannot be met: {reason}")
 
 
-def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> dict[str, Any]:
+def results_of(run: OpenRun) -> dict[str, Any]:
     """Return the results of a run by name, as `--json` prints them."""
-    summary, overlaps = statistics.summary(options.record), scene.count_overlaps()
+    scene, options = run.scene, run.options
+    summary, overlaps = run.statistics.summary(options.record), scene.count_overlaps()
     results = {
         "scene": scene.name,
         "grains": scene.n,
@@ -191,7 +192,7 @@ def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> 
     if options.until is not None:
         results["until"] = options.until
     if options.shows in ("film", "recording"):
-        results |= {"frames": statistics.frames, "fps": true_rate(scene, options.rate)}
+        results |= {"frames": run.statistics.frames, "fps": true_rate(scene, options.rate)}
     return results
 
 

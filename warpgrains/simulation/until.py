@@ -59,7 +59,15 @@ class CountedRun:
         return left if self.until is None else min(left, steps_to(TEST_INTERVAL, self.statistics.steps))
 
     def count(self, done: RunStatistics, now: PresentState) -> None:
-        """Count at most `steps_to_test` steps, after which the run is `now`, and end it if it is time."""
+        """Count steps, at most `steps_to_test`, and end the run if its end criterion is met after them.
+
+        Parameters
+        ----------
+        done : RunStatistics
+            Statistics of these steps.
+        now : PresentState
+            The run after them.
+        """
         statistics = self.statistics
         statistics.add(done)
         if self.until is None or done.steps == 0:
