@@ -17,7 +17,7 @@ from warpgrains.batch.resident import ResidentSets
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.simulation.until import CountedRun, criterion
-from warpgrains.solver import sizes, tuning
+from warpgrains.solver import engine, sizes, threads, tuning
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.tuning import find_device
 
@@ -195,6 +195,21 @@ def test_own_durations_and_other_spans() -> None:
     assert [summary.steps for summary in batch.run()] == [10, 20]
     assert [summary.steps for summary in batch.run(duration=0.1)] == [10, 5]
     assert [batch.state(k).steps for k in range(2)] == [20, 25]
+
+
+def test_what_is_canceled_goes_on_with_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In color order, bits depend on the list: a step that is canceled must not make another one of it."""
+    monkeypatch.setattr(engine, "BRIEF", 0)
+    monkeypatch.setattr(threads, "GLANCE", 1e-4)
+    scenes = [Scene.load("annulus", ["solver.order=color", "physics.drag=0.1"])]
+    canceled, whole = (ResidentSets(scenes, find_device("cpu"), threads=1) for _ in range(2))
+    stops = [0]
+    while stops[-1] < 400:
+        list(canceled.advance([400 - stops[-1]], lambda _: canceled.cancel()))
+        stops.append(canceled.state(0).steps)
+        list(whole.advance([stops[-1] - stops[-2]]))
+        assert contents(canceled.state(0)) == contents(whole.state(0))
+    assert len(stops) > 2
 
 
 class TestUntil:

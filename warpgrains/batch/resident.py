@@ -210,10 +210,10 @@ class ResidentSets:
         return SetSteps(last_steps, self._place, {})
 
     def cancel(self) -> None:
-        """Stop after the steps under way; slow steps are abandoned."""
+        """Stop after the steps under way."""
         self._is_canceled = True
         for engine, _ in self._engines:
-            engine.cancel()
+            engine.cancel(abandon=False)
 
     def make_resident(self, number: int = 0) -> None:
         """Load a set into memory, replacing the present one."""

@@ -252,10 +252,15 @@ class Engine:
             self._graphs[k] = capture.graph
         return self._graphs[k]
 
-    def cancel(self) -> None:
-        """Cancel: CPU threads abandon their steps and start no other; a GPU ends its step."""
+    def cancel(self, abandon: bool = True) -> None:
+        """Start no other step. A GPU ends its step; CPU threads abandon theirs, or else end them.
+
+        An abandoned step has changed the list and the numbers by which the next one is made. In color order,
+        later steps may therefore have other bits.
+        """
         self._cancel[0] = 1
-        self._records.host["control"]["cancelled"] = 1
+        if abandon:
+            self._records.host["control"]["cancelled"] = 1
 
     def service(self) -> bool:
         """Serve the requests of scenes; return True if one of the scenes can continue."""
