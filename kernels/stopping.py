@@ -136,7 +136,7 @@ def phase_of_next_sweep(s: Scene) -> int:
 
 @wp.func
 def measurement_or(s: Scene, following: int) -> int:
-    """Return the phase that measures the residual if that is due, for the stop or the history; else another."""
+    """Return the phase that measures the residual, for the stop or the history, if due; else another."""
     if is_measurement_due(s):
         return Phase.MEASURE
     if is_recorded(s):
