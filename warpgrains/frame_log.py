@@ -23,6 +23,7 @@ from warpgrains.files import naming, write_atomically
 Arrays = Mapping[str, NDArray[Any]]
 """One frame: float32 or int32 arrays by name, shape (n,) or (n, k)."""
 
+LOG_SUFFIX = ".frames"
 _MAGIC = b"warpgrains frames 1\n"
 _HEAD = struct.Struct("<QI")
 _SYNC_FRAMES = 100
@@ -31,7 +32,12 @@ _SYNC_BYTES = 16e6
 
 def log_of(path: Path) -> Path:
     """Return the path of the log that holds the frames of recording `path` until it is complete."""
-    return path.with_name(path.name + ".frames")
+    return path.with_name(path.name + LOG_SUFFIX)
+
+
+def is_complete(path: Path) -> bool:
+    """Return whether a recording is complete: its file exists, and its log no longer does."""
+    return path.is_file() and not log_of(path).exists()
 
 
 class FrameLog:

@@ -12,11 +12,13 @@ from recordings import make_scene, record
 from walls_seen import View
 
 from warpgrains import InputError, OutputError, Scene, Simulation
+from warpgrains.analysis.plots import plot
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import GrainColors, mark_color
 from warpgrains.drawing.frames import Frame
 from warpgrains.pictures.film import Film, draw_film
 from warpgrains.pictures.shots import Painter
+from warpgrains.pictures.still import FrameArtists
 from warpgrains.usd.reader import RecordingReader
 
 STEPS = 40
@@ -112,6 +114,30 @@ def test_browsers_play_gifs_of_fifty_frames_a_second_at_most(tmp_path):
     assert Simulation(scene).run(steps=40, record=tmp_path / "run.gif", fps=200).steps == 40
     frames, rate = film_frames(tmp_path / "run.gif")
     assert (len(frames), rate) == (3, pytest.approx(50.0))
+
+
+WITHIN_STEPS = ["t = 0.50 s", "t = 0.53 s", "t = 0.55 s", "t = 0.57 s"]  # every 0.025 s
+
+
+@pytest.mark.parametrize(
+    ("suffix", "expected"), [(".gif", WITHIN_STEPS), (".usdc", 2 * WITHIN_STEPS), (".png", ["t = 0.58 s"])]
+)
+def test_a_second_run_shows_the_simulated_time(tmp_path, monkeypatch, suffix, expected):
+    drawn, show = [], FrameArtists.show
+
+    def noted(artists, shot):
+        show(artists, shot)
+        drawn.append(artists.changing[-1].get_text())
+
+    monkeypatch.setattr(FrameArtists, "show", noted)
+    simulation, path = Simulation(Scene.load("annulus")), tmp_path / f"run{suffix}"
+    simulation.run(steps=50)
+    summary = simulation.run(steps=8, record=path, **({} if suffix == ".png" else {"fps": 40}))
+    if suffix == ".usdc":
+        plot(path, tmp_path / "frames.pdf", frames=range(4))
+        draw_film(RecordingReader(path), tmp_path / "run.mp4")
+    assert summary.steps == 8
+    assert drawn == expected
 
 
 @pytest.mark.parametrize("suffix", FILMS)

@@ -92,7 +92,7 @@ def _draw(reader: RecordingReader, numbers: list[int], curves: bool) -> Figure:
     if setting.scale is not None:
         add_color_bar(upper, places, setting.scale)
     if curves:
-        _draw_curves(figure.add_subfigure(grid[1]), reader, reader.time[numbers])
+        _draw_curves(figure.add_subfigure(grid[1]), reader, reader.simulated_time[numbers])
     return figure
 
 
@@ -104,7 +104,7 @@ def _draw_curves(figure: SubFigure, reader: RecordingReader, marked: FloatArray)
     ):
         for time in marked:
             axes.axvline(time, color=_MARK_COLOR, linewidth=_LINE_WIDTH)
-        axes.plot(reader.time, values, color="black", linewidth=_LINE_WIDTH)
+        axes.plot(reader.simulated_time, values, color="black", linewidth=_LINE_WIDTH)
         axes.set_title(label, fontsize="small")
         axes.tick_params(labelsize="small")
         axes.set_xlabel("t [s]", fontsize="small")

@@ -240,7 +240,7 @@ class Recording(Shown):
     def _contacts(self) -> dict[str, Any]:
         """Return the contacts of all frames under the names that `to_xarray` uses."""
         chains = [self._reader.chains(k) for k in range(len(self))]
-        time = self._reader.first_step * self.scene.dt + self.time
+        time = self._reader.simulated_time
         normal = [
             contact_normals(self._scene_at(k), self.position[k], of.pair, float(time[k]))
             for k, of in enumerate(chains)

@@ -18,7 +18,6 @@ from tqdm import tqdm
 
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
-from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.frame_log import log_of
 from warpgrains.kernels.access import CHECKED
@@ -167,9 +166,10 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
 
 def _warn_of_rate(scene: Scene, options: RunOptions) -> None:
     """Warn if an output cannot have as many frames per second as wanted, and print its true rate."""
-    rate = true_rate(scene, options.rate)
-    if rate == options.fps:
+    times = options.times_of(scene)
+    if times is None or times.rate == options.fps:
         return
+    rate = times.rate
     reason = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
     if rate == options.rate:
         reason = f"a file of this kind has at most {rate:.6g}"
@@ -191,8 +191,8 @@ def results_of(run: OpenRun) -> dict[str, Any]:
         results["bounds_checked"] = True
     if options.until is not None:
         results["until"] = options.until
-    if options.shows in ("film", "recording"):
-        results |= {"frames": run.statistics.frames, "fps": true_rate(scene, options.rate)}
+    if (times := options.times_of(scene)) is not None:
+        results |= {"frames": run.statistics.frames, "fps": times.rate}
     return results
 
 
@@ -230,8 +230,3 @@ def _output(results: dict[str, Any]) -> str:
 def _without_solution(results: dict[str, Any]) -> str:
     grains = results["infeasible_grains"]
     return f", {results['infeasible']} or more have no solution: {named(grains)} cannot fit" if grains else ""
-
-
-def true_rate(scene: Scene, fps: float) -> float:
-    """Return the rate of a recording if `fps` frames per second are requested [1/s]."""
-    return FrameTimes.of(scene.dt, fps).rate

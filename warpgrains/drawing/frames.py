@@ -38,7 +38,7 @@ class Frame:
     angle: FloatArray | None = None
     """Angles by which grains have turned [rad], shape (n,)."""
     time: float = 0.0
-    """[s]."""
+    """Simulated time [s]."""
     driven: FloatArray | None = None
     """Coordinates and speeds of walls, see `State.driven`; None where no force drives a wall."""
 
@@ -72,7 +72,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Frames k = 0, 1, 2, ... at times k / rate, for a scene with time step dt.
+    """Frames k = 0, 1, 2, ... at times k / rate after the first one, for a scene with time step dt.
 
     Both numbers are taken as the decimals that a user writes, so that rounding does not shift a frame to
     another step.
@@ -134,12 +134,8 @@ class Output(AbstractContextManager[Any], Protocol):
     needs_contacts: bool
     """Whether frames must have contacts."""
 
-    @property
-    def times(self) -> FrameTimes | None:
-        """Times of the frames; None if the only frame is the end of the run."""
-
     def record(self, frame: Frame) -> None:
-        """Append the state at the end of the step in which the next frame lies."""
+        """Append the next frame, as `FrameTimes.shown` returns it; a picture's only frame is the end."""
 
     def flush(self) -> None:
         """Flush to the disk the frames from which a later run can continue."""

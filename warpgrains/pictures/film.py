@@ -189,15 +189,14 @@ class Film(DrawnOutput):
     """A film of a run, see `DrawnOutput`."""
 
     def __init__(self, path: Path, scene: Scene, frames_per_second: float, painter: Painter) -> None:
-        self.times = FrameTimes.of(scene.dt, frames_per_second)
+        self._rate = FrameTimes.of(scene.dt, frames_per_second).rate
         super().__init__(path, painter)
 
     def __enter__(self) -> Self:
         draft = self.enter_context(draft_of(self._path))
-        self._writer = self.enter_context(FilmWriter(draft, self._painter.setting, self.times.rate))
+        self._writer = self.enter_context(FilmWriter(draft, self._painter.setting, self._rate))
         return self
 
     def record(self, frame: Frame) -> None:
-        """Append the state at the end of the step in which the next frame lies."""
-        k = self._writer.frames
-        self._writer.add(self._painter.shot(self.times.shown(k, frame), k / self.times.rate))
+        """Append the next frame."""
+        self._writer.add(self._painter.shot(frame))

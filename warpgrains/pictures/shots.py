@@ -94,14 +94,13 @@ class Painter:
         scales = self._colors.scale, chain_scale
         self.setting = Setting(scene.radius, walls, *scales, scene.has_friction, moving)
 
-    def shot(self, frame: Frame, time: float | None = None) -> Shot:
-        """Return a shot of a frame, that shows another time [s] if one is given."""
+    def shot(self, frame: Frame) -> Shot:
+        """Return a shot of a frame."""
         scale = self.setting.chain_scale
         chains = None if scale is None else chains_of(self._scene, scale, frame)
         angle = frame.rotation()[1] if self.setting.rotates else None
-        shown = frame.time if time is None else time
         walls = moved_walls(self._scene, frame.time, frame.places)
-        return Shot(shown, frame.position, self._colors.of(frame), chains, angle, walls)
+        return Shot(frame.time, frame.position, self._colors.of(frame), chains, angle, walls)
 
     def shot_of(self, simulation: Simulation) -> Shot:
         """Return a shot of the present state of a simulation of the scene."""
@@ -140,4 +139,4 @@ def shot_of(reader: RecordingReader, frame: int) -> Shot:
     chains = None if reader.chain_scale is None else reader.chains(frame)
     angle = reader.rotation(frame)[1] if reader.has_rotation else None
     shown = reader.position(frame), reader.color(frame)
-    return Shot(float(reader.time[frame]), *shown, chains, angle, reader.moved_walls(frame))
+    return Shot(float(reader.simulated_time[frame]), *shown, chains, angle, reader.moved_walls(frame))

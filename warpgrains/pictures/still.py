@@ -91,7 +91,8 @@ class FrameArtists:
         if shot.chains is not None:
             casing = _CASING * self._points * shot.chains.width
             self._chains.set(verts=shot.chains.corners(), linewidth=casing)  # one array is set fastest
-        self._time.set_text(f"t = {shot.time:.3g} s" if 0.0 < shot.time < 0.1 else f"t = {shot.time:.2f} s")
+        time = float(f"{shot.time:.12g}")  # without the rounding of its computation, which differs by output
+        self._time.set_text(f"t = {time:.3g} s" if 0.0 < time < 0.1 else f"t = {time:.2f} s")
 
 
 def _outline(wall: Band) -> Path:
@@ -204,8 +205,6 @@ class Picture:
 
 class Still(DrawnOutput):
     """A picture of the end of a run, see `DrawnOutput`."""
-
-    times = None
 
     def record(self, frame: Frame) -> None:
         """Write the picture of a frame."""

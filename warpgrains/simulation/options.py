@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import FASTEST, KINDS, require_drawing
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
@@ -143,6 +144,10 @@ class RunOptions:
         """Requested frames per second of simulated time [1/s], limited by what the file can store."""
         return min(self.fps, FASTEST.get(Path(self.record or "").suffix, self.fps))
 
+    def times_of(self, scene: Scene) -> FrameTimes | None:
+        """Return the times of the frames of a run of a scene; None if its output has not several frames."""
+        return FrameTimes.of(scene.dt, self.rate) if self.shows in ("film", "recording") else None
+
     def _require_no_recording(self, kind: str) -> None:
         """Raise InputError for options that recordings have and pictures of this kind lack."""
         for name in ["draw_as"] + ["fps"] * (kind == "still"):
@@ -178,11 +183,11 @@ class RunOptions:
             from warpgrains.pictures.still import Still
 
             return Still(path, painter)
-        from warpgrains.frame_log import log_of
+        from warpgrains.frame_log import is_complete
         from warpgrains.usd.recorder import Recorder
 
-        is_whole = statistics.frames > 0 and path.is_file() and not log_of(path).exists()
-        if is_whole and statistics.steps == self.steps:
+        has_ended = statistics.frames > 0 and statistics.steps == self.steps
+        if has_ended and is_complete(path):
             return None
         return Recorder(
             path,

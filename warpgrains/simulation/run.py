@@ -88,6 +88,7 @@ class OpenRun(CountedRun):
         self.scene, self.options, self.first_step, self._locked = scene, options, first_step, locked
         self.observer = observer
         self.output: Output | None = None
+        self._times = options.times_of(scene)
 
     @contextmanager
     def opened(self) -> Iterator[None]:
@@ -123,9 +124,9 @@ class OpenRun(CountedRun):
     @property
     def _next_frame(self) -> int:
         """Step of the run after which a frame is due: the last one, if there are not several frames."""
-        if self.output is None or self.output.times is None:
+        if self.output is None or self._times is None:
             return self.steps
-        return self.output.times.step(self.statistics.frames)
+        return self._times.step(self.statistics.frames)
 
     @property
     def steps_to_output(self) -> int:
@@ -142,7 +143,10 @@ class OpenRun(CountedRun):
         if self.observer is not None and (self.first_step + steps) % self.observer.every == 0:
             self.observer.observe(now)
         if self.output is not None and steps == self._next_frame:
-            self.output.record(Frame.of(now, self.output.needs_contacts))
+            frame = Frame.of(now, self.output.needs_contacts)
+            self.output.record(
+                frame if self._times is None else self._times.shown(self.statistics.frames, frame)
+            )
             self.statistics.frames += 1
 
     def checkpoint(self, state: State) -> Checkpoint:

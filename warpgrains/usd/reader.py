@@ -36,6 +36,9 @@ class RecordingReader:
     ----------
     time : ndarray
         Time of each frame since the first one [s], shape (f,).
+    simulated_time : ndarray
+        Simulated time of each frame [s], shape (f,). It differs from `time` if the run began after earlier
+        steps.
     rate : float
         Frames per second [1/s].
     first_step : int
@@ -77,6 +80,8 @@ class RecordingReader:
         self.walls = list(read_walls(self._stage).values())
         data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
         self.first_step = checks.whole_number("first_step", data.get("first_step", 0), least=0)
+        start = self.first_step * _time_step(data) if self.first_step else 0.0
+        self.simulated_time = start + self.time
         self.scale = ColorScale.read(data["colors"]) if "colors" in data else None
         has_forces = bool(self._stage.GetPrimAtPath(FORCES))
         self.chain_scale = ChainScale.read(data["forces"]) if has_forces else None
@@ -133,6 +138,11 @@ class RecordingReader:
         tangential = forces.GetAttribute(TANGENTIAL)
         tangential_force = _values(tangential, code) if tangential else np.zeros_like(force)
         return Chains(ends, width, force, tangential_force, pair.astype(np.int32))
+
+
+def _time_step(data: dict[str, Any]) -> float:
+    """Return the time step of the scene [s], from the custom data of a recording."""
+    return checks.positive("dt", read_parameters(str(data["parameters"]))["dt"])
 
 
 def open_recording(path: Path) -> Usd.Stage:

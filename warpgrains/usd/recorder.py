@@ -15,7 +15,7 @@ from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import InputError
-from warpgrains.frame_log import FrameLog, log_of
+from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
@@ -142,7 +142,7 @@ class Recorder:
         Parameters
         ----------
         frame : Frame
-            State after step ``times.step(frames)``, with contacts if `needs_contacts`.
+            Frame number `frames`, as ``times.shown`` returns it, with contacts if `needs_contacts`.
 
         Raises
         ------
@@ -158,10 +158,9 @@ class Recorder:
         for name, value in (("spin", frame.spin), ("angle", frame.angle)):
             if value is not None and np.shape(value) != self._shape[:1]:
                 raise ValueError(f"{name} of a frame has shape {self._shape[:1]}, not {np.shape(value)}")
-        shown = self.times.shown(self.frames, frame)
         arrays: dict[str, NDArray[Any]] = {}
         for drawing in self._drawings:
-            arrays |= drawing.samples(shown)
+            arrays |= drawing.samples(frame)
         self._frames.append(arrays)
 
     def flush(self) -> None:
@@ -193,7 +192,7 @@ class Recorder:
 
         If only the finished file exists, the log is rebuilt from it.
         """
-        is_joined = self.path.exists() and not self.log.exists()
+        is_joined = is_complete(self.path)
         if is_joined:
             reopen_log(self.path, self.log)
         try:
@@ -228,7 +227,7 @@ def recover(log: str | Path) -> tuple[Path, int]:
     """
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
-    if log.suffix != ".frames" or target.suffix not in RECORDINGS or not log.is_file():
+    if log.suffix != LOG_SUFFIX or target.suffix not in RECORDINGS or not log.is_file():
         raise InputError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
         return target, write_recording(log, target)

@@ -182,7 +182,10 @@ class Recorded:
 
     def readout(self) -> dict[str, str]:
         """Return numbers of the frame by name."""
-        rows = {"time": f"{self._reader.time[self.steps]:.4g} s", "frame": f"{self.steps} of {self.last}"}
+        rows = {
+            "time": f"{self._reader.simulated_time[self.steps]:.4g} s",
+            "frame": f"{self.steps} of {self.last}",
+        }
         if self.has_chains:
             rows["contacts"] = f"{len(self._reader.chains(self.steps).force)}"
         return rows
