@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
+from warpgrains.drawing.kinds import RECORDING
 from warpgrains.errors import InputError
 from warpgrains.frame_log import log_of
 from warpgrains.kernels.access import CHECKED
@@ -75,7 +76,7 @@ def _carry_out(run: OpenRun, state: State, arguments: Namespace) -> None:
     Invalid outputs, and those that another process writes, are refused before Warp starts and compiles
     kernels.
     """
-    if run.options.shows == "recording":
+    if run.options.shows is RECORDING:
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
     with stdout_to_stderr(), run.opened():

@@ -1,13 +1,32 @@
 """Kinds of outputs of runs, by the suffix of their files."""
 
 from math import inf
+from typing import NamedTuple
 
 from warpgrains.errors import missing_extra
 
 RECORDINGS = (".usdc", ".usda", ".usdz")
 FILMS = (".mp4", ".gif", ".webp")
 STILLS = (".png", ".pdf", ".svg")
-KINDS = dict.fromkeys(RECORDINGS, "recording") | dict.fromkeys(FILMS, "film") | dict.fromkeys(STILLS, "still")
+
+
+class Kind(NamedTuple):
+    """A kind of output."""
+
+    name: str
+    has_frames: bool = True
+    """Whether it shows the whole run; otherwise it is a picture of the end."""
+    continues: bool = False
+    """Whether a run that is resumed from a checkpoint continues it."""
+    lacks: tuple[str, ...] = ()
+    """Options of runs that have no effect on it."""
+
+
+RECORDING = Kind("recording", continues=True)
+FILM = Kind("film", lacks=("draw_as",))
+STILL = Kind("still", has_frames=False, lacks=("draw_as", "fps"))
+KINDS = dict.fromkeys(RECORDINGS, RECORDING) | dict.fromkeys(FILMS, FILM) | dict.fromkeys(STILLS, STILL)
+"""Kinds by suffix."""
 FASTEST = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
 """Largest frame rate that browsers play, by suffix [1/s]."""
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
 from warpgrains.drawing.frames import FrameTimes
-from warpgrains.drawing.kinds import FASTEST, KINDS, require_drawing
+from warpgrains.drawing.kinds import FASTEST, FILM, KINDS, RECORDING, Kind, require_drawing
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.scene import checks
@@ -131,12 +131,12 @@ class RunOptions:
             if value is not None or option.default is not None:
                 object.__setattr__(self, name, option.metadata["check"](name, value))
         require_needed([name for name, option in OPTIONS.items() if getattr(self, name) != option.default])
-        if self.shows in ("still", "film"):
-            self._require_no_recording(self.shows)
+        if self.shows is not None:
+            self._require_effect(self.shows)
 
     @property
-    def shows(self) -> str | None:
-        """Kind of output that `record` is by its suffix: "still", "film" or "recording"; None without it."""
+    def shows(self) -> Kind | None:
+        """Kind of output that `record` is by its suffix; None without it."""
         return None if self.record is None else KINDS[Path(self.record).suffix]
 
     @property
@@ -146,14 +146,15 @@ class RunOptions:
 
     def times_of(self, scene: Scene) -> FrameTimes | None:
         """Return the times of the frames of a run of a scene; None if its output has not several frames."""
-        return FrameTimes.of(scene.dt, self.rate) if self.shows in ("film", "recording") else None
+        has_frames = self.shows is not None and self.shows.has_frames
+        return FrameTimes.of(scene.dt, self.rate) if has_frames else None
 
-    def _require_no_recording(self, kind: str) -> None:
-        """Raise InputError for options that recordings have and pictures of this kind lack."""
-        for name in ["draw_as"] + ["fps"] * (kind == "still"):
+    def _require_effect(self, kind: Kind) -> None:
+        """Raise InputError for options that have no effect on this kind of output."""
+        for name in kind.lacks:
             if getattr(self, name) != getattr(type(self), name):
-                raise InputError(f"{name} has no effect on a {kind}, '{self.record}'")
-        if self.checkpoint is not None:
+                raise InputError(f"{name} has no effect on a {kind.name}, '{self.record}'")
+        if self.checkpoint is not None and not kind.continues:
             raise InputError(
                 f"'{self.record}' cannot be continued from a checkpoint: record a .usdc file, then plot it"
             )
@@ -171,12 +172,12 @@ class RunOptions:
         if self.record is None:
             return None
         path = Path(self.record)
-        if self.shows != "recording":
-            require_drawing(f"'{path}'", self.shows == "film")
+        if self.shows is not RECORDING:
+            require_drawing(f"'{path}'", self.shows is FILM)
             from warpgrains.pictures.shots import Painter
 
             painter = Painter(scene, self.color_by, self.forces)
-            if self.shows == "film":
+            if self.shows is FILM:
                 from warpgrains.pictures.film import Film
 
                 return Film(path, scene, self.rate, painter)

@@ -63,14 +63,14 @@ class OpenRun(CountedRun):
     until : str or callable, optional
         End criterion, see `criterion`; by default that of the options.
     observer : Observer, optional
-        By default the series of the options, if they have one.
+        Without it, the series of the options is measured, if they have one.
     locked : Path, optional
         Checkpoint that the caller has locked. If it exists, the run continues from it.
 
     Raises
     ------
     InputError
-        The end criterion is invalid.
+        The end criterion is invalid, or there are an observer and a series.
     """
 
     def __init__(
@@ -83,6 +83,8 @@ class OpenRun(CountedRun):
         observer: Observer | None = None,
         locked: Path | None = None,
     ) -> None:
+        if observer is not None and options.measure is not None:
+            raise InputError("observer and measure cannot be combined: a run has one observer")
         end = criterion(options.until if until is None else until, scene)
         super().__init__(options.steps, statistics, end)
         self.scene, self.options, self.first_step, self._locked = scene, options, first_step, locked
