@@ -44,17 +44,22 @@ def around(n: int = 140, walls: tuple[Obstacle, ...] = WALLS, **changes: object)
 ROUGH = {"friction": 0.4, "wall_friction": 0.6, "angular_velocity_out": 0.5}
 
 
-@pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
-@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
-@pytest.mark.parametrize("wall", ["tangent", "round"])
-def test_bits_of_the_reference(c_library: CDLL, scheme: str, wall: str, friction: dict[str, float]) -> None:
-    scene = around(scheme=scheme, wall=wall, max_iterations=60, **friction)
-    assert follow_reference(scene, 100, c_library, threads=2) >= {2, 3, 4, 5, 6, 7}
-
-
-@pytest.mark.parametrize("friction", [{}, ROUGH], ids=["smooth", "rough"])
-def test_bits_of_the_reference_in_order_of_colors(c_library: CDLL, friction: dict[str, float]) -> None:
-    follow_reference(around(order="color", max_iterations=60, **friction), 60, c_library)
+@pytest.mark.parametrize(
+    ("scheme", "wall", "order", "friction"),
+    [
+        ("text", "tangent", "sequential", {}),
+        ("text", "round", "color", ROUGH),
+        ("leapfrog", "tangent", "color", {}),
+        ("leapfrog", "round", "sequential", {}),
+        ("leapfrog", "tangent", "sequential", ROUGH),
+    ],
+)
+def test_bits_of_the_reference(
+    c_library: CDLL, scheme: str, wall: str, order: str, friction: dict[str, float]
+) -> None:
+    """Every two values of the four are met together."""
+    scene = around(110, scheme=scheme, wall=wall, order=order, max_iterations=60, **friction)
+    assert follow_reference(scene, 80, c_library, threads=2) >= {2, 3, 4, 5, 6, 7}
 
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "accelerated", "exact"])
