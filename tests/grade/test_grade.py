@@ -29,7 +29,7 @@ def grader(tmp_path_factory: pytest.TempPathFactory) -> Grader:
 
 @pytest.fixture(scope="module")
 def hasty(tmp_path_factory: pytest.TempPathFactory) -> Grader:
-    return Grader(tmp_path_factory.mktemp("hasty"), limits=Limits(patience=3.0))
+    return Grader(tmp_path_factory.mktemp("hasty"), limits=Limits(patience=1.0))
 
 
 @pytest.fixture
@@ -128,7 +128,7 @@ def test_each_call_has_a_limit_of_time(hasty: Grader, tmp_path: Path, what: str)
     verdict = hasty.grade(source)
     assert parts(verdict)[CONTACT].status == "wrong"
     assert parts(verdict)[BOTH].status == "not run"
-    assert "does not answer within 3 s" in (parts(verdict)[CONTACT].ended or "")
+    assert "does not answer within 1 s" in (parts(verdict)[CONTACT].ended or "")
 
 
 @pytest.mark.slow
