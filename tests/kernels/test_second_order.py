@@ -27,9 +27,7 @@ MakeReference = Callable[..., Reference]
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("seed", range(9))
-def test_random_scene_has_the_bits_of_the_reference(
-    reference: MakeReference, seed: int, order: str
-) -> None:
+def test_random_scene_has_the_bits_of_the_reference(reference: MakeReference, seed: int, order: str) -> None:
     """By turns at a round wall and at tangents, so that each goes with every kind of scene."""
     is_round = (seed.bit_count() + ORDERS.index(order)) % 2
     scene = random_scene(seed).replace(order=order, **(SECOND_ORDER | {"wall": WALLS[is_round]}))
