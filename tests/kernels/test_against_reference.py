@@ -93,11 +93,11 @@ def test_shipped_scene(reference: MakeReference, simulate: Simulate, name: str) 
 
 def test_pile_from_its_start(reference: MakeReference, simulate: Simulate) -> None:
     scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
-    step_both(simulate(scene), reference(scene), steps=simulate.of(20))
+    step_both(simulate(scene), reference(scene), steps=simulate.of(10))
 
 
 def test_pile_that_settles(reference: MakeReference, simulate: Simulate) -> None:
-    scene = Scene.load("pile").replace(max_iterations=200, **TEXTS)
+    scene = Scene.load("pile").replace(max_iterations=60, **TEXTS)
     simulation = simulate(scene)
     simulation.restore(after(scene, 200))
     reports = step_both(simulation, reference(scene, simulation.state()), steps=max(1, simulate.of(2)))

@@ -66,8 +66,8 @@ def pressed(n: int = 120, seed: int = 1, **changes: Any) -> Scene:
     ids=["circle", "leapfrog", "rough", "both", "piston"],
 )
 def test_bits_of_the_reference(c_library: CDLL, threads: int, changes: dict[str, Any]) -> None:
-    scene = pressed(60, **changes)
-    touched = follow_reference(scene, 80, c_library, threads)
+    scene = pressed(80, **changes)
+    touched = follow_reference(scene, 100, c_library, threads)
     assert touched >= ({0} if scene.pressure is not None else {3})
 
 

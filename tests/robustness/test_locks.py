@@ -124,7 +124,7 @@ class TestRun:
         capfd.readouterr()
         assert exit_code("run", "--resume", kept) == 2
         require_refusal(capfd, f"{locked}' is being written by process")
-        assert contents_of(tmp_path) == before
+        assert contents_of(kept.parent) == before
 
     @pytest.mark.parametrize("option", ["-o", "--checkpoint"])
     def test_second_run_is_refused(self, tmp_path, held_elsewhere, capfd, option):
