@@ -81,6 +81,6 @@ def test_command_line(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_hard_scenes_stay_within_their_arrays() -> None:
-    steps = 500 if trimmed(10_000) < 10_000 else 10_000
+    steps = 250 if trimmed(10_000) < 10_000 else 10_000
     done = checked(str(ROOT / "tests/support/bounds_fuzz.py"), str(steps))
     assert done.returncode == 0, done.stderr
