@@ -167,6 +167,8 @@ def test_tiles(pairs: IntArray, at_walls: IntArray, tile: int, by_color: bool) -
     record, _ = grouped(pairs, at_walls, by_color, merge=True)
     before = of_pairs(record, "sweep_index")
     record.record["tuning"]["tile"] = tile
+    record["workspace.sweep_index"][of_walls(record)] = 0  # which are no pairs
+    record["workspace.next_tile"][:] = 2
     record.run(Each(grain_count, gather), Serial(tile_pairs))
     places = np.array(list(listed_places(record).values()), int)
     assert np.array_equal(record["workspace.sequence"][before], np.column_stack([pairs, places]))
