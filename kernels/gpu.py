@@ -16,6 +16,8 @@ from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 from .threads import TeamRecord, member
 
 GPU_THREADS = 1 << 16
+Launched = Serial | Each | Shared
+"""Stages that are a launch each."""
 
 
 @wp.func
@@ -42,9 +44,20 @@ def test(condition: wp.Function) -> wp.Function:
 
 
 @cache
-def stage_kernel(stage: Serial | Each | Shared | Sets, module: wp.Module) -> wp.Kernel:
-    """Return the kernel of one stage; of a set, it is the next one that is left."""
-    run = _one_set(stage.stage) if isinstance(stage, Sets) else fuse([stage])
+def one_set(stage: wp.Function) -> wp.Function:
+    """Return the stage that does what a stage of sets does for the next set that is left."""
+
+    @named(f"one_set_of_{stage.func.__name__}")
+    def of_next(team: wp.ref[TeamRecord], s: Scene):
+        stage(team, s, set_count(s) - s.control.sets_left)
+
+    return of_next
+
+
+@cache
+def stage_kernel(stage: Launched, module: wp.Module) -> wp.Kernel:
+    """Return the kernel of one stage."""
+    run = fuse([stage])
 
     def launched(records: wp.array(dtype=SceneRecord), k: int, team: TeamRecord):
         one = member(team, wp.tid())
@@ -54,28 +67,43 @@ def stage_kernel(stage: Serial | Each | Shared | Sets, module: wp.Module) -> wp.
     return wp.kernel(module=module)(launched)
 
 
-def _one_set(stage: wp.Function) -> wp.Function:
-    @wp.func
-    def one_set(team: wp.ref[TeamRecord], s: Scene):
-        stage(team, s, set_count(s) - s.control.sets_left)
+def in_launches(
+    stages: Sequence[Stage],
+    launch: Callable[[Launched], None],
+    node: Callable[[Callable[..., None], str, list[Stage]], None],
+) -> None:
+    """Call `launch` for each stage, and `node` for each loop and condition.
 
-    return one_set
-
-
-def leaves(stages: Sequence[Stage]) -> list[Serial | Each | Shared | Sets]:
-    """Return all stages to launch. Stages that add up run in parallel, because a GPU has atomics."""
-    found: list[Serial | Each | Shared | Sets] = []
+    `node` receives what adds it to a graph, the number of `Control` that the graph tests, and the stages
+    within. Stages that add up run in parallel, because a GPU has atomics.
+    """
     for stage in stages:
         match stage:
-            case If(condition, inner) | While(condition, inner):
-                found += [Serial(test(condition)), *leaves(inner)]
+            case If(condition, inner):
+                launch(Serial(test(condition)))
+                node(wp.capture_if, "holds", list(inner))
+            case While(condition, inner):
+                tested = Serial(test(condition))
+                launch(tested)
+                node(wp.capture_while, "holds", [*inner, tested])
+            case Sets(run):
+                launch(Serial(begin_sets))
+                node(wp.capture_while, "sets_left", [Shared(one_set(run)), Serial(next_set)])
             case Each():
-                found.append(replace(stage, atomic=False))
-            case Sets():
-                found += [Serial(begin_sets), stage, Serial(next_set)]
+                launch(replace(stage, atomic=False))
             case _:
-                found.append(stage)
-    return found
+                launch(stage)
+
+
+def stage_kernels(stages: Sequence[Stage], module: wp.Module) -> list[wp.Kernel]:
+    """Return the kernels of all stages, which are made before their module is loaded."""
+    kernels: list[wp.Kernel] = []
+    in_launches(
+        stages,
+        lambda stage: kernels.append(stage_kernel(stage, module)),
+        lambda capture, word, inner: kernels.extend(stage_kernels(inner, module)),
+    )
+    return kernels
 
 
 class Launcher:
@@ -102,43 +130,22 @@ class Launcher:
         threads: int = GPU_THREADS,
     ):
         self._module, self._records, self._k = module, records, k
-        for leaf in leaves(stages):
-            stage_kernel(leaf, module)
         self._team = TeamRecord()
         self._team.size = threads
+        stage_kernels(stages, module)
 
     def __call__(self, stages: Sequence[Stage]) -> None:
         """Launch stages, or add them to the graph that is being captured."""
-        for stage in stages:
-            match stage:
-                case If(condition, inner):
-                    self._launch(Serial(test(condition)), 1)
-                    wp.capture_if(self._word("holds"), self._later(inner))
-                case While(condition, inner):
-                    tested = Serial(test(condition))
-                    self._launch(tested, 1)
-                    wp.capture_while(self._word("holds"), self._later([*inner, tested]))
-                case Each():
-                    self._launch(replace(stage, atomic=False), self._team.size)
-                case Serial():
-                    self._launch(stage, 1)
-                case Shared():
-                    self._launch(stage, self._team.size)
-                case Sets():
-                    self._launch(Serial(begin_sets), 1)
-                    wp.capture_while(self._word("sets_left"), lambda stage=stage: self._next_set(stage))
+        in_launches(
+            stages,
+            self._launch,
+            lambda capture, word, inner: capture(self._word(word), lambda: self(inner)),
+        )
 
-    def _later(self, stages: Sequence[Stage]) -> Callable[[], None]:
-        return lambda: self(stages)
-
-    def _next_set(self, stage: Sets) -> None:
-        self._launch(stage, self._team.size)
-        self._launch(Serial(next_set), 1)
-
-    def _launch(self, stage: Serial | Each | Shared | Sets, threads: int) -> None:
-        kernel = stage_kernel(stage, self._module)
+    def _launch(self, stage: Launched) -> None:
+        dim = 1 if isinstance(stage, Serial) else self._team.size
         inputs = (self._records, self._k, self._team)
-        wp.launch(kernel, dim=threads, inputs=inputs, device=self._records.device)
+        wp.launch(stage_kernel(stage, self._module), dim=dim, inputs=inputs, device=self._records.device)
 
     def _word(self, name: str) -> wp.array:
         """Return a number of `Control`, where the record has it: a node of the graph reads it."""

@@ -135,15 +135,21 @@ def phase_of_next_sweep(s: Scene) -> int:
 
 
 @wp.func
-def phase_after_sweep(s: Scene) -> int:
-    """Return what follows on an iteration that is counted."""
-    if is_accelerated(s) and (is_measurement_due(s) or is_scan_due(s.step.iterations)):
-        return Phase.CHECK_LIST
+def measurement_or(s: Scene, following: int) -> int:
+    """Return the phase that measures the residual, for the stop or the history, if due; else another."""
     if is_measurement_due(s):
         return Phase.MEASURE
     if is_recorded(s):
         return Phase.RECORD
-    return phase_of_next_sweep(s)
+    return following
+
+
+@wp.func
+def phase_after_sweep(s: Scene) -> int:
+    """Return what follows on an iteration that is counted."""
+    if is_accelerated(s) and (is_measurement_due(s) or is_scan_due(s.step.iterations)):
+        return Phase.CHECK_LIST
+    return measurement_or(s, phase_of_next_sweep(s))
 
 
 @wp.func
@@ -169,12 +175,8 @@ def end_list_check(s: Scene):
     """Pause if the list does not hold: all contacts are scanned with the next one. Otherwise continue."""
     if s.verlet.flags.list_expired != 0:
         s.control.phase = Phase.VERIFY
-    elif is_measurement_due(s):
-        s.control.phase = Phase.MEASURE
-    elif is_recorded(s):
-        s.control.phase = Phase.RECORD
     else:
-        s.control.phase = Phase.SCAN
+        s.control.phase = measurement_or(s, Phase.SCAN)
 
 
 @wp.func

@@ -11,7 +11,18 @@ The copies of a part (contacts.py) begin at the index of its first contact: thre
 import warp as wp
 
 from . import law
-from .access import at, copy_contact, first_of, gap_rate_of, larger, normal_of, put, second_of, vn_of
+from .access import (
+    at,
+    copy_contact,
+    first_of,
+    gap_rate_of,
+    larger,
+    named,
+    normal_of,
+    put,
+    second_of,
+    vn_of,
+)
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
@@ -115,48 +126,42 @@ def select_pairs(s: Scene, begin: int, end: int):
     return after, larger(violation_of_four, violation_of_one)
 
 
-@wp.func
-def select_walls(s: Scene, begin: int, end: int):
-    """Select contacts with walls. Returns what `selecting` does."""
-    near, first_wall = nearness(s), pair_count(s)
-    contacts = s.contacts
-    velocity = s.grains.next_velocity
-    violation = f64(0.0)
-    free = int(begin)
-    c = int(begin)
-    while c < end:
-        v = at(velocity, first_of(contacts.contact, c))
-        vn, dv = wp.dot(v, normal_of(contacts.contact, c)), at(contacts.dv, c)
-        gap, back = gap_rates_now(contacts, c, v)
-        carries = dv != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
-        nearly = law.projection(vn, dv, gap - near, back - near)
-        change = wp.abs(law.projection(vn, dv, gap, back))
-        violation = larger(violation, wp.where(carries, f64(0.0), change))
-        if carries or nearly != f64(0.0):
-            select(s, free, c)
-            put(s.working.limits, free - first_wall, at(contacts.limits, c - first_wall))
-            free += 1
-        c += 1
-    return free, violation
+def selecting_walls(driven: bool) -> wp.Function:
+    """Return the function that selects contacts with walls; with `driven`, forces drive some of the walls.
+
+    It takes `(scene, begin, end)` and returns what `selecting` does.
+    """
+
+    @named(f"select_{'driven_' if driven else ''}walls")
+    def select_some(s: Scene, begin: int, end: int):
+        near, velocity, contact = nearness(s), s.grains.next_velocity, s.contacts.contact
+        violation = f64(0.0)
+        free = int(begin)
+        c = int(begin)
+        while c < end:
+            i, n, dv = first_of(contact, c), normal_of(contact, c), at(s.contacts.dv, c)
+            carries = dv != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
+            if wp.static(driven):
+                change = closing_speed(s, velocity, i, second_of(contact, c), n) - gap_rate_of(contact, c)
+                is_near = change + near > f64(0.0)
+            else:
+                v = at(velocity, i)
+                gap, back = gap_rates_now(s.contacts, c, v)
+                change = wp.abs(law.projection(wp.dot(v, n), dv, gap, back))
+                is_near = law.projection(wp.dot(v, n), dv, gap - near, back - near) != f64(0.0)
+            violation = larger(violation, wp.where(carries, f64(0.0), change))
+            if carries or is_near:
+                select(s, free, c)
+                if wp.static(not driven):
+                    put(s.working.limits, free - pair_count(s), at(s.contacts.limits, c - pair_count(s)))
+                free += 1
+            c += 1
+        return free, violation
+
+    return select_some
 
 
-@wp.func(inline=False)
-def select_driven_walls(s: Scene, begin: int, end: int):
-    """Select contacts with walls, one of which is driven. Returns what `selecting` does."""
-    near, velocity, contact = nearness(s), s.grains.next_velocity, s.contacts.contact
-    violation = f64(0.0)
-    free = int(begin)
-    c = int(begin)
-    while c < end:
-        j, n = second_of(contact, c), normal_of(contact, c)
-        closing = closing_speed(s, velocity, first_of(contact, c), j, n) - gap_rate_of(contact, c)
-        carries = at(s.contacts.dv, c) != f64(0.0) or at(s.momentum.last_dv, c) != f64(0.0)
-        violation = larger(violation, wp.where(carries, f64(0.0), closing))
-        if carries or closing + near > f64(0.0):
-            select(s, free, c)
-            free += 1
-        c += 1
-    return free, violation
+select_walls, select_driven_walls = selecting_walls(False), selecting_walls(True)
 
 
 @wp.func

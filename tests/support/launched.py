@@ -6,7 +6,7 @@ import warp as wp
 from stages import load
 
 from warpgrains import Scene, State
-from warpgrains.kernels.gpu import Launcher, leaves, stage_kernel
+from warpgrains.kernels.gpu import Launcher, stage_kernels
 from warpgrains.kernels.record import SLOW, SOLVED, UNPROVED, WITHOUT_ROOM
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import METHODS, step
@@ -18,8 +18,8 @@ def every_stage(name: str) -> tuple[wp.Module, list[wp.Kernel]]:
     """Put the stages of all methods into one module: what methods share is compiled once."""
     module = wp.get_module(name)
     wp.set_module_options(OPTIONS, module)
-    stages = dict.fromkeys(leaf for kind in METHODS for leaf in leaves(step(kind)))
-    return module, [stage_kernel(stage, module) for stage in stages]
+    kernels = dict.fromkeys(kernel for kind in METHODS for kernel in stage_kernels(step(kind), module))
+    return module, list(kernels)
 
 
 @cache
