@@ -42,9 +42,9 @@ def make_folder(folder: Path) -> None:
 
 
 def require_writable_path(kind: str, path: Path, *suffixes: str) -> None:
-    """Raise InputError unless a file with one of these suffixes can be created at `path`."""
+    """Raise InputError unless a file can be created at `path`, with one of the suffixes if any are given."""
     path = resolve_link(path)
-    if path.suffix not in suffixes:
+    if suffixes and path.suffix not in suffixes:
         raise InputError(f"{kind} '{path}' must end in {', '.join(suffixes)}")
     if path.is_dir():
         raise InputError(f"{kind} '{path}' is a folder")

@@ -11,7 +11,7 @@ from warpgrains.analysis import height_profile, quantities, snapshot
 from warpgrains.analysis.quantities import SWEEP_QUANTITIES
 from warpgrains.scene.geometry import area_below
 from warpgrains.scene.walls import Annulus
-from warpgrains.solver.final_states import Grains
+from warpgrains.solver.final_states import StackedGrains
 
 EPS = np.finfo(np.float64).eps
 G = 9.81
@@ -33,7 +33,7 @@ def test_many_runs_at_once(n):
     generator = np.random.default_rng(n)
     m, share = 9, generator.uniform(0.0, 1.0, (9, 1))
     force = generator.uniform(size=(m, n, 2)) * (generator.random((m, n)) < share)[..., np.newaxis]
-    grains = Grains(
+    grains = StackedGrains(
         mass=generator.uniform(0.1, 3.0, (m, n)),
         radius=generator.uniform(0.01, 0.1, (m, n)),
         position=generator.uniform(-1.0, 1.0, (m, n, 2)),
@@ -48,7 +48,7 @@ def test_many_runs_at_once(n):
         together = of_runs(grains)
         assert together.shape == (m,)
         for k in range(m):
-            one = Grains(*(array[k : k + 1].copy() for array in grains[:-1]), grains.walls)
+            one = StackedGrains(*(array[k : k + 1].copy() for array in grains[:-1]), grains.walls)
             walls = Annulus(*(radii[k : k + 1] for radii in grains.walls[:2]))
             assert of_runs(one._replace(walls=walls)).item() == together[k], name
 

@@ -25,13 +25,13 @@ BAD = [
     ("report anulus -o new", "annulus"),
     ("report annulus annulus -o new", "annulus"),
     ("report annulus -o text.usdc", "cannot be created"),
-    ("run annulus --measure energy", "must be given together"),
-    ("run annulus --series run.csv", "must be given together"),
+    ("run annulus --measure energy", "--measure has no effect without --series"),
+    ("run annulus --series run.csv", "--series has no effect without --measure"),
     ("run annulus --measure energi --series run.csv", "did you mean 'energy'"),
     ("run annulus --measure '' --series run.csv", "unknown quantity ''"),
     ("run annulus --measure energy --series run.txt", "must end in .csv"),
     ("run annulus --measure energy --series run.csv --every 0", "every is 0"),
-    ("run annulus --every 3", "--every needs --checkpoint or --measure"),
+    ("run annulus --every 3", "--every has no effect without --checkpoint or --measure"),
 ]
 MISSING = [
     ("plot run.usdc", "matplotlib.axes", "plot needs matplotlib.axes: pip install 'warpgrains[report]'"),

@@ -13,11 +13,11 @@ from sample_scenes import random_scene
 
 from warpgrains import Batch, Disc, InputError, Scene, Simulation
 from warpgrains.batch import resident
-from warpgrains.batch.resident import Ending, ResidentSets
+from warpgrains.batch.resident import ResidentSets
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.fields import METHODS, ORDERS
-from warpgrains.simulation.until import criterion
-from warpgrains.solver import sizes, tuning
+from warpgrains.simulation.until import CountedRun, criterion
+from warpgrains.solver import engine, sizes, threads, tuning
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.tuning import find_device
 
@@ -197,6 +197,21 @@ def test_own_durations_and_other_spans() -> None:
     assert [batch.state(k).steps for k in range(2)] == [20, 25]
 
 
+def test_what_is_canceled_goes_on_with_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In color order, bits depend on the list: a step that is canceled must not make another one of it."""
+    monkeypatch.setattr(engine, "BRIEF", 0)
+    monkeypatch.setattr(threads, "GLANCE", 1e-4)
+    scenes = [Scene.load("annulus", ["solver.order=color", "physics.drag=0.1"])]
+    canceled, whole = (ResidentSets(scenes, find_device("cpu"), threads=1) for _ in range(2))
+    stops = [0]
+    while stops[-1] < 400:
+        list(canceled.advance([400 - stops[-1]], lambda _: canceled.cancel()))
+        stops.append(canceled.state(0).steps)
+        list(whole.advance([stops[-1] - stops[-2]]))
+        assert contents(canceled.state(0)) == contents(whole.state(0))
+    assert len(stops) > 2
+
+
 class TestUntil:
     """A scene ends where it ends alone, whatever the others do."""
 
@@ -243,15 +258,13 @@ class TestUntil:
 
     def test_belongs_to_a_scene_by_its_number(self) -> None:
         scenes = [Scene.load("annulus")] * 3
-        sets, statistics = ResidentSets(scenes, find_device("cpu"), threads=1), RunStatistics()
-        end = criterion(lambda scene: scene.steps >= 20, scenes[1])
-        for steps, taken in (([5, 10, 30], [5, 10, 30]), ([0, 40, 5], [0, 10, 5])):
-            before = replace(statistics)
-            (last,) = sets.advance(steps, None, {1: Ending(end, statistics)})
+        sets = ResidentSets(scenes, find_device("cpu"), threads=1)
+        ends = None, criterion(lambda scene: scene.steps >= 20, scenes[1]), None
+        runs = [CountedRun(50, RunStatistics(), end) for end in ends]
+        for steps, taken in (([5, 10, 30], [5, 10, 30]), ([0, 40, 5], [5, 20, 35])):
+            (last,) = sets.advance(steps, None, runs)
             assert [last.done(k).statistics.steps for k in range(3)] == taken
-            assert statistics == before
-            statistics.add(last.done(1).statistics)
-        assert statistics.met
+        assert [(run.steps, run.statistics.met) for run in runs] == [(50, False), (20, True), (50, False)]
         assert [sets.state(k).steps for k in range(3)] == [5, 20, 35]
 
     def test_bad_criterion_is_refused(self) -> None:

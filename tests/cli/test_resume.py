@@ -203,7 +203,7 @@ class TestCommand:
         ("arguments", "complaint"),
         [
             ("", "SCENE is missing"),
-            ("annulus --every 5", "--every needs --checkpoint"),
+            ("annulus --every 5", "--every has no effect without --checkpoint"),
             ("annulus --checkpoint run.usdc", "must end in .npz"),
             ("--resume missing.npz", "does not exist"),
         ],

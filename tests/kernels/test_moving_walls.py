@@ -209,6 +209,20 @@ def test_a_change_of_walls_needs_another_list(c_library: CDLL) -> None:
         assert np.array_equal(simulation.position, reference.position)
 
 
+@pytest.mark.parametrize("fields", [{"walls": (STONE,)}, {"gravity": {"rotate": 1.0}}])
+def test_a_change_of_dt_moves_no_wall_and_turns_no_gravity(fields: dict[str, Any]) -> None:
+    """Both are where the time puts them, which is steps times dt."""
+    simulation = Simulation(stirred(20, **{"walls": (), "gravity": (0.0, -9.81), **fields}))
+    simulation.change(dt=0.01)  # at time 0
+    simulation.advance(2)
+    before = contents(simulation.state())
+    with pytest.raises(InputError, match=r"dt would move the time from 0\.02 s to 0\.002 s"):
+        simulation.change(dt=0.001)
+    assert (contents(simulation.state()), simulation.time) == (before, 0.02)
+    simulation.change(walls=(), gravity=(0.0, -9.81), dt=0.001)
+    assert simulation.time == 0.002
+
+
 def test_grains_that_a_piston_crushes_are_named() -> None:
     """Between a piston and the outer wall, a column of three grains fits until the piston comes down."""
     piston = Segment((-0.5, 0.31), (0.5, 0.31), velocity=(0.0, -0.5))

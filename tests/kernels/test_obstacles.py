@@ -17,6 +17,7 @@ DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
 SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.75)))
 RING = Disc((0.02, -0.05), 0.93, inside=True)
 ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
+SEVEN = type("Seven", (Disc,), {"numbers": (0.0,) * 7})((0.0, -0.5), 0.1)
 WALLS = (*DISCS, *SEGMENTS, RING, ARC)
 
 
@@ -173,6 +174,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
             [{"kind": "disc", "middle": (0, 0), "radius": 1.0}],
             "unknown key of walls[0] 'middle'",
         ),
+        ([DISCS[0], SEVEN], f"walls[1].numbers is {(0.0,) * 7}: a wall has at most 6"),
         ([Disc((0.0, 0.5), 0.2)], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
         ([Segment((-1, 0), (1, 1))], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
         (

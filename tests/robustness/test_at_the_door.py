@@ -132,7 +132,8 @@ def test_options_of_a_run(simulation, options, complaint):
 )
 def test_options_without_effect_on_the_command_line(arguments, capfd):
     assert exit_code("run", "annulus", "--steps", "1", *arguments) == 2
-    require_refusal(capfd, "record is ''" if arguments[0] == "-o" else f"{arguments[0]} needs --")
+    refused = f"{arguments[0]} has no effect without --"
+    require_refusal(capfd, "record is ''" if arguments[0] == "-o" else refused)
 
 
 @pytest.mark.parametrize("threads", [0, 1025, 10**6, 10**400, 1.5, "2", True])

@@ -18,7 +18,7 @@ from test_foreign_recordings import FOREIGN
 from trimmed import trimmed
 
 from warpgrains.cli import sandboxed
-from warpgrains.usd.output import SUFFIXES
+from warpgrains.drawing.kinds import RECORDINGS
 
 BY_PLOT, BY_THE_REAL_COMMAND = 20, 200  # every so many files
 
@@ -42,7 +42,7 @@ def usd_files(draw):
     suffix, content = draw(st.sampled_from(recordings()) | st.sampled_from(foreign))
     if suffix == ".usda" and draw(st.integers(0, 3)):
         return suffix, draw(reworded_texts(content.decode()))
-    return draw(st.sampled_from([suffix] * 9 + [*SUFFIXES])), draw(mutations(content))
+    return draw(st.sampled_from([suffix] * 9 + [*RECORDINGS])), draw(mutations(content))
 
 
 @pytest.mark.parametrize("count", [20, pytest.param(trimmed(10_000), marks=pytest.mark.slow)])

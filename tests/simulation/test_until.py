@@ -87,6 +87,11 @@ def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
     assert contents(Simulation.load(parts).state()) == contents(Simulation.load(whole).state())
     assert exit_code("run", "--resume", parts, "--json") == 0  # it has ended
     assert json.loads(capfd.readouterr().out)["steps"] == expected["steps"]
+    for more, every, steps, met in ((100, 7, 10, True), (15, 7, 15, False)):  # to the next test, or the end
+        end = ("--steps", expected["steps"] + more, "--every", every, "--json")
+        assert exit_code("run", "--resume", parts, *end) == 0
+        longer = json.loads(capfd.readouterr().out)
+        assert (longer["steps"], longer["met"]) == (expected["steps"] + steps, met)
 
 
 @pytest.mark.parametrize(

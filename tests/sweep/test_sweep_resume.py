@@ -10,10 +10,10 @@ import pytest
 from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
+from warpgrains.batch.resident import SetSteps
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import short, sweep_folder
-from warpgrains.sweep.long import LongRun
 
 DRIVER = """
 import sys
@@ -82,13 +82,13 @@ def test_killed_while_shards_are_written(tmp_path, moments):
 
 def test_what_failed_once_stays_failed(tmp_path, slices, monkeypatch):
     """Even if it could go on later, such as when there is memory again: it has missed steps."""
-    count = LongRun.count
+    done = SetSteps.done
 
-    def fail_once(run, done):
-        fails = len(slices.steps) == 2 and run.folder.number == 0
-        count(run, done._replace(error="no room") if fails else done)
+    def fail_once(last, k):
+        fails = len(slices.steps) == 2 and k == 0
+        return done(last, k)._replace(error="no room") if fails else done(last, k)
 
-    monkeypatch.setattr(LongRun, "count", fail_once)
+    monkeypatch.setattr(SetSteps, "done", fail_once)
     assert batch(write(tmp_path), "-o", tmp_path / "out", "--folders") == 1
     errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
     assert errors[:2] == ["no room", ""]

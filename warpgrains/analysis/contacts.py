@@ -24,7 +24,7 @@ from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.geometry import left_of
-from warpgrains.solver.final_states import Grains
+from warpgrains.solver.final_states import StackedGrains
 
 
 def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
@@ -40,7 +40,7 @@ def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
     return tuple(wall_force_sums(grains, wall).item() for wall in range(grains.wall_force.shape[-1]))
 
 
-def wall_force_sums(grains: Grains, wall: int) -> FloatArray:
+def wall_force_sums(grains: StackedGrains, wall: int) -> FloatArray:
     """Return the sum of the forces on a wall for many runs [N], shape (m,)."""
     force = grains.wall_force[..., wall]
     sums, is_positive = np.zeros(len(force)), force > 0.0

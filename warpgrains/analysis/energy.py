@@ -11,7 +11,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.scheme import kick_of, spin_kick_of
-from warpgrains.solver.final_states import Grains
+from warpgrains.solver.final_states import StackedGrains
 
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation
@@ -30,7 +30,7 @@ def kinetic_energy(of: Snapshot | HasState) -> float:
     return kinetic_energies(snapshot(of).grains).item()
 
 
-def kinetic_energies(grains: Grains) -> FloatArray:
+def kinetic_energies(grains: StackedGrains) -> FloatArray:
     """Return the kinetic energies of many runs [J], shape (m,)."""
     translation = 0.5 * (grains.mass * (grains.velocity**2).sum(axis=-1)).sum(axis=-1)
     rotation = 0.25 * (grains.mass * grains.radius**2 * grains.spin**2).sum(axis=-1)
@@ -49,7 +49,7 @@ def potential_energy(of: Snapshot | HasState) -> float:
     return potential_energies(snapshot(of).grains).item()
 
 
-def potential_energies(grains: Grains) -> FloatArray:
+def potential_energies(grains: StackedGrains) -> FloatArray:
     """Return the potential energies of many runs [J], shape (m,)."""
     return -(grains.mass * (grains.position @ grains.gravity[..., np.newaxis])[..., 0]).sum(axis=-1)
 

@@ -14,7 +14,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import missing_extra
 from warpgrains.scene.geometry import area_below, area_in_disc
 from warpgrains.scene.walls import Annulus
-from warpgrains.solver.final_states import Grains
+from warpgrains.solver.final_states import StackedGrains
 
 BEYOND = 10.0  # in radii of the outer wall: three auxiliary points there close the outermost cells
 
@@ -30,7 +30,7 @@ def heights(of: Snapshot | HasState) -> FloatArray:
     return _heights(snapshot(of).grains)[0]
 
 
-def _heights(grains: Grains) -> FloatArray:
+def _heights(grains: StackedGrains) -> FloatArray:
     return (grains.position @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
 
 
@@ -45,7 +45,7 @@ def pile_height(of: Snapshot | HasState) -> float:
     return pile_heights(snapshot(of).grains).item()
 
 
-def pile_heights(grains: Grains) -> FloatArray:
+def pile_heights(grains: StackedGrains) -> FloatArray:
     """Return the pile heights of many runs [m], shape (m,)."""
     return (_heights(grains) + grains.radius).max(axis=-1) + grains.walls.depth
 
@@ -79,13 +79,13 @@ def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
     return packing_fractions(snapshot(of).grains).item()
 
 
-def packing_fractions(grains: Grains) -> FloatArray:
+def packing_fractions(grains: StackedGrains) -> FloatArray:
     """Return the packing fractions of many runs, shape (m,)."""
     radius, height, mean = grains.radius, _heights(grains), mean_heights(grains)
     return area_below(radius, mean[:, np.newaxis] - height).sum(axis=-1) / space_below(grains, mean)
 
 
-def space_below(grains: Grains, level: FloatArray) -> FloatArray:
+def space_below(grains: StackedGrains, level: FloatArray) -> FloatArray:
     """Return the area between the walls, without discs inside, below levels [m] of many runs [m2], (m,)."""
     height = (grains.discs[..., :2] @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
     discs = area_below(grains.discs[..., 2], level[:, np.newaxis] - height).sum(axis=-1)
@@ -93,7 +93,7 @@ def space_below(grains: Grains, level: FloatArray) -> FloatArray:
     return space
 
 
-def mean_heights(grains: Grains) -> FloatArray:
+def mean_heights(grains: StackedGrains) -> FloatArray:
     """Return the mean heights of the grains of many runs, weighted by area [m], shape (m,)."""
     area = grains.radius**2
     return (area * _heights(grains)).sum(axis=-1) / area.sum(axis=-1)

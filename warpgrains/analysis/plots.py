@@ -11,9 +11,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
 from warpgrains.arrays import FloatArray
+from warpgrains.drawing.kinds import STILLS
 from warpgrains.errors import InputError
 from warpgrains.files import read_table, require_writable_path
-from warpgrains.pictures.kinds import STILLS
 from warpgrains.pictures.shots import setting_of, shot_of
 from warpgrains.pictures.still import FrameArtists, add_color_bar, save_figure
 from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content

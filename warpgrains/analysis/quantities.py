@@ -13,7 +13,7 @@ from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene import checks
 from warpgrains.scene.walls import INNER, OUTER
-from warpgrains.solver.final_states import Grains
+from warpgrains.solver.final_states import StackedGrains
 
 
 class Quantity(NamedTuple):
@@ -26,12 +26,12 @@ class Quantity(NamedTuple):
     """Unit; empty for a dimensionless number."""
     function: Callable[[Snapshot], Any]
     part: Callable[[Any], float] = float
-    of_runs: Callable[[Grains], FloatArray] | None = None
+    of_runs: Callable[[StackedGrains], FloatArray] | None = None
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
     meaning: str = ""
 
 
-def _of_runs(unit: str, of_runs: Callable[[Grains], FloatArray], meaning: str) -> Quantity:
+def _of_runs(unit: str, of_runs: Callable[[StackedGrains], FloatArray], meaning: str) -> Quantity:
     return Quantity(unit, lambda now: of_runs(now.grains).item(), of_runs=of_runs, meaning=meaning)
 
 

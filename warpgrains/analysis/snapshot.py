@@ -13,8 +13,7 @@ from warpgrains.analysis.tabulated import TABLES, columns_of, dataset_variables
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.drawing.chains import contact_normals, with_walls
 from warpgrains.scene import checks
-from warpgrains.scene.walls import Annulus
-from warpgrains.solver.final_states import Grains
+from warpgrains.solver.final_states import StackedGrains
 from warpgrains.solver.forces import pair_contacts, wall_contacts
 from warpgrains.tables import library
 
@@ -113,23 +112,12 @@ class Snapshot:
         return self.steps * self.scene.dt
 
     @property
-    def grains(self) -> Grains:
+    def grains(self) -> StackedGrains:
         """Grains in the form for many runs, with one run."""
-        scene = self.scene
-        radii: Any = np.array([[scene.radius_in], [scene.radius_out]])
-        wall_force = np.zeros((1, scene.n, 2 + len(scene.walls)))
-        wall_force[0, *self.wall.T] = self.wall_force
-        return Grains(
-            mass=scene.mass[np.newaxis],
-            radius=scene.radius[np.newaxis],
-            position=self.position[np.newaxis],
-            velocity=self.velocity[np.newaxis],
-            spin=self.spin[np.newaxis],
-            wall_force=wall_force,
-            gravity=np.array([scene.gravity_at(self.time)]),
-            discs=scene.discs_at(self.time)[np.newaxis],
-            walls=Annulus(*radii),
-        )
+        wall_force = np.zeros((self.n, 2 + len(self.scene.walls)))
+        wall_force[*self.wall.T] = self.wall_force
+        arrays = (self.position, self.velocity, self.spin, wall_force)
+        return StackedGrains.of([self.scene], [self.time], *(array[np.newaxis] for array in arrays))
 
     @property
     def normal(self) -> FloatArray:

@@ -1,7 +1,7 @@
 """`Batch`: many scenes advanced together on one device, with the results of each alone."""
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast, overload
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import Ending, ResidentSets, SetSteps
+from warpgrains.batch.resident import ResidentSets, SetSteps
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
@@ -17,7 +17,7 @@ from warpgrains.scene.scene import Scene, SceneLike, as_scene
 from warpgrains.scene.state import State, require_state
 from warpgrains.shown import Shown
 from warpgrains.simulation.options import steps_of
-from warpgrains.simulation.until import Question, criterion
+from warpgrains.simulation.until import CountedRun, Question, criterion
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
@@ -167,7 +167,7 @@ class Batch(Shown):
             A number of some scene is no longer finite (that scene keeps the state before the step, and the
             other scenes have advanced), or another thread advances this batch.
         """
-        sets = self._advance([1] * len(self), None, {}, gravity)
+        sets = self._advance([1] * len(self), None, None, gravity)
         errors = sorted(error for last in sets for error in last.errors.items())
         if errors:
             raise SimulationError("; ".join(f"scene {k}: {error}" for k, error in errors))
@@ -212,12 +212,12 @@ class Batch(Shown):
             `steps` or `gravity` is invalid, or `until` is no end criterion for one of the scenes.
         """
         wanted = self._steps_of_each(steps, duration)
-        endings = {}
+        runs = None
         if until is not None:
-            own = enumerate(self.scenes)
-            endings = {k: Ending(criterion(until, scene), RunStatistics()) for k, scene in own}
+            own = zip(wanted, self.scenes, strict=True)
+            runs = [CountedRun(steps, RunStatistics(), criterion(until, scene)) for steps, scene in own]
         with progress_bar(sum(wanted), shown=progress) as bar:
-            sets = self._advance(wanted, bar.update, endings, gravity)
+            sets = self._advance(wanted, bar.update, runs, gravity)
         of_scene = {k: last for last in sets for k in last.place}
 
         def summary(k: int) -> SceneSummary:
@@ -241,13 +241,13 @@ class Batch(Shown):
         self,
         steps: list[int],
         on_progress: OnProgress | None,
-        endings: Mapping[int, Ending],
+        runs: list[CountedRun] | None,
         gravity: ArrayLike | None,
     ) -> list[SetSteps]:
         """Advance each scene, see `ResidentSets.advance`, and keep the record of its last steps."""
         given = None if gravity is None else self._checked_gravity(gravity)
         with self._use.advancing():
-            sets = list(self._sets.advance(steps, on_progress, endings, given))
+            sets = list(self._sets.advance(steps, on_progress, runs, given))
             for last in sets:
                 self._stepped |= dict.fromkeys(last.stepped, last)
         return sets

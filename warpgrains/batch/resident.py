@@ -4,9 +4,8 @@ Scenes are divided into sets that fit in memory together. One set at a time is r
 kept as states.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ import warp as wp
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
-from warpgrains.simulation.until import EndCriterion, steps_to_test
+from warpgrains.simulation.until import CountedRun
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
@@ -30,17 +29,10 @@ from warpgrains.solver.tuning import paying_threads
 SHARE = 0.5  # largest fraction of the free memory for a resident set
 
 
-class Ending(NamedTuple):
-    """End criterion of a scene, and the statistics of its run before the steps to do."""
-
-    criterion: EndCriterion | None
-    statistics: RunStatistics
-
-
 class StepsDone(NamedTuple):
     """Statistics of the last steps of a scene, its last report, and the reason of an early stop, if any.
 
-    The statistics of a run are the sum over its steps, also those of its end criterion.
+    The statistics of a `CountedRun` are those of all its steps.
     """
 
     statistics: RunStatistics
@@ -55,8 +47,8 @@ class SetSteps(NamedTuple):
     """The last steps of the scenes of each engine, and the numbers of these scenes in the batch."""
     place: dict[int, tuple[int, int]]
     """Of every scene, by its number in the batch: its engine, and its index there."""
-    ended: dict[int, StepsDone]
-    """What the scenes did in several launches, if one of them has an end criterion."""
+    counted: dict[int, StepsDone]
+    """What the scenes did in several launches, if their runs are counted."""
 
     @property
     def errors(self) -> dict[int, str]:
@@ -66,15 +58,15 @@ class SetSteps(NamedTuple):
     @property
     def stepped(self) -> list[int]:
         """Scenes that took at least one step."""
-        if self.ended:
-            return [k for k, done in self.ended.items() if done.report is not None]
+        if self.counted:
+            return [k for k, done in self.counted.items() if done.report is not None]
         taken = [(last.sums["steps"].tolist(), numbers) for last, numbers in self.engines]
         return [k for steps, numbers in taken for k, step in zip(numbers, steps, strict=True) if step]
 
     def done(self, k: int) -> StepsDone:
         """Return what scene k did."""
-        if k in self.ended:
-            return self.ended[k]
+        if k in self.counted:
+            return self.counted[k]
         engine, index = self.place[k]
         last, _ = self.engines[engine]
         statistics = last.statistics(index)
@@ -164,19 +156,19 @@ class ResidentSets:
         self,
         steps: Sequence[int],
         on_progress: OnProgress | None = None,
-        endings: Mapping[int, Ending] | None = None,
+        runs: Sequence[CountedRun] | None = None,
         gravity: FloatArray | None = None,
     ) -> Iterator[SetSteps]:
-        """Advance each scene by its number of steps, or until its end criterion is met, set after set.
+        """Advance each scene by its number of steps, or until its run ends, set after set.
 
-        Gravity is that of the scenes, or is given for these steps [m/s2], shape (scenes, 2). A scene that
-        fails or is interrupted stops between two steps. Yields after each set what its scenes did. After
-        `cancel` the remaining sets are not advanced.
+        The runs of all scenes count the steps, if they are given. Gravity is that of the scenes, or is given
+        for these steps [m/s2], shape (scenes, 2). A scene that fails or is interrupted stops between two
+        steps. Yields after each set what its scenes did. After `cancel` the remaining sets are not advanced.
         """
         for _ in self.in_memory():
             for engine, numbers in self._engines:
                 engine.set_gravity(None if gravity is None else gravity[numbers])
-            yield self._advance_set(steps, on_progress, endings or {})
+            yield self._launch(steps, on_progress) if runs is None else self._count(steps, on_progress, runs)
 
     def in_memory(self) -> Iterator[None]:
         """Load set after set into memory, the present one first, until `cancel`; yield after each.
@@ -190,37 +182,25 @@ class ResidentSets:
             self.make_resident(number)
             yield
 
-    def _advance_set(
-        self, steps: Sequence[int], on_progress: OnProgress | None, endings: Mapping[int, Ending]
+    def _count(
+        self, steps: Sequence[int], on_progress: OnProgress | None, runs: Sequence[CountedRun]
     ) -> SetSteps:
-        if not endings:
-            return self._launch(steps, on_progress)
-        runs = {k: endings.get(k) or Ending(None, RunStatistics()) for k in self.scenes}
-        runs = {k: Ending(criterion, replace(before)) for k, (criterion, before) in runs.items()}
-        ended = {k: StepsDone(RunStatistics(), None, None) for k in self.scenes}
+        counted = {k: StepsDone(runs[k].statistics, None, None) for k in self.scenes}
         left = {k: steps[k] for k in self.scenes if steps[k] > 0}
         last = SetSteps([], self._place, {})
         while left and not self._is_canceled:
             due = [0] * len(steps)
             for k, most in left.items():
-                criterion, statistics = runs[k]
-                due[k] = most if criterion is None else min(most, steps_to_test(statistics.steps))
+                due[k] = min(most, runs[k].steps_to_test)
             last = self._launch(due, on_progress)
             for k in tuple(left):
-                done, (criterion, statistics) = last.done(k), runs[k]
-                held = statistics.held
-                statistics.add(done.statistics)
+                done, report = last.done(k), counted[k].report
+                runs[k].count(done.statistics, self.scenes[k])
+                counted[k] = StepsDone(runs[k].statistics, done.report or report, done.error)
                 left[k] -= done.statistics.steps
-                is_whole = done.error is None and done.statistics.steps == due[k]
-                is_met = is_whole and criterion is not None and criterion.is_met(self.scenes[k], statistics)
-                if is_met or not is_whole or left[k] == 0:
+                if runs[k].has_ended or done.statistics.steps < due[k] or left[k] == 0:
                     del left[k]
-                done.statistics.held, done.statistics.met = statistics.held - held, is_met
-                ended[k].statistics.add(done.statistics)
-                ended[k] = done._replace(
-                    statistics=ended[k].statistics, report=done.report or ended[k].report
-                )
-        return last._replace(ended=ended)
+        return last._replace(counted=counted)
 
     def _launch(self, steps: Sequence[int], on_progress: OnProgress | None) -> SetSteps:
         for engine, numbers in self._engines:
@@ -230,10 +210,10 @@ class ResidentSets:
         return SetSteps(last_steps, self._place, {})
 
     def cancel(self) -> None:
-        """Stop after the steps under way; slow steps are abandoned."""
+        """Stop after the steps under way."""
         self._is_canceled = True
         for engine, _ in self._engines:
-            engine.cancel()
+            engine.cancel(abandon=False)
 
     def make_resident(self, number: int = 0) -> None:
         """Load a set into memory, replacing the present one."""

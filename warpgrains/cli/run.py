@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import sys
 import warnings
@@ -17,20 +16,17 @@ from typing import Any
 
 from tqdm import tqdm
 
-from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.frame_log import log_of
 from warpgrains.kernels.access import CHECKED
-from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import first_state
-from warpgrains.simulation import run as runs
-from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, read_checkpoint
-from warpgrains.simulation.options import FLAGS, OPTIONS, RunOptions
-from warpgrains.simulation.until import criterion
+from warpgrains.scene.state import State, first_state
+from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
+from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, steps_of
+from warpgrains.simulation.run import OpenRun, carry_out
 from warpgrains.solver.statistics import RunStatistics, named
 
 # Options that a resumed run reads from its checkpoint.
@@ -47,12 +43,12 @@ def run(arguments: Namespace) -> bool:
         if getattr(arguments, option):
             raise InputError(f"--{option.replace('_', '-')} needs --step-by-step")
     with ExitStack() as held:
-        start, options = _begin(arguments, held) if arguments.resume is None else _resume(arguments, held)
+        run, state = _begin(arguments) if arguments.resume is None else _resume(arguments, held)
         try:
-            _carry_out(start, options, arguments)
+            _carry_out(run, state, arguments)
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(*_commands_to_continue(options)) from None
-    results = results_of(start.scene, start.statistics, options)
+            raise KeyboardInterrupt(*_commands_to_continue(run.options)) from None
+    results = results_of(run)
     print(json.dumps(results) if arguments.json else summary_lines(results))
     return False
 
@@ -64,7 +60,7 @@ def _step_by_step(arguments: Namespace) -> bool:
     for name in _given(arguments, *FLAGS, "resume", "json"):
         raise InputError(f"{FLAGS.get(name, f'--{name}')} cannot be combined with --step-by-step")
     scene = _scene(arguments)
-    step_by_step(scene, _steps(scene, arguments) or scene.steps, arguments)
+    step_by_step(scene, _steps(scene, arguments), arguments)
     return False
 
 
@@ -74,23 +70,28 @@ def _scene(arguments: Namespace) -> Scene:
     return Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
 
 
-def _carry_out(start: Checkpoint, options: RunOptions, arguments: Namespace) -> None:
-    """Open the outputs of a run, and simulate.
+def _carry_out(run: OpenRun, state: State, arguments: Namespace) -> None:
+    """Open the outputs of a run, and simulate from a state.
 
     Invalid outputs, and those that another process writes, are refused before Warp starts and compiles
     kernels.
     """
-    if options.shows == "recording":
+    if run.options.shows == "recording":
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
-    with stdout_to_stderr(), ExitStack() as held:
-        until = criterion(options.until, start.scene)
-        series = _series(start, options, arguments)
-        run = runs.OpenRun(options, start.statistics, start.first_step, until, series)
-        held.enter_context(run.opened(start.scene))
-        if series is not None:
-            held.enter_context(series)
-        _simulate(start, run, arguments)
+    with stdout_to_stderr(), run.opened():
+        start_warp()
+        from warpgrains.simulation.simulation import Simulation
+        from warpgrains.simulation.stepper import continued
+
+        simulation = continued(Simulation, run.scene, state, arguments.device, arguments.threads)
+        if not simulation.is_compiled:
+            first = "compiling kernels for this kind of scene, the first time only ..."
+            print(first, file=sys.stderr, flush=True)
+        simulation.compile()
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning  # type: ignore[assignment]
+            carry_out(simulation, run, progress=True)
 
 
 def _commands_to_continue(options: RunOptions) -> Iterator[str]:
@@ -101,56 +102,42 @@ def _commands_to_continue(options: RunOptions) -> Iterator[str]:
         yield f"to recover the frames so far: warpgrains recover {shlex.quote(str(log))}"
 
 
-def _begin(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
-    """Return the initial checkpoint and the options of a new run, after locking its checkpoint."""
+def _begin(arguments: Namespace) -> tuple[OpenRun, State]:
+    """Return a new run and its initial state."""
     if arguments.scene is None:
         raise InputError("SCENE is missing: give a scene, or --resume FILE to continue a run")
     given = _given(arguments, *FLAGS)
-    _require_needed(given)
+    every = given.pop("every", None)
+    require_needed(given, FLAGS.__getitem__)
+    given |= _spacing(every, arguments.checkpoint, arguments.series)
     scene = _scene(arguments)
-    given |= _spacing(given.pop("every", None), arguments.checkpoint, arguments.series)
-    options = RunOptions(steps=_steps(scene, arguments) or scene.steps, **given)
+    options = RunOptions(steps=_steps(scene, arguments), **given)
     if "fps" in given:
         _warn_of_rate(scene, options)
-    if options.checkpoint is not None:
-        held.enter_context(lock_checkpoint(Path(options.checkpoint)))
-    return Checkpoint(scene, first_state(scene), options, RunStatistics()), options
+    return OpenRun(scene, options, RunStatistics()), first_state(scene)
 
 
-def _resume(arguments: Namespace, held: ExitStack) -> tuple[Checkpoint, RunOptions]:
-    """Return the checkpoint from which a run continues, and its options.
-
-    Locks that checkpoint and the one that the run will write.
-    """
+def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
+    """Return a run and the state from which it continues. The checkpoint of a run is locked."""
     for name in _given(arguments, *KEPT):
         raise InputError(f"{KEPT[name]} cannot be combined with --resume: a resumed run keeps its options")
-    kept, other = Path(arguments.resume), arguments.checkpoint
+    kept = Path(arguments.resume)
     start = read_checkpoint(kept)
-    if start.options is not None:
-        held.enter_context(lock_checkpoint(kept))
+    locked = None if start.options is None else kept
+    if locked is not None:
+        held.enter_context(lock_checkpoint(locked))
         start = read_checkpoint(kept)  # the run may have continued before the lock was acquired
-    if other is not None and (start.options is None or os.path.realpath(other) != os.path.realpath(kept)):
-        held.enter_context(lock_checkpoint(Path(other)))
-    planned = start.scene.steps if start.options is None else start.first_step + start.options.steps
-    end = _steps(start.scene, arguments) or planned
+    options = start.options or RunOptions(steps=start.scene.steps)
+    planned = options.steps if start.options is None else start.first_step + options.steps
+    end = _steps(start.scene, arguments, planned)
     if end < start.state.steps:
         raise InputError(
             f"the run cannot end at step {end}: its checkpoint is already at step {start.state.steps}"
         )
-    options = start.options or RunOptions(steps=planned)
-    spacing = _spacing(arguments.every, options.checkpoint or other, options.series)
-    return start, replace(options, steps=end - start.first_step, **_given(arguments, "checkpoint"), **spacing)
-
-
-def _require_needed(given: dict[str, Any]) -> None:
-    """Raise InputError if an option is given without one that it needs; `every` may serve two files."""
-    for name in given:
-        needed = OPTIONS[name].metadata["needs"]
-        if name == "every" or needed is None or needed in given:
-            continue
-        if OPTIONS[needed].metadata["needs"] == name:
-            raise InputError("--measure and --series must be given together")
-        raise InputError(f"{FLAGS[name]} needs {FLAGS[needed]}")
+    given = _given(arguments, "checkpoint")
+    given |= _spacing(arguments.every, options.checkpoint or arguments.checkpoint, options.series)
+    options = replace(options, steps=end - start.first_step, **given)
+    return OpenRun(start.scene, options, start.statistics, start.first_step, locked=locked), start.state
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
@@ -158,17 +145,9 @@ def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> d
     if every is None:
         return {}
     if checkpoint is series is None:
-        raise InputError("--every needs --checkpoint or --measure")
+        raise InputError("--every has no effect without --checkpoint or --measure")
     spaced = {"every": checkpoint, "measure_every": series}
     return {name: every for name, file in spaced.items() if file is not None}
-
-
-def _series(start: Checkpoint, options: RunOptions, arguments: Namespace) -> Series | None:
-    """Return the series of a run, if there is one; a resumed run continues its rows."""
-    if options.measure is None:
-        return None
-    resume_at = None if arguments.resume is None else start.state.steps
-    return Series(options.measure, options.measure_every, options.series, resume_at)
 
 
 def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
@@ -177,29 +156,8 @@ def _given(arguments: Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None and value is not False}
 
 
-def _steps(scene: Scene, arguments: Namespace) -> int | None:
-    """Return the number of steps that the options request, or None."""
-    if arguments.steps is not None:
-        return checks.whole_number("--steps", arguments.steps)
-    if arguments.duration is not None:
-        return scene.steps_in(checks.positive("--duration", arguments.duration))
-    return None
-
-
-def _simulate(start: Checkpoint, run: runs.OpenRun, arguments: Namespace) -> None:
-    start_warp()
-    from warpgrains.simulation.simulation import Simulation
-    from warpgrains.simulation.stepper import continued
-
-    simulation = continued(Simulation, start.scene, start.state, arguments.device, arguments.threads)
-    if not simulation.is_compiled:
-        print(
-            "compiling kernels for this kind of scene, the first time only ...", file=sys.stderr, flush=True
-        )
-    simulation.compile()
-    with warnings.catch_warnings():
-        warnings.showwarning = _show_warning  # type: ignore[assignment]
-        runs.carry_out(simulation, run, progress=True)
+def _steps(scene: Scene, arguments: Namespace, planned: int | None = None) -> int:
+    return steps_of(scene, arguments.steps, arguments.duration, planned, least=1, dashes="--")
 
 
 def _show_warning(message: Warning | str, *where: Any) -> None:
@@ -218,9 +176,10 @@ def _warn_of_rate(scene: Scene, options: RunOptions) -> None:
     _show_warning(f"--fps {options.fps:g} cannot be met: {reason}")
 
 
-def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> dict[str, Any]:
+def results_of(run: OpenRun) -> dict[str, Any]:
     """Return the results of a run by name, as `--json` prints them."""
-    summary, overlaps = statistics.summary(options.record), scene.count_overlaps()
+    scene, options = run.scene, run.options
+    summary, overlaps = run.statistics.summary(options.record), scene.count_overlaps()
     results = {
         "scene": scene.name,
         "grains": scene.n,
@@ -233,7 +192,7 @@ def results_of(scene: Scene, statistics: RunStatistics, options: RunOptions) -> 
     if options.until is not None:
         results["until"] = options.until
     if options.shows in ("film", "recording"):
-        results |= {"frames": statistics.frames, "fps": true_rate(scene, options.rate)}
+        results |= {"frames": run.statistics.frames, "fps": true_rate(scene, options.rate)}
     return results
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from warpgrains.cli.sandboxed import run_sandboxed
 from warpgrains.console import in_columns, start_warp, stdout_to_stderr
+from warpgrains.drawing.kinds import FILMS, require_drawing
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.files import require_writable_path
-from warpgrains.pictures.kinds import FILMS, require_drawing
 
 
 def check(arguments: Namespace) -> bool:

@@ -10,13 +10,13 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from warpgrains.console import start_warp
+from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import MOST_GRAINS
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
-from warpgrains.usd.output import SUFFIXES
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.view.homework import Homework
 from warpgrains.view.players import Live, Player, Recorded
@@ -34,7 +34,7 @@ def view(arguments: Namespace) -> bool:
     from warpgrains.view.page import Page
 
     port = checks.whole_number("--port", arguments.port, most=65535)
-    is_recorded = Path(arguments.what).suffix in SUFFIXES
+    is_recorded = Path(arguments.what).suffix in RECORDINGS
     if arguments.homework is not None:
         if is_recorded:
             raise InputError("--homework needs a scene, not a recording")

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.kinds import FASTEST, FILMS
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
-from warpgrains.pictures.kinds import FASTEST, FILMS
 from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setting_of, shot_of
 from warpgrains.pictures.still import Canvas
 
@@ -190,7 +190,7 @@ class Film(DrawnOutput):
 
     def __init__(self, path: Path, scene: Scene, frames_per_second: float, painter: Painter) -> None:
         self.times = FrameTimes.of(scene.dt, frames_per_second)
-        super().__init__(path, painter, *FILMS)
+        super().__init__(path, painter)
 
     def __enter__(self) -> Self:
         draft = self.enter_context(draft_of(self._path))

@@ -119,9 +119,9 @@ class DrawnOutput(ExitStack):
         It cannot be written. It is an `OutputError` if another process writes it.
     """
 
-    def __init__(self, path: Path, painter: Painter, *suffixes: str) -> None:
+    def __init__(self, path: Path, painter: Painter) -> None:
         super().__init__()
-        require_writable_path("output", path, *suffixes)
+        require_writable_path("output", path)
         self._path, self._painter, self.needs_contacts = path, painter, painter.needs_contacts
         self.enter_context(Lock(path))
 

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import ColorScale, mark_color
 from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.shapes import WALL_COLOR, marks
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
-from warpgrains.pictures.kinds import STILLS
-from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot
+from warpgrains.pictures.shots import DrawnOutput, Setting, Shot
 from warpgrains.scene.band import Band
 
 _MARGIN = 0.02  # in radii of the outer wall
@@ -206,9 +206,6 @@ class Still(DrawnOutput):
     """A picture of the end of a run, see `DrawnOutput`."""
 
     times = None
-
-    def __init__(self, path: pathlib.Path, painter: Painter) -> None:
-        super().__init__(path, painter, *STILLS)
 
     def record(self, frame: Frame) -> None:
         """Write the picture of a frame."""

@@ -16,6 +16,8 @@ from warpgrains.scene.geometry import distance
 from warpgrains.scene.motion import Motion, Pose
 from warpgrains.scene.walls import Side
 
+MOST_NUMBERS = 6  # of a wall's shape on the device (kernels/types.py)
+
 Kind = TypeVar("Kind")
 
 
@@ -138,11 +140,12 @@ class Obstacle:
     @property
     def shape(self) -> tuple[float, ...]:
         """Kind, numbers and circle as the kernels keep them, ten numbers (kernels/types.py)."""
-        return (float(self.kind_number), *self.numbers, *[0.0] * (6 - len(self.numbers)), *self.circle)
+        unused = (0.0,) * (MOST_NUMBERS - len(self.numbers))
+        return (float(self.kind_number), *self.numbers, *unused, *self.circle)
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need, at most six (kernels/walls.py)."""
+        """Numbers that the kernels need, at most `MOST_NUMBERS` (kernels/walls.py)."""
         raise NotImplementedError
 
     @property

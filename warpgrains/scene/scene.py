@@ -214,9 +214,7 @@ class Scene(SceneFields, Shown):
         )
 
     def with_walls_at(self, coordinates: FloatArray) -> Self:
-        """Return the scene with its walls at coordinates of `State.driven` [m]; without any, as it is."""
-        if len(coordinates) == 0:
-            return self
+        """Return the scene with its driven walls at coordinates of `State.driven` [m]."""
         ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
         walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
         scene = object.__new__(type(self))

@@ -7,7 +7,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.arc import Arc
 from warpgrains.scene.disc import Disc
-from warpgrains.scene.obstacle import Obstacle, is_required
+from warpgrains.scene.obstacle import MOST_NUMBERS, Obstacle, is_required
 from warpgrains.scene.segment import Segment
 
 WALL_KINDS: dict[str, type[Obstacle]] = {kind.kind: kind for kind in (Disc, Segment, Arc)}
@@ -18,7 +18,11 @@ def checked_walls(field: str, value: Any) -> tuple[Obstacle, ...]:
     """Return walls, each given as an object or by the keys of a `[[walls]]` table."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
-    return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
+    walls = tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
+    for k, wall in enumerate(walls):
+        if len(wall.numbers) > MOST_NUMBERS:
+            raise InputError(f"{field}[{k}].numbers is {wall.numbers}: a wall has at most {MOST_NUMBERS}")
+    return walls
 
 
 def _checked_wall(field: str, value: Any) -> Obstacle:

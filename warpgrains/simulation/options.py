@@ -6,15 +6,15 @@ A checkpoint stores the options of its run, but not the options of the execution
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
+from warpgrains.drawing.kinds import FASTEST, KINDS, require_drawing
 from warpgrains.errors import InputError
-from warpgrains.files import require_writable_path, resolve_link
-from warpgrains.pictures.kinds import FASTEST, FILMS, STILLS, require_drawing
+from warpgrains.files import resolve_link
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
@@ -33,6 +33,14 @@ def _file(field: str, name: Any) -> str:
     if checks.text(field, name) == "" or "\0" in name:
         raise InputError(f"{field} is {name!r}: it must be the name of a file")
     return str(resolve_link(Path(name))) if os.path.islink(name) else name
+
+
+def _output(field: str, name: Any) -> str:
+    """Return the name of an output, whose suffix is one of `KINDS`."""
+    name = _file(field, name)
+    if Path(name).suffix not in KINDS:
+        raise InputError(f"output '{name}' must end in {', '.join(KINDS)}")
+    return name
 
 
 def _option(meaning: str, check: Callable[[str, Any], Any], metavar: str | None = None, **more: Any) -> Any:
@@ -59,7 +67,7 @@ class RunOptions:
     record: str | None = _option(
         "A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present"
         " state first; or a picture of the end (.png, .pdf, .svg).",
-        _file,
+        _output,
         "OUT",
         flag="--output",
     )
@@ -121,28 +129,19 @@ class RunOptions:
             value = getattr(self, name)
             if value is not None or option.default is not None:
                 object.__setattr__(self, name, option.metadata["check"](name, value))
-        for name, option in OPTIONS.items():
-            needed = option.metadata["needs"]
-            if needed is not None and getattr(self, needed) is None and getattr(self, name) != option.default:
-                raise InputError(f"{name} has no effect without {needed}")
+        require_needed([name for name, option in OPTIONS.items() if getattr(self, name) != option.default])
         if self.shows in ("still", "film"):
             self._require_no_recording(self.shows)
 
     @property
-    def _suffix(self) -> str | None:
-        return None if self.record is None else Path(self.record).suffix
-
-    @property
     def shows(self) -> str | None:
         """Kind of output that `record` is by its suffix: "still", "film" or "recording"; None without it."""
-        if self.record is None:
-            return None
-        return "still" if self._suffix in STILLS else "film" if self._suffix in FILMS else "recording"
+        return None if self.record is None else KINDS[Path(self.record).suffix]
 
     @property
     def rate(self) -> float:
         """Requested frames per second of simulated time [1/s], limited by what the file can store."""
-        return min(self.fps, FASTEST.get(self._suffix, self.fps))
+        return min(self.fps, FASTEST.get(Path(self.record or "").suffix, self.fps))
 
     def _require_no_recording(self, kind: str) -> None:
         """Raise InputError for options that recordings have and pictures of this kind lack."""
@@ -179,9 +178,9 @@ class RunOptions:
             from warpgrains.pictures.still import Still
 
             return Still(path, painter)
-        from warpgrains.usd.recorder import SUFFIXES, Recorder, log_of
+        from warpgrains.frame_log import log_of
+        from warpgrains.usd.recorder import Recorder
 
-        require_writable_path("output", path, *SUFFIXES, *FILMS, *STILLS)
         is_whole = statistics.frames > 0 and path.is_file() and not log_of(path).exists()
         if is_whole and statistics.steps == self.steps:
             return None
@@ -195,11 +194,6 @@ class RunOptions:
             resume_at=statistics.frames or None,
             first_step=first_step,
         )
-
-    def checkpoint_after(self, steps: int) -> Path | None:
-        """Return the path of the checkpoint that is due after step number `steps`, or None."""
-        is_due = steps % self.every == 0 or steps == self.steps
-        return Path(self.checkpoint) if self.checkpoint is not None and is_due else None
 
     def stored(self, checkpoint: Path) -> dict[str, Any]:
         """Return the options as a checkpoint stores them.
@@ -217,13 +211,34 @@ class RunOptions:
         return cls(**{**stored, **files, "checkpoint": str(checkpoint)})
 
 
-def steps_of(scene: Scene, steps: int | None, duration: float | None) -> int:
-    """Return the number of steps of a run, from `steps` or a duration [s], by default that of the scene."""
+def steps_of(
+    scene: Scene,
+    steps: int | None,
+    duration: float | None,
+    planned: int | None = None,
+    least: int = 0,
+    dashes: str = "",
+) -> int:
+    """Return the number of steps of a run, at least `least`.
+
+    It is `steps`, or that of a duration [s], or else `planned`, by default that of the scene. Messages name
+    the options with `dashes` in front, as on the command line.
+    """
     if steps is not None and duration is not None:
         raise InputError("give steps or duration, not both")
     if steps is not None:
-        return checks.whole_number("steps", steps, least=0)
-    return scene.steps if duration is None else scene.steps_in(duration)
+        return checks.whole_number(f"{dashes}steps", steps, least)
+    if duration is not None:
+        return scene.steps_in(checks.positive(f"{dashes}duration", duration))
+    return scene.steps if planned is None else planned
+
+
+def require_needed(given: Collection[str], named: Callable[[str], str] = str) -> None:
+    """Raise InputError if an option is given without the one that it needs; `named` returns their names."""
+    for name in given:
+        needed = OPTIONS[name].metadata["needs"]
+        if needed is not None and needed not in given:
+            raise InputError(f"{named(name)} has no effect without {named(needed)}")
 
 
 def _path_relative_to(checkpoint: Path, field: str, stored: Any) -> str | None:

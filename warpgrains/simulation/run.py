@@ -6,8 +6,9 @@ The checkpoints of a run let another process resume it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
 from warnings import warn
@@ -16,13 +17,14 @@ from warpgrains.console import progress_bar
 from warpgrains.drawing.frames import Frame, Output
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.simulation.checkpoint import Checkpoint, write_checkpoint
+from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
-from warpgrains.simulation.until import EndCriterion, steps_to_multiple, steps_to_test
+from warpgrains.simulation.until import CountedRun, Question, criterion, steps_to
 from warpgrains.solver.statistics import RunStatistics, named
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
+    from warpgrains.scene.state import State
     from warpgrains.simulation.simulation import Simulation
     from warpgrains.solver.present import PresentState
 
@@ -47,65 +49,92 @@ def require_observer(observer: Observer) -> None:
     checks.whole_number("observer.every", getattr(observer, "every", None))
 
 
-@dataclass(eq=False)
-class OpenRun:
-    """A run between two steps, with what it writes."""
+class OpenRun(CountedRun):
+    """A run between two steps, with what it writes.
 
-    options: RunOptions
-    """Its `steps` become those done when the run ends early."""
-    statistics: RunStatistics
-    first_step: int = 0
-    """Time steps before the run."""
-    until: EndCriterion | None = None
-    observer: Observer | None = None
-    output: Output | None = None
-    """File that receives frames, see `opened`."""
+    Parameters
+    ----------
+    scene : Scene
+    options : RunOptions
+    statistics : RunStatistics
+        Statistics of the steps done.
+    first_step : int
+        Time steps before the run.
+    until : str or callable, optional
+        End criterion, see `criterion`; by default that of the options.
+    observer : Observer, optional
+        By default the series of the options, if they have one.
+    locked : Path, optional
+        Checkpoint that the caller has locked. If it exists, the run continues from it.
+
+    Raises
+    ------
+    InputError
+        The end criterion is invalid.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        options: RunOptions,
+        statistics: RunStatistics,
+        first_step: int = 0,
+        until: str | Question | None = None,
+        observer: Observer | None = None,
+        locked: Path | None = None,
+    ) -> None:
+        end = criterion(options.until if until is None else until, scene)
+        super().__init__(options.steps, statistics, end)
+        self.scene, self.options, self.first_step, self._locked = scene, options, first_step, locked
+        self.observer = observer
+        self.output: Output | None = None
 
     @contextmanager
-    def opened(self, scene: Scene) -> Iterator[None]:
-        """Open the output. Its file is locked meanwhile and completed at the end.
+    def opened(self) -> Iterator[None]:
+        """Lock the checkpoint and open the outputs, which are locked meanwhile and completed at the end.
 
         The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
 
         Raises
         ------
         InputError
-            The output cannot be written.
+            A file cannot be written. It is an `OutputError` if another run writes it.
         """
-        self.output = self.options.open_output(scene, self.statistics, self.first_step)
-        if self.output is None:
-            yield
-            return
-        with self.output:
+        options, locked, resume_at = self.options, self._locked, None
+        if locked is not None and locked.exists():
+            resume_at = self.first_step + self.statistics.steps
+        with ExitStack() as held:
+            if options.checkpoint is not None:
+                checkpoint = Path(options.checkpoint)
+                if locked is None or checkpoint.resolve() != locked.resolve():
+                    held.enter_context(lock_checkpoint(checkpoint))
+            self.output = options.open_output(self.scene, self.statistics, self.first_step)
+            if self.output is not None:
+                held.enter_context(self.output)
+            if options.measure is not None:
+                from warpgrains.analysis.series import Series
+
+                series = Series(options.measure, options.measure_every, options.series, resume_at)
+                self.observer = held.enter_context(series)
             yield
             at_end = perf_counter()
         self.statistics.seconds += perf_counter() - at_end
 
     @property
-    def _next_frame(self) -> int | None:
-        """Step of the run after which a frame is due."""
+    def _next_frame(self) -> int:
+        """Step of the run after which a frame is due: the last one, if there are not several frames."""
         if self.output is None or self.output.times is None:
-            return None if self.output is None else self.options.steps
+            return self.steps
         return self.output.times.step(self.statistics.frames)
 
     @property
     def steps_to_output(self) -> int:
         """Number of steps to the next frame or observation, or to the end of the run."""
-        steps, frame = self.statistics.steps, self._next_frame
-        left = [self.options.steps - steps] + ([] if frame is None else [frame - steps])
-        if self.observer is not None:
-            left.append(steps_to_multiple(self.first_step + steps, self.observer.every))
-        return min(left)
-
-    @property
-    def steps_to_stop(self) -> int:
-        """Number of steps to the next output, test of the end criterion or checkpoint."""
-        steps, left = self.statistics.steps, [self.steps_to_output]
-        if self.until is not None:
-            left.append(steps_to_test(steps))
-        if self.options.checkpoint is not None:
-            left.append(steps_to_multiple(steps, self.options.every))
-        return min(left)
+        steps = self.statistics.steps
+        left = min(self.steps, self._next_frame) - steps
+        if self.observer is None:
+            return left
+        return min(left, steps_to(self.observer.every, self.first_step + steps))
 
     def record(self, now: PresentState) -> None:
         """Observe and record the present state, if due."""
@@ -116,23 +145,13 @@ class OpenRun:
             self.output.record(Frame.of(now, self.output.needs_contacts))
             self.statistics.frames += 1
 
-    def save_if_due(self, now: PresentState) -> None:
-        """Save a checkpoint, if due, after flushing the frames and measurements that it counts."""
-        path = self.options.checkpoint_after(self.statistics.steps)
-        if path is not None:
-            self.flush()
-            write_checkpoint(path, Checkpoint(now.scene, now.state(), self.options, self.statistics))
-
-    def flush(self) -> None:
-        """Flush frames and measurements to the disk, before a checkpoint that counts them."""
+    def checkpoint(self, state: State) -> Checkpoint:
+        """Return a checkpoint, after flushing the frames and measurements that it counts to the disk."""
         if self.output is not None:
             self.output.flush()
         if self.observer is not None:
             self.observer.flush()
-
-    def end(self) -> None:
-        """End the run after the steps done, because its end criterion is met."""
-        self.options = replace(self.options, steps=self.statistics.steps)
+        return Checkpoint(self.scene, state, replace(self.options, steps=self.steps), self.statistics)
 
 
 def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
@@ -153,22 +172,28 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
     UserWarning
         Grains cannot fit (once per run), or the run ended before its end criterion was met.
     """
-    statistics, until = run.statistics, run.until
+    statistics, until, every = run.statistics, run.until, run.options.every
+    kept = None if run.options.checkpoint is None else Path(run.options.checkpoint)
     start = perf_counter() - statistics.seconds
-    with progress_bar(run.options.steps, statistics.steps, progress) as bar, _flushed(run.observer):
+
+    def write_due() -> None:
         run.record(simulation)
-        run.save_if_due(simulation)
-        while statistics.steps < run.options.steps:
-            done = simulation.advance(run.steps_to_stop, bar.update)
+        if kept is not None and (statistics.steps % every == 0 or run.has_ended):
+            write_checkpoint(kept, run.checkpoint(simulation.state()))
+
+    with progress_bar(run.steps, statistics.steps, progress) as bar, _flushed(run.observer):
+        write_due()
+        while not run.has_ended:
+            steps = min(run.steps_to_output, run.steps_to_test)
+            if kept is not None:
+                steps = min(steps, steps_to(every, statistics.steps))
+            done = simulation.advance(steps, bar.update)
             if done.infeasible and not statistics.infeasible:
                 step, grains = simulation.infeasible_steps[0]
                 warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
-            statistics.add(done)
+            run.count(done, simulation)
             statistics.seconds = perf_counter() - start
-            if until is not None and until.is_met(simulation, statistics):
-                run.end()
-            run.record(simulation)
-            run.save_if_due(simulation)
+            write_due()
     statistics.seconds = perf_counter() - start
     if until is not None and not statistics.met:
         warn(f"{until.name} was not reached within {simulation.time:g} s of simulated time", stacklevel=3)

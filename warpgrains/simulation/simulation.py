@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from warpgrains.described import documented
+from warpgrains.drawing.kinds import require_drawing
 from warpgrains.errors import InputError, missing_extra
-from warpgrains.pictures.kinds import require_drawing
 from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
@@ -20,7 +19,7 @@ from warpgrains.simulation.checkpoint import (
 from warpgrains.simulation.options import OPTIONS, RunOptions, steps_of
 from warpgrains.simulation.run import Observer, OpenRun, carry_out, require_observer
 from warpgrains.simulation.stepper import Stepper, continued
-from warpgrains.simulation.until import Question, criterion
+from warpgrains.simulation.until import Question
 from warpgrains.solver.statistics import RunStatistics, Summary
 
 if TYPE_CHECKING:
@@ -141,12 +140,8 @@ class Simulation(Stepper):
             )
         if observer is not None:
             require_observer(observer)
-        run = OpenRun(options, RunStatistics(), self.steps, criterion(until, self.scene), observer)
-        with (
-            self._use.exclusive(),
-            nullcontext() if options.checkpoint is None else lock_checkpoint(Path(options.checkpoint)),
-            run.opened(self.scene),
-        ):
+        run = OpenRun(self.scene, options, RunStatistics(), self.steps, until, observer)
+        with self._use.exclusive(), run.opened():
             carry_out(self, run, progress)
         return run.statistics.summary(options.record)
 

@@ -150,10 +150,14 @@ class Stepper(PresentState, Shown):
     def change(self, **fields: Any) -> None:
         """Change some fields of the scene, such as drag=0.1, and continue from the present state.
 
+        Time is the number of steps times `dt`. A change of `dt` therefore changes the time of the present
+        state, which walls that move and gravity that turns would follow at once.
+
         Raises
         ------
         InputError
-            A value is invalid, or a change concerns the grains.
+            A value is invalid, a change concerns the grains, or `dt` changes after the start while a wall
+            moves or gravity turns.
         """
         with self._use.exclusive():
             state = self.state()
@@ -162,6 +166,12 @@ class Stepper(PresentState, Shown):
                 raise InputError(
                     "change: a pressure or a force can be changed, but not given to a wall or taken away;"
                     " make a scene of the present positions"
+                )
+            now, then = self.time, self.steps * scene.dt
+            if now != then and (scene.has_moving_walls or scene.gravity_rate):
+                raise InputError(
+                    f"change: dt would move the time from {now:g} s to {then:g} s, and with it moving walls"
+                    " and turning gravity; make a scene of the present positions"
                 )
             if not _has_walls_of(scene, self.scene):
                 state = replace(state, lists=None)  # they hold for other walls

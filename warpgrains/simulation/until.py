@@ -36,31 +36,53 @@ class EndCriterion:
     """Number of steps for which the condition must hold."""
     name: str
 
-    def is_met(self, now: PresentState, statistics: RunStatistics) -> bool:
-        """Test the end criterion every `TEST_INTERVAL` steps of a run; count for how many steps it has held.
+
+@dataclass(eq=False)
+class CountedRun:
+    """A run whose steps are counted, which ends after its last one or when its end criterion is met."""
+
+    steps: int
+    """Number of steps, those done once the end criterion is met."""
+    statistics: RunStatistics
+    """Statistics of the steps done."""
+    until: EndCriterion | None = None
+
+    @property
+    def has_ended(self) -> bool:
+        """True if no step is left."""
+        return self.statistics.steps >= self.steps
+
+    @property
+    def steps_to_test(self) -> int:
+        """Number of steps to the next test of the end criterion, or to the end of the run."""
+        left = self.steps - self.statistics.steps
+        return left if self.until is None else min(left, steps_to(TEST_INTERVAL, self.statistics.steps))
+
+    def count(self, done: RunStatistics, now: PresentState) -> None:
+        """Count steps, at most `steps_to_test`, and end the run if its end criterion is met after them.
 
         Parameters
         ----------
+        done : RunStatistics
+            Statistics of these steps.
         now : PresentState
-            The run after its last step.
-        statistics : RunStatistics
-            Statistics of the run, whose `held` and `met` are updated.
+            The run after them.
         """
+        statistics = self.statistics
+        statistics.add(done)
+        if self.until is None or done.steps == 0:
+            return
+        statistics.met = False
         if statistics.steps % TEST_INTERVAL == 0:
             held = statistics.held + TEST_INTERVAL if statistics.held else 1
-            statistics.held = held if self.condition(now) else 0
-            statistics.met = statistics.held > self.steps
-        return statistics.met
+            statistics.held = held if self.until.condition(now) else 0
+            if statistics.held > self.until.steps:
+                self.steps, statistics.met = statistics.steps, True
 
 
-def steps_to_multiple(steps: int, every: int) -> int:
+def steps_to(every: int, steps: int) -> int:
     """Return the number of steps from step `steps` to the next multiple of `every`."""
     return every - steps % every
-
-
-def steps_to_test(steps: int) -> int:
-    """Return the number of steps from step `steps` to the next test."""
-    return steps_to_multiple(steps, TEST_INTERVAL)
 
 
 def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None:

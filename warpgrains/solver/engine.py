@@ -166,7 +166,8 @@ class Engine:
 
     def scene_at(self, k: int, name: str) -> Scene:
         """Return scene k with its driven walls where they are in "position", or were in "last_position"."""
-        return self.scenes[k].with_walls_at(self._pulled(k).coordinates(name))
+        scene = self.scenes[k]
+        return scene.with_walls_at(self._pulled(k).coordinates(name)) if scene.has_driven_walls else scene
 
     def last_staggered(self, k: int) -> bool:
         """Return True if the velocities of scene k were half a step behind before its last good step."""
@@ -177,7 +178,8 @@ class Engine:
 
         They cover the steps since `submit`.
         """
-        ends = FinalStates.of(self._records, which)
+        scenes = [self.scene_at(k, "position") for k in which.tolist()]
+        ends = FinalStates.of(scenes, self._records, which)
         return ends._replace(done={**ends.done, "seconds": self.seconds[which]})
 
     def corrections(self, k: int) -> Corrections:
@@ -250,10 +252,15 @@ class Engine:
             self._graphs[k] = capture.graph
         return self._graphs[k]
 
-    def cancel(self) -> None:
-        """Cancel: CPU threads abandon their steps and start no other; a GPU ends its step."""
+    def cancel(self, abandon: bool = True) -> None:
+        """Start no other step. A GPU ends its step; CPU threads abandon theirs, or else end them.
+
+        An abandoned step has changed the list and the numbers by which the next one is made. In color order,
+        later steps may therefore have other bits.
+        """
         self._cancel[0] = 1
-        self._records.host["control"]["cancelled"] = 1
+        if abandon:
+            self._records.host["control"]["cancelled"] = 1
 
     def service(self) -> bool:
         """Serve the requests of scenes; return True if one of the scenes can continue."""

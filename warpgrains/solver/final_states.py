@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -12,6 +12,7 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.walls import Annulus
 
 if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
     from warpgrains.solver.records import SceneRecords
 
 COUNTED = (
@@ -29,7 +30,7 @@ COUNTED = (
 wall time."""
 
 
-class Grains(NamedTuple):
+class StackedGrains(NamedTuple):
     """Grains of m scenes with n grains each. The first axis of every array is that of the scenes."""
 
     mass: FloatArray
@@ -52,34 +53,50 @@ class Grains(NamedTuple):
     walls: Annulus
     """The annulus of each scene; its radii are arrays [m], shape (m,)."""
 
+    @classmethod
+    def of(
+        cls,
+        scenes: Sequence[Scene],
+        times: Sequence[float],
+        position: FloatArray,
+        velocity: FloatArray,
+        spin: FloatArray,
+        wall_force: FloatArray,
+    ) -> Self:
+        """Return the grains of scenes, whose driven walls are where they are at the times [s]."""
+        radii: Any = np.array([[scene.radius_in, scene.radius_out] for scene in scenes]).T
+        each = tuple(zip(scenes, times, strict=True))
+        return cls(
+            mass=np.array([scene.mass for scene in scenes]),
+            radius=np.array([scene.radius for scene in scenes]),
+            position=position,
+            velocity=velocity,
+            spin=spin,
+            wall_force=wall_force,
+            gravity=np.array([scene.gravity_at(time) for scene, time in each]),
+            discs=np.array([scene.discs_at(time) for scene, time in each]),
+            walls=Annulus(*radii),
+        )
+
 
 class FinalStates(NamedTuple):
     """Final states of m scenes with equal numbers of grains."""
 
-    grains: Grains
+    grains: StackedGrains
     dt: FloatArray
     """[s], shape (m,)."""
     done: Mapping[str, NDArray[Any]]
     """Sums and maxima over their steps, by field of `RunStatistics`, shape (m,) each: at least `COUNTED`."""
 
     @classmethod
-    def of(cls, records: SceneRecords, which: IndexArray) -> Self:
-        """Return the final states of some scenes from their host memory."""
+    def of(cls, scenes: Sequence[Scene], records: SceneRecords, which: IndexArray) -> Self:
+        """Return the final states of scenes, those with the numbers `which` in the records."""
         host, sums = records.host, records.host["statistics"]
         dt = host["dt"][which]
-        radii: Any = records.parameter("radius_in", which), host["walls"]["annulus"]["radius_out"][which]
-        spin = records.stacked("grains.spin", which) if records.sizes.friction else None
-        mass = records.stacked("grains.mass", which)
-        contact_mass = records.stacked("grains.contact_mass", which)
-        grains = Grains(
-            mass=mass,
-            radius=records.stacked("grains.radius", which),
-            position=records.stacked("grains.position", which),
-            velocity=records.stacked("grains.velocity", which),
-            spin=np.zeros_like(mass) if spin is None else spin,
-            wall_force=contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None],
-            gravity=records.gravity(which),
-            discs=records.discs(which),
-            walls=Annulus(*radii),
-        )
+        names = ("position", "velocity", "contact_mass", *(("spin",) if records.sizes.friction else ()))
+        position, velocity, contact_mass, *spin = (records.stacked(f"grains.{name}", which) for name in names)
+        wall_force = contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None]
+        times = (host["steps"][which] * dt).tolist()
+        spins = spin[0] if spin else np.zeros(contact_mass.shape)
+        grains = StackedGrains.of(scenes, times, position, velocity, spins, wall_force)
         return cls(grains, dt, {name: sums[name][which] for name in sums.dtype.names})

@@ -209,29 +209,6 @@ class SceneRecords:
         whole, n = self.together(name), self._scenes[which[0]].n
         return np.stack([self.array(int(k), name)[:n] for k in which]) if whole is None else whole[which, :n]
 
-    def parameter(self, name: str, which: IndexArray) -> FloatArray:
-        """Return a field of some scenes, such as "radius_in", shape (m,)."""
-        return np.array([getattr(self._scenes[k], name) for k in which])
-
-    def gravity(self, which: IndexArray) -> FloatArray:
-        """Return gravity as it is at the times of some scenes [m/s2], shape (m, 2)."""
-        found: FloatArray = self.host["gravity"][which]
-        for row in np.nonzero(self.host["turning"]["rate"][which])[0].tolist():
-            found[row] = self._scenes[which[row]].gravity_at(self._time(which[row]))
-        return found
-
-    def discs(self, which: IndexArray) -> FloatArray:
-        """Return `Scene.discs_at` of some scenes at their times [m], shape (m, walls, 3).
-
-        The scenes have equal numbers of walls.
-        """
-        if not self._scenes[which[0]].walls:
-            return np.zeros((len(which), 0, 3))
-        return np.array([self._scenes[k].discs_at(self._time(k)) for k in which])
-
-    def _time(self, k: int) -> float:
-        return self.host["steps"][k].item() * self._scenes[k].dt
-
     def wall_corrections(self, which: IndexArray) -> FloatArray:
         """Return the corrections of the grains of some scenes at each wall [m/s], shape (m, n, walls).
 

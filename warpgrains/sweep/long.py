@@ -13,15 +13,13 @@ from math import inf
 from time import perf_counter
 from typing import Any, NamedTuple, Self
 
-from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import Ending, ResidentSets, StepsDone
+from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, OutputError, SimulationError
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import OpenRun
-from warpgrains.simulation.until import criterion
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
@@ -55,8 +53,8 @@ class LongRun(OpenRun):
 
     def __init__(self, folder: RunFolder, start: Checkpoint):
         options = start.options or RunOptions(steps=start.scene.steps)
-        super().__init__(options, start.statistics, until=criterion(options.until, start.scene))
-        self.folder, self.scene, self.state = folder, start.scene, start.state
+        super().__init__(start.scene, options, start.statistics, locked=folder.checkpoint)
+        self.folder, self.state = folder, start.state
         self.error: str | None = None
         self._outputs = ExitStack()
 
@@ -83,7 +81,8 @@ class LongRun(OpenRun):
                 if point.state is not None and point.statistics is not None and start.statistics.steps == 0:
                     start = replace(start, state=point.state, statistics=point.statistics)
                 run = cls(folder, start)
-                own.push(run._open())
+                own.push(run._outputs)
+                run._outputs.enter_context(run.opened())
             except OutputError:
                 raise
             except InputError as error:
@@ -96,34 +95,15 @@ class LongRun(OpenRun):
             held.push(own.pop_all())
             return run
 
-    def _open(self) -> ExitStack:
-        """Open the recording and the series."""
-        options = self.options
-        with ExitStack() as outputs:
-            outputs.enter_context(self.opened(self.scene))
-            if options.measure is not None:
-                resume_at = self.statistics.steps or None
-                series = Series(options.measure, options.measure_every, options.series, resume_at)
-                self.observer = outputs.enter_context(series)
-            self._outputs = outputs.pop_all()
-        return self._outputs
-
     @property
     def has_steps_left(self) -> bool:
         """True if steps remain to be done."""
-        return self.statistics.steps < self.options.steps and self.error is None
+        return self.error is None and not self.has_ended
 
     @property
     def progress(self) -> float:
         """Fraction of the run that is done."""
-        return self.statistics.steps / self.options.steps if self.has_steps_left else 1.0
-
-    def count(self, done: StepsDone) -> None:
-        """Add the steps that the run has done; it ends now if its end criterion is met."""
-        self.statistics.add(done.statistics)
-        self.error = done.error
-        if self.statistics.met:
-            self.end()
+        return self.statistics.steps / self.steps if self.has_steps_left else 1.0
 
     def record(self, now: PresentState) -> None:
         """Observe and record the present state, if due, unless the run has failed."""
@@ -131,9 +111,8 @@ class LongRun(OpenRun):
             super().record(now)
 
     def save_checkpoint(self) -> None:
-        """Save a checkpoint after flushing the frames and measurements that it counts."""
-        self.flush()
-        self.folder.save_checkpoint(Checkpoint(self.scene, self.state, self.options, self.statistics))
+        """Save a checkpoint with its frames and measurements."""
+        self.folder.save_checkpoint(self.checkpoint(self.state))
 
     def complete(self) -> str | None:
         """Complete the recording; return the reason if that fails."""
@@ -240,7 +219,6 @@ class LongRunner:
     def _in_slices(self, runs: list[LongRun], sets: ResidentSets) -> None:
         """Advance runs in slices; record, measure and save checkpoints between slices."""
         slice_steps, kept_at = FIRST_SLICE, perf_counter()
-        ends = {k: Ending(run.until, run.statistics) for k, run in enumerate(runs) if run.until is not None}
         for _ in sets.in_memory():
             _write_due(runs, sets)
         if any(run.output is not None for run in runs):
@@ -248,9 +226,9 @@ class LongRunner:
         while any(run.has_steps_left for run in runs):
             start, before = perf_counter(), sum(run.progress for run in runs)
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
-            for last in sets.advance(steps, None, ends):
+            for last in sets.advance(steps, None, runs):
                 for k in filter(steps.__getitem__, sets.scenes):
-                    runs[k].count(last.done(k))
+                    runs[k].error = last.done(k).error
                 _write_due(runs, sets)
             self._on_progress(sum(run.progress for run in runs) - before)
             now = perf_counter()

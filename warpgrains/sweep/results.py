@@ -17,7 +17,7 @@ from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.files import Row
-from warpgrains.solver.final_states import COUNTED, FinalStates, Grains
+from warpgrains.solver.final_states import COUNTED, FinalStates, StackedGrains
 from warpgrains.solver.statistics import RunStatistics
 
 
@@ -38,7 +38,7 @@ def _counted(field: str, meaning: str) -> Column:
     return Column(meaning, lambda ends: ends.done[field].astype(np.int64), kind=int)
 
 
-def _at_the_end(name: str, of_runs: Callable[[Grains], FloatArray]) -> Column:
+def _at_the_end(name: str, of_runs: Callable[[StackedGrains], FloatArray]) -> Column:
     """Return the column of a quantity of the final state."""
     quantity = QUANTITIES[name]
     return Column(

@@ -12,13 +12,13 @@ from time import perf_counter
 from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import Ending, ResidentSets, SetSteps
+from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
-from warpgrains.simulation.until import criterion
+from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
@@ -40,8 +40,7 @@ class ShortRun(NamedTuple):
     run: Run
     labels: Row
     scene: Scene
-    ending: Ending | None
-    """End criterion of the run and its statistics; None if it has none."""
+    until: EndCriterion | None
 
 
 class ShortGroup(NamedTuple):
@@ -122,8 +121,7 @@ class ShortRunner:
                 scene = self._scene(run)
                 until = criterion(self._folder.columns.until, scene)
                 if paying_threads(scene) == 1:
-                    ending = None if until is None else Ending(until, RunStatistics())
-                    return ShortRun(run, labels, scene, ending)
+                    return ShortRun(run, labels, scene, until)
         self.longer.append(ResumePoint(run))
         return None
 
@@ -162,10 +160,12 @@ class ShortRunner:
                 sets.cancel()
 
         waiting = dict(enumerate(group.runs))
-        endings = {k: short.ending for k, short in waiting.items() if short.ending is not None}
+        runs = None
+        if self._folder.columns.until is not None:
+            runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
         ended: dict[int, tuple[Row, RunResult]] = {}
-        for last in sets.advance(steps, poll, endings):
-            for k, values in self._ended(sets, last):
+        for last in sets.advance(steps, poll, runs):
+            for k, values in self._ended(sets, runs):
                 short = waiting.pop(k)
                 ended[short.run.number] = (short.labels, values)
             for k in filter(waiting.__contains__, sets.scenes):
@@ -177,14 +177,13 @@ class ShortRunner:
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
 
-    def _ended(self, sets: ResidentSets, last: SetSteps) -> Iterator[tuple[int, RunResult]]:
+    def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
         columns = self._folder.columns.after_labels
-        if self._folder.columns.until is not None:
+        if runs is not None:
             for k, now in sets.scenes.items():
-                statistics = last.done(k).statistics
-                if statistics.met or statistics.steps == now.scene.steps:
-                    yield k, result(snapshot(now), statistics, columns)
+                if runs[k].has_ended:
+                    yield k, result(snapshot(now), runs[k].statistics, columns)
             return
         for engine, numbers, indices in sets.by_shape():
             ended = engine.left[indices] == 0

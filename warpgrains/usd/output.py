@@ -4,11 +4,11 @@ from pathlib import Path
 
 from pxr import Sdf, Tf
 
+from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path
 from warpgrains.locks import Lock, lock_own
 
-SUFFIXES = (".usdc", ".usda", ".usdz")
 RECORDED_BY = "warpgrains"
 """Key in a layer's custom data that identifies a recording."""
 
@@ -22,7 +22,7 @@ def lock_output(path: Path) -> Lock:
         It cannot be written there. It is an `OutputError` if another process writes it, or if the file exists
         and is no recording.
     """
-    require_writable_path("output", path, *SUFFIXES)
+    require_writable_path("output", path, *RECORDINGS)
     try:
         str(path).encode()
     except UnicodeEncodeError:

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog, log_of
 from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
-from warpgrains.usd.output import SUFFIXES, lock_output
+from warpgrains.usd.output import lock_output
 from warpgrains.usd.stage import Drawing, MovingWalls, static_layer
 from warpgrains.usd.writer import reopen_log, write_recording
 
@@ -227,7 +228,7 @@ def recover(log: str | Path) -> tuple[Path, int]:
     """
     log = Path(checks.path("log", log))
     target = log.parent / log.stem
-    if log.suffix != ".frames" or target.suffix not in SUFFIXES or not log.is_file():
+    if log.suffix != ".frames" or target.suffix not in RECORDINGS or not log.is_file():
         raise InputError(f"'{log}' is not the log of a recording, such as run.usdc.frames")
     with lock_output(target):
         return target, write_recording(log, target)

@@ -1,12 +1,14 @@
-"""Kinds of pictures and films, by the suffix of their files."""
+"""Kinds of outputs of runs, by the suffix of their files."""
 
 from math import inf
 
 from warpgrains.errors import missing_extra
 
-STILLS = (".png", ".pdf", ".svg")
+RECORDINGS = (".usdc", ".usda", ".usdz")
 FILMS = (".mp4", ".gif", ".webp")
-FASTEST: dict[str | None, float] = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
+STILLS = (".png", ".pdf", ".svg")
+KINDS = dict.fromkeys(RECORDINGS, "recording") | dict.fromkeys(FILMS, "film") | dict.fromkeys(STILLS, "still")
+FASTEST = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
 """Largest frame rate that browsers play, by suffix [1/s]."""
 
 
