@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter, sleep
 from typing import Any
@@ -17,6 +18,7 @@ from same_bits import contents
 
 from warpgrains import Batch, Scene, Simulation
 from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.solver import engine, threads
 from warpgrains.solver.threads import run_threads
 
 ENDLESS = {"tolerance": 0.0, "max_iterations": 2_000_000_000}
@@ -46,6 +48,26 @@ def test_one_endless_step(method: str, threads: int) -> None:
     expected = Simulation(Scene.load("polydisperse"), method=method)
     expected.run(steps=61)
     assert np.array_equal(started.velocity, expected.velocity)
+
+
+def test_short_steps_are_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In color order, bits depend on the list: an interrupt must not change it."""
+    monkeypatch.setattr(engine, "BRIEF", 0)
+    monkeypatch.setattr(threads, "GLANCE", 1e-4)
+    monkeypatch.setattr(threads, "GRACE", 60.0)
+    interrupted, whole = (Simulation("annulus", threads=1, order="color", drag=0.1) for _ in range(2))
+
+    def interrupt(steps: int) -> None:
+        raise KeyboardInterrupt
+
+    stops = [0]
+    while stops[-1] < 400:
+        with suppress(KeyboardInterrupt):
+            interrupted.advance(400 - stops[-1], interrupt)
+        stops.append(interrupted.steps)
+        whole.advance(stops[-1] - stops[-2])
+        assert contents(interrupted.state()) == contents(whole.state())
+    assert len(stops) > 2
 
 
 def test_an_endless_batch() -> None:

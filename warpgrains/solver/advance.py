@@ -36,9 +36,9 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
             before, left = left, _left(engines)
             on_progress(before - left)
 
-    def cancel() -> None:
+    def cancel(abandon: bool) -> None:
         for engine in engines:
-            engine.cancel()
+            engine.cancel(abandon)
 
     is_brief = all(engine.is_brief for engine in engines)
     try:

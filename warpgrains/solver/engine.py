@@ -252,7 +252,7 @@ class Engine:
             self._graphs[k] = capture.graph
         return self._graphs[k]
 
-    def cancel(self, abandon: bool = True) -> None:
+    def cancel(self, abandon: bool) -> None:
         """Start no other step. A GPU ends its step; CPU threads abandon theirs, or else end them.
 
         An abandoned step has changed the list and the numbers by which the next one is made. In color order,

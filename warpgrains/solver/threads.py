@@ -6,6 +6,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from threading import Condition
 
 GLANCE = 0.1  # seconds between two polls
+GRACE = 0.5  # seconds that tasks have to end after an interrupt, before they are abandoned
 MOST = 1024  # threads at the same time
 
 
@@ -37,10 +38,10 @@ class _Tasks:
     def __len__(self) -> int:
         return len(self._tasks)
 
-    def wait(self) -> None:
-        """Wait until all tasks are done."""
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait until all tasks are done, for some seconds at most; return True if they are."""
         with self._changed:
-            self._changed.wait_for(lambda: self._ended == len(self._tasks))
+            return self._changed.wait_for(lambda: self._ended == len(self._tasks), timeout)
 
 
 class _Workers:
@@ -65,7 +66,7 @@ _WORKERS = _Workers()
 def run_threads(
     tasks: Sequence[Callable[[], None]],
     poll: Callable[[], None] | None = None,
-    cancel: Callable[[], None] | None = None,
+    cancel: Callable[[bool], None] | None = None,
 ) -> None:
     """Execute each task on a separate thread.
 
@@ -78,7 +79,8 @@ def run_threads(
     poll : callable, optional
         Called every `GLANCE` seconds and at the end.
     cancel : callable, optional
-        Called once if this thread is interrupted. It requests the tasks to end, and they are waited for.
+        Called with False if this thread is interrupted: the tasks are to end soon. Called with True if they
+        have not ended after `GRACE` seconds: they are to give up what they do. They are waited for.
     """
     if len(tasks) == 1 and poll is None:
         return tasks[0]()
@@ -93,8 +95,10 @@ def run_threads(
                 poll()
     except BaseException:
         if cancel is not None:
-            cancel()
+            cancel(False)
         _WORKERS.submit(all_tasks)  # a team with a missing thread would wait for ever
+        if cancel is not None and not all_tasks.wait(GRACE):
+            cancel(True)
         all_tasks.wait()
         raise
     for future in futures:
