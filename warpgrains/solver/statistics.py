@@ -195,8 +195,10 @@ class RunStatistics(FormerNames):
         Steps done and frames recorded.
     iterations, iterations_max : int
         Sum and maximum over the steps.
-    unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, restarts, seconds
+    unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, restarts
         As in `Summary`.
+    seconds : float
+        Wall time of the run [s]; in batches and sweeps, for its steps and for completing its recording.
     held : int
         Number of steps for which the end criterion has held, plus 1; 0 if it does not hold.
     met : bool

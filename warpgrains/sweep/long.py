@@ -18,7 +18,6 @@ from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, OutputError, SimulationError
 from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
-from warpgrains.simulation.options import RunOptions
 from warpgrains.simulation.run import OpenRun
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.statistics import RunStatistics
@@ -52,8 +51,8 @@ class LongRun(OpenRun):
     """A run with a folder in execution. No other process executes it, because its folder is locked."""
 
     def __init__(self, folder: RunFolder, start: Checkpoint):
-        options = start.options or RunOptions(steps=start.scene.steps)
-        super().__init__(start.scene, options, start.statistics, locked=folder.checkpoint)
+        assert start.options is not None  # `RunFolder.begin` returns them
+        super().__init__(start.scene, start.options, start.statistics, locked=folder.checkpoint)
         self.folder, self.state = folder, start.state
         self.error: str | None = None
         self._outputs = ExitStack()

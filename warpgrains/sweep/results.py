@@ -2,8 +2,8 @@
 
 The first columns are labels: the number of the run, the scene, and its value on each axis of the sweep. Those
 of `COLUMNS` follow, and before the last of them, `error`, the measured quantities. All these do not depend on
-when, where and with how many interruptions the run is done. The last column is `seconds`, the wall time,
-which the table of all results omits.
+when, where and with how many interruptions the run is done. The last column is `seconds`, the time for
+the steps of the run and for completing its recording. The table of all results omits it.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -51,7 +51,7 @@ class SweepFolder:
     ----------
     results, timing : Path
         Table of the results of all runs, which do not depend on when and where a run was done; and table of
-        the wall times of the runs [s].
+        the times for their steps and for completing their recordings [s].
     shards : ResultShards
         Results of the runs without a folder.
     """
