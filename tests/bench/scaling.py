@@ -38,7 +38,7 @@ def costs(options: Options) -> Iterator[dict[str, str]]:
 def _ns_a_grain(simulation: Simulation) -> float:
     """Return the cost of some whole steps, by grain and iteration."""
     n, iterations = simulation.scene.n, 0
-    steps = max(2, 200_000 // n)
+    steps = min(max(2, 200_000 // n), 1_000)
 
     def work() -> None:
         nonlocal iterations

@@ -3,9 +3,9 @@
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -84,7 +84,7 @@ def compiling(options: Options) -> Iterator[dict[str, str]]:
 
 def _seconds_of_a_first_run() -> float:
     command = [sys.executable, "-m", "warpgrains", "run", "annulus"]
-    with tempfile.TemporaryDirectory() as cache:
+    with TemporaryDirectory() as cache:
         environment = {**os.environ, "WARP_CACHE_PATH": cache}
         run = partial(subprocess.run, command, env=environment, cwd=cache, check=True, capture_output=True)
         return seconds(run)

@@ -2,11 +2,13 @@
 
 import ast
 import csv
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import warp as wp
 from bench.features import FEATURES
 from bench.mutations import mutants
 
@@ -17,6 +19,7 @@ QUICK = [
     "steps",
     "course",
     "solo",
+    "compiling",
     "lists",
     "threads",
     "busy",
@@ -27,9 +30,17 @@ QUICK = [
 ]
 
 
-def command(module: str, *arguments: object) -> str:
-    """Run a module of the benchmark, and return what it prints."""
-    line = [sys.executable, "-m", f"tests.bench.{module}", *map(str, arguments)]
+KEPT_KERNELS = """
+from contextlib import nullcontext
+from tests.bench import solo
+solo.TemporaryDirectory = lambda: nullcontext({!r})
+"""
+
+
+def command(module: str, *arguments: object, change: str = "") -> str:
+    """Run a module of the benchmark, after a change by a line of Python, and return what it prints."""
+    script = f"from tests.bench import {module}\n{change}\n{module}.main()"
+    line = [sys.executable, "-c", script, *map(str, arguments)]
     done = subprocess.run(line, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -39,14 +50,15 @@ def command(module: str, *arguments: object) -> str:
 @pytest.mark.parametrize(
     ("parts", "count"),
     [
-        (QUICK, 43),
+        (QUICK, 44),
         pytest.param(["moving"], 11, marks=pytest.mark.slow),
-        pytest.param(["compiling"], 1, marks=pytest.mark.slow),
     ],
 )
 def test_benchmark_of_a_step(parts: list[str], count: int, tmp_path: Path) -> None:
     file = tmp_path / "step.csv"
-    command("step", "--largest", 20, "--repeats", 1, "--cache", tmp_path, "--only", *parts, "-o", file)
+    options = ["--largest", 20, "--repeats", 1, "--cache", tmp_path, "--only", *parts, "-o", file]
+    wp.init()
+    command("step", *options, change=KEPT_KERNELS.format(os.path.dirname(wp.config.kernel_cache_dir)))
     head, *rows = file.read_text().splitlines()
     assert head == COLUMNS
     assert len(rows) == count
@@ -129,9 +141,10 @@ def test_benchmark_of_peers(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_benchmark_of_growth(tmp_path: Path) -> None:
     file, picture = tmp_path / "growth.csv", tmp_path / "growth.png"
-    command("growth", "--grains", 12, 50, "--cache", tmp_path, "-o", file, "--picture", picture)
+    arguments = ["--grains", 12, 20, "--cache", tmp_path, "-o", file, "--picture", picture]
+    command("growth", *arguments, change="growth.SHORTEST = 0.0")
     rows = [row for row in csv.DictReader(file.open()) if row["program"] == "warpgrains"]
-    assert [row["n"] for row in rows] == ["12", "50"]
+    assert [row["n"] for row in rows] == ["12", "20"]
     assert all(float(row["overlap of pairs"]) <= 1e-2 for row in rows)
     assert picture.stat().st_size > 10_000
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import termios
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from warpgrains.cli import step_by_step
 from warpgrains.files import read_table
 
 COMMAND = [sys.executable, "-m", "warpgrains", "run", "annulus", "--step-by-step"]
+Press = Callable[..., tuple[str, str]]
 HISTORY = "step,iteration,zeta,residual\n"
 
 
@@ -23,20 +25,45 @@ def steps_of(printed: str) -> list[int]:
     return [int(line.split()[0]) for line in printed.splitlines()[2:]]
 
 
+@pytest.fixture
+def press(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Press:
+    """Send keys through a pipe, which ends with them; return what is printed and complained of."""
+
+    def press(keys: str, *options: object) -> tuple[str, str]:
+        theirs, ours = os.pipe()
+        os.write(ours, keys.encode())
+        os.close(ours)
+        monkeypatch.setattr(step_by_step, "STDIN", theirs)
+        try:
+            assert exit_code("run", "annulus", "--step-by-step", *options) == 0
+        finally:
+            os.close(theirs)
+        return capfd.readouterr()
+
+    return press
+
+
 @pytest.mark.parametrize(
     ("keys", "steps"), [("nNn", 3), ("nrsnqnn", 3), ("q", 0), ("", 0), ("r", 25), ("n\nr\n", 25)]
 )
-def test_keys(keys: str, steps: int) -> None:
-    done = subprocess.run([*COMMAND, "--steps", "25"], input=keys, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert steps_of(done.stdout) == list(range(1, steps + 1))
+def test_keys(press: Press, keys: str, steps: int) -> None:
+    printed, complaint = press(keys, "--steps", 25)
+    assert complaint == ""
+    assert steps_of(printed) == list(range(1, steps + 1))
 
 
 @pytest.mark.parametrize("keys", ["nNxn", "nn n", "nné", "n\x1b[An"])
-def test_an_unknown_key_is_answered_with_those_that_there_are(keys: str) -> None:
-    done = subprocess.run([*COMMAND, "--steps", "25"], input=keys, capture_output=True, text=True)
-    assert (done.returncode, done.stderr.count("\n")) == (0, 1)
-    assert "unknown key; N: next step   R: run   S: stop   Q: quit" in done.stderr
+def test_an_unknown_key_is_answered_with_those_that_there_are(press: Press, keys: str) -> None:
+    _, complaint = press(keys, "--steps", 25)
+    assert complaint.count("\n") == 1
+    assert "unknown key; N: next step   R: run   S: stop   Q: quit" in complaint
+
+
+def test_keys_come_through_standard_input() -> None:
+    done = subprocess.run([*COMMAND, "--steps", "25"], input="nNxn", capture_output=True, text=True)
+    assert done.returncode == 0
+    assert steps_of(done.stdout) == [1, 2, 3]
+    assert "unknown key" in done.stderr
 
 
 class Terminal:
@@ -102,10 +129,11 @@ def test_a_terminal_gives_keys_at_once_and_is_left_as_it_was() -> None:
     assert termios.tcgetattr(theirs) == before
 
 
-def test_history_has_every_iteration_and_is_drawn(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_history_has_every_iteration_and_is_drawn(
+    press: Press, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     output = tmp_path / "zeta.csv"
-    options = ["--steps", "40", "--history", str(output)]
-    subprocess.run([*COMMAND, *options], input="r", check=True, capture_output=True, text=True)
+    press("r", "--steps", 40, "--history", output)
     rows, simulation = read_table(output), Simulation(Scene.load("annulus"))
     for step in range(1, 41):
         history = simulation.step(history=True).history

@@ -19,13 +19,13 @@ MakeReference = Callable[..., Reference]
 @pytest.mark.parametrize("name", ["annulus", "column", "no_inner_wall", "polydisperse"])
 def test_shipped_scene(reference: MakeReference, simulate: Simulate, name: str) -> None:
     scene = Scene.load(name).replace(order="color", max_iterations=200)
-    step_both(simulate(scene), reference(scene), steps=simulate.of(200))
+    step_both(simulate(scene), reference(scene), steps=simulate.of(60))
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_random_scene(reference: MakeReference, simulate: Simulate, seed: int) -> None:
     scene = random_scene(seed).replace(order="color")
-    step_both(simulate(scene), reference(scene), steps=simulate.of(100))
+    step_both(simulate(scene), reference(scene), steps=simulate.of(60))
 
 
 @pytest.mark.parametrize("make", SUDDEN)
@@ -33,7 +33,7 @@ def test_step_that_is_solved_again(
     reference: MakeReference, simulate: Simulate, make: Callable[[], Scene]
 ) -> None:
     scene = make().replace(order="color")
-    step_both(simulate(scene), reference(scene), steps=simulate.of(60))
+    step_both(simulate(scene), reference(scene), steps=simulate.of(30))
 
 
 @pytest.mark.parametrize("order", ["sequential", "color"])

@@ -1,5 +1,6 @@
 """Walls that forces drive: against the C reference, closed forms, lists, and runs that are continued."""
 
+from ctypes import CDLL
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from same_bits import contents
-from swept_order import full_order
+from swept_order import follow_reference
 
 from warpgrains import (
     Batch,
@@ -21,7 +22,7 @@ from warpgrains import (
     analysis,
 )
 from warpgrains.accuracy import certify
-from warpgrains.reference.reference import Reference, build
+from warpgrains.reference.reference import Reference
 from warpgrains.scene.state import Corrections, first_state
 from warpgrains.usd.check import report_on_recording
 
@@ -64,35 +65,15 @@ def pressed(n: int = 120, seed: int = 1, **changes: Any) -> Scene:
     ],
     ids=["circle", "leapfrog", "rough", "both", "piston"],
 )
-def test_bits_of_the_reference(tmp_path: Path, threads: int, changes: dict[str, Any]) -> None:
+def test_bits_of_the_reference(c_library: CDLL, threads: int, changes: dict[str, Any]) -> None:
     scene = pressed(80, **changes)
-    simulation, reference = Simulation(scene, threads=threads), Reference(build(tmp_path), scene)
-    touched: set[int] = set()
-    rebuilds = 0
-    for step in range(100):
-        report = simulation.step()
-        assert (
-            report.iterations == reference.step(full_order(simulation) if scene.order == "color" else None)[0]
-        )
-        state = simulation.state()
-        assert np.array_equal(state.position, reference.position)
-        assert np.array_equal(state.velocity, reference.velocity)
-        assert np.array_equal(state.driven, reference.driven)
-        assert np.array_equal(simulation.angle, reference.angle)
-        rebuilds += report.rebuilds
-        touched |= set(simulation.wall_contacts().wall[:, 1].tolist())
-        if step == 50:
-            simulation = Simulation(scene)
-            simulation.restore(state)
-            reference = Reference(build(tmp_path), scene, state)
-    assert rebuilds > 0
+    touched = follow_reference(scene, 100, c_library, threads)
     assert touched >= ({0} if scene.pressure is not None else {3})
 
 
-def test_the_reference_takes_a_step_alone(tmp_path: Path) -> None:
+def test_the_reference_takes_a_step_alone(c_library: CDLL) -> None:
     scene = pressed(40, scheme="leapfrog", walls=[PISTON])
-    library = build(tmp_path)
-    one, two = Reference(library, scene), Reference(library, scene)
+    one, two = Reference(c_library, scene), Reference(c_library, scene)
     for _ in range(20):
         one.step()
         two.update()
@@ -294,7 +275,7 @@ def test_what_is_not_offered_is_refused() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.0, -0.05, -3.3])
-def test_a_list_holds_for_a_wall_that_comes(tmp_path: Path, speed: float) -> None:
+def test_a_list_holds_for_a_wall_that_comes(c_library: CDLL, speed: float) -> None:
     """Grains at rest keep a list for long; the wall must not come near those that it lists not.
 
     A light wall creeps, a fast one meets rings of grains in single steps.
@@ -307,11 +288,11 @@ def test_a_list_holds_for_a_wall_that_comes(tmp_path: Path, speed: float) -> Non
         position=position, radius=0.05, mass=0.1, radius_out=1.0, gravity=(0.0, 0.0), pressure=0.02,
         wall_mass=1.0, drag=0.5, tolerance=1e-9,
     )  # fmt: skip
-    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene)
+    simulation = Simulation(scene)
     state = simulation.state()
     state.driven[0, 1] = speed
     simulation.restore(state)
-    reference = Reference(build(tmp_path), scene, state)
+    reference = Reference(c_library, scene, state)
     rebuilds = 0
     for _ in range(400):
         rebuilds += simulation.step().rebuilds
@@ -322,7 +303,7 @@ def test_a_list_holds_for_a_wall_that_comes(tmp_path: Path, speed: float) -> Non
     assert len(simulation.wall_contacts().wall) > 0
 
 
-def test_a_list_holds_for_a_speed_between_two_sweeps(tmp_path: Path) -> None:
+def test_a_list_holds_for_a_speed_between_two_sweeps(c_library: CDLL) -> None:
     """In the first sweep, grain 0 lets go of the wall, which then comes at 0.6 m/s until grain 2 stops it.
 
     By then it has pushed grain 1, which is out of reach of the speeds before and after.
@@ -335,7 +316,7 @@ def test_a_list_holds_for_a_speed_between_two_sweeps(tmp_path: Path) -> None:
     nobody, kept = np.zeros((0, 2), np.int32), np.array([0.01 * 2.0 * np.pi])
     held = Corrections(nobody, np.zeros(0), np.zeros((1, 2), np.int32), kept)
     state = replace(state, velocity=np.array([(-2.0, 0.0), (0.0, 0.0), (0.0, 0.0)]), corrections=held)
-    simulation, reference = Simulation(scene), Reference(build(tmp_path), scene, state)
+    simulation, reference = Simulation(scene), Reference(c_library, scene, state)
     simulation.restore(state)
     report = simulation.step()
     assert report.iterations == reference.step()[0]

@@ -1,5 +1,6 @@
 """Friction against the C reference, in every way to run, and against closed forms (MODEL.md, "Friction")."""
 
+from ctypes import CDLL
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 from swept_order import full_order
 
 from warpgrains import Batch, Disc, InputError, Scene, Simulation
-from warpgrains.reference.reference import Reference, build
+from warpgrains.reference.reference import Reference
 from warpgrains.scene.state import State
 from warpgrains.scenes import closed_forms
 
@@ -62,19 +63,19 @@ def require_same(state: State, other: Any) -> None:
     [(1, {}), *((2, changes) for changes in FEATURES.values())],
     ids=["1 thread", *FEATURES],
 )
-def test_bits_of_the_reference(tmp_path: Path, changes: dict[str, Any], threads: int) -> None:
-    scene, library = cloud(**changes), build(tmp_path)
-    simulation, reference = Simulation(scene, threads=threads), Reference(library, scene)
-    for step in range(50):
+def test_bits_of_the_reference(c_library: CDLL, changes: dict[str, Any], threads: int) -> None:
+    scene = cloud(120, max_iterations=60, **changes)
+    simulation, reference = Simulation(scene, threads=threads), Reference(c_library, scene)
+    for step in range(48):
         report = simulation.step()
         order = full_order(simulation) if scene.order == "color" else None
         assert report.iterations == reference.step(order)[0]
         state = simulation.state()
         require_same(state, reference)
-        if step == 25:
+        if step == 24:
             simulation = Simulation(scene, threads=threads)
             simulation.restore(state)
-            reference = Reference(library, scene, state)
+            reference = Reference(c_library, scene, state)
     assert np.abs(state.spin).max() > 1.0
     (i, j), carried = state.corrections.pair.T, state.corrections.pair_friction
     assert len(i) > 10
@@ -82,9 +83,9 @@ def test_bits_of_the_reference(tmp_path: Path, changes: dict[str, Any], threads:
     assert np.array_equal(reference.pair_friction[i * (2 * n - i - 1) // 2 + j - i - 1], carried)
 
 
-def test_updates_of_the_reference_are_its_steps(tmp_path: Path) -> None:
-    scene, library = cloud(scheme="leapfrog"), build(tmp_path)
-    stepped, updated = Reference(library, scene), Reference(library, scene)
+def test_updates_of_the_reference_are_its_steps(c_library: CDLL) -> None:
+    scene = cloud(scheme="leapfrog")
+    stepped, updated = Reference(c_library, scene), Reference(c_library, scene)
     for _ in range(10):
         stepped.step()
         updated.update()
@@ -94,18 +95,18 @@ def test_updates_of_the_reference_are_its_steps(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("order", ["sequential", "color"])
 def test_same_bits_however_it_is_run(tmp_path: Path, order: str) -> None:
-    scene, smooth = cloud(order=order), Scene.load("annulus")
+    scene, smooth = cloud(100, order=order), Scene.load("annulus")
     simulation = Simulation(scene, threads=1)
-    simulation.advance(40)
+    simulation.advance(25)
     expected = simulation.state()
     shared = Simulation(scene, threads=4)
-    shared.advance(15)
+    shared.advance(10)
     shared.save(tmp_path / "state.npz")
     resumed = Simulation.load(tmp_path / "state.npz", threads=3)
-    resumed.advance(25)
+    resumed.advance(15)
     require_same(resumed.state(), expected)
     batch = Batch([smooth, scene, cloud(80, order=order)], threads=2)
-    batch.run(40)
+    batch.run(25)
     require_same(batch.state(1), expected)
 
 
@@ -158,12 +159,6 @@ def test_disc_on_a_slope_rolls_or_slides(tangent_of_slope: float) -> None:
         expected * (simulation.time - simulation.scene.dt / 2), rel=1e-6
     )
     carried, weight, rolls = simulation.wall_contacts(), 9.81 * np.cos(slope), tangent_of_slope <= 0.9
-    assert carried.force == pytest.approx([weight], rel=1e-5)  # and v^2 / radius of the bowl
-    assert carried.slides.tolist() == [not rolls]
-    assert carried.tangential_force == pytest.approx(
-        [9.81 * np.sin(slope) / 3.0 if rolls else friction * weight], rel=1e-5
-    )
-    carried, weight = simulation.wall_contacts(), 9.81 * np.cos(slope)
     assert carried.force == pytest.approx([weight], rel=1e-5)  # and v^2 / radius of the bowl
     assert carried.slides.tolist() == [not rolls]
     assert carried.tangential_force == pytest.approx(

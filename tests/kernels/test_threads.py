@@ -8,12 +8,13 @@ from time import sleep, thread_time
 import numpy as np
 import pytest
 from launched import launched_state
+from schemes import SECOND_ORDER
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.solver import tuning
 
-STEPS = 40
+STEPS = 24  # a step is solved again in the 18th
 
 
 def scene(order: str, method: str = "gauss-seidel") -> Scene:
@@ -56,14 +57,14 @@ def assert_same_lists(state: State, expected: State) -> None:
         assert np.array_equal(getattr(state.lists, name), listed)
 
 
-@pytest.mark.parametrize(("threads", "steps"), [(2, STEPS), (3, STEPS * 5 // 8)])
+@pytest.mark.parametrize(("threads", "steps"), [(2, STEPS), (3, 18)])
 def test_threads(order: str, method: str, threads: int, steps: int) -> None:
     state, expected = (final_state(order, method, steps, threads=count) for count in (threads, 1))
     assert_same_bits(state, expected)
     assert_same_lists(state, expected)
 
 
-@pytest.mark.parametrize(("threads", "members"), [(2, 1), (4, 1), (3, 2), (4, 3)])
+@pytest.mark.parametrize(("threads", "members"), [(2, 1), (4, 3)])
 def test_fewer_threads_than_the_team_is_for(
     order: str, method: str, expected: State, threads: int, members: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,8 +119,13 @@ def test_threads_continue_alike_from_a_state_without_lists(order: str) -> None:
     assert_same_lists(*ends)
 
 
-def test_a_launch_for_every_stage_as_on_a_gpu(order: str, method: str, expected: State) -> None:
-    assert_same_bits(launched_state(scene(order, method), STEPS), expected)
+def test_a_launch_for_every_stage_as_on_a_gpu(order: str, method: str) -> None:
+    """Of a scene that falls, and of one that lies in a bowl, by the other scheme and wall."""
+    bowl = Scene.load("no_inner_wall").replace(max_iterations=30, **SECOND_ORDER)
+    for launched, steps in ((scene(order, method), 18), (bowl.replace(order=order, method=method), 5)):
+        simulation = Simulation(launched, threads=1)
+        simulation.advance(steps)
+        assert_same_bits(launched_state(launched, steps), simulation.state())
 
 
 @pytest.fixture(scope="module")

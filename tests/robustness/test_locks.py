@@ -3,6 +3,7 @@
 import errno
 import multiprocessing
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -83,8 +84,10 @@ class TestLock:
             Lock(Path("/proc/run.npz"))
 
 
-def kept_run(folder):
-    """Return the checkpoint of a run with a recording that a process died of after 20 of 40 steps."""
+@pytest.fixture(scope="module")
+def died(tmp_path_factory):
+    """A folder of a run with a recording that a process died of after 20 of 40 steps."""
+    folder = tmp_path_factory.mktemp("died")
     options = ["--every", "10", "--checkpoint", folder / "run.npz", "-o", folder / "run.usdc"]
     script = (
         "import os, sys\nfrom warpgrains.cli.main import main\nfrom warpgrains import Simulation\n"
@@ -96,7 +99,14 @@ def kept_run(folder):
     )
     arguments = ["run", "annulus", "--steps", "40", *map(str, options)]
     assert subprocess.run([sys.executable, "-c", script, *arguments], timeout=100).returncode == 9
-    return folder / "run.npz"
+    return folder
+
+
+@pytest.fixture
+def kept(died, tmp_path):
+    """Return the checkpoint of a run that died."""
+    shutil.copytree(died, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "run.npz"
 
 
 def contents_of(folder):
@@ -106,14 +116,15 @@ def contents_of(folder):
 
 class TestRun:
     @pytest.mark.parametrize("locked", ["run.npz", "run.usdc"])
-    def test_second_resume_is_refused_and_changes_nothing(self, tmp_path, held_elsewhere, capfd, locked):
-        kept = kept_run(tmp_path)
+    def test_second_resume_is_refused_and_changes_nothing(
+        self, kept, tmp_path, held_elsewhere, capfd, locked
+    ):
         before = contents_of(tmp_path)
         held_elsewhere(tmp_path / locked)
         capfd.readouterr()
         assert exit_code("run", "--resume", kept) == 2
         require_refusal(capfd, f"{locked}' is being written by process")
-        assert contents_of(tmp_path) == before
+        assert contents_of(kept.parent) == before
 
     @pytest.mark.parametrize("option", ["-o", "--checkpoint"])
     def test_second_run_is_refused(self, tmp_path, held_elsewhere, capfd, option):
@@ -122,27 +133,25 @@ class TestRun:
         assert exit_code("run", "annulus", option, output) == 2
         require_refusal(capfd, "is being written by process")
 
-    def test_requeued_job(self, tmp_path):
+    def test_requeued_job(self, kept, tmp_path):
         """Two processes continue one run at once: one does, or both one after the other; nothing is lost."""
-        kept = kept_run(tmp_path)
         command = [sys.executable, "-m", "warpgrains", "run", "--resume", str(kept)]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        for _ in range(2):
-            both = [subprocess.Popen(command, **pipes) for _ in range(2)]
-            codes = {process.wait(timeout=100): process.communicate() for process in both}
-            assert codes.keys() <= {0, 2}
-            assert 0 in codes
-            assert 2 not in codes or codes[2][1].count("\n") == 1
+        both = [subprocess.Popen(command, **pipes) for _ in range(2)]
+        codes = {process.wait(timeout=100): process.communicate() for process in both}
+        assert codes.keys() <= {0, 2}
+        assert 0 in codes
+        assert 2 not in codes or codes[2][1].count("\n") == 1
         whole = tmp_path / "whole"
         whole.mkdir()
         assert exit_code("run", "annulus", "--steps", 40, "-o", whole / "run.usdc") == 0
         assert (tmp_path / "run.usdc").read_bytes() == (whole / "run.usdc").read_bytes()
 
-    def test_run_that_went_on_before_the_lock_was_free(self, tmp_path, monkeypatch):
+    def test_run_that_went_on_before_the_lock_was_free(self, kept, monkeypatch):
         """It is continued from where it is now, not from where it was when it was first looked at."""
         from warpgrains.cli import run as command
 
-        kept, reads = kept_run(tmp_path), []
+        reads = []
 
         def read_while_another_goes_on(path):
             start = read_checkpoint(path)

@@ -104,7 +104,7 @@ def cpu_seconds(pid):
 
 
 class TestStreams:
-    @pytest.mark.parametrize("closed", [[1], [2], [0, 1, 2]])
+    @pytest.mark.parametrize("closed", [[1], [0, 1, 2]])
     def test_closed(self, tmp_path, closed):
         script = f"for n in {closed}: os.close(n)\nos.execv(sys.argv[1], sys.argv[1:])"
         output = tmp_path / "run.usdc"
@@ -126,7 +126,7 @@ class TestStreams:
 
     def test_interrupted_at_any_moment(self):
         """After the 0.1 s of CPU time in which Python starts, on a busy machine as well."""
-        for moment in (0.15, 0.25, 0.4, 0.6, 0.9):
+        for moment in (0.15, 0.4, 0.8):
             command = subprocess.Popen(
                 [*COMMAND, "run", "pile", "--duration", "1000"], stderr=subprocess.PIPE, text=True
             )

@@ -73,14 +73,21 @@ class Tab:
 
 
 @contextmanager
-def opened(url):
-    """Give a tab that shows a page."""
+def browser():
+    """Give the driver of a browser."""
     options = webdriver.ChromeOptions()
     options.binary_location = "/usr/bin/chromium"
     for argument in ARGUMENTS:
         options.add_argument(argument)
     driver = webdriver.Chrome(options, webdriver.ChromeService("/usr/bin/chromedriver"))
     try:
-        yield Tab(driver, url)
+        yield driver
     finally:
         driver.quit()
+
+
+@contextmanager
+def opened(driver, url):
+    """Give a tab that shows a page."""
+    yield Tab(driver, url)
+    driver.get("about:blank")

@@ -1,5 +1,9 @@
 """The command line, as tests call it in their own process."""
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import pytest
 
 from warpgrains.cli.main import main
@@ -11,6 +15,17 @@ def exit_code(*arguments: object) -> int:
         return main([str(argument) for argument in arguments])
     except SystemExit as exit:
         return int(exit.code or 0)
+
+
+@contextmanager
+def small_disk(most: int) -> Iterator[None]:
+    """Let no file of this process grow beyond so many bytes, as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def require_refusal(capfd: pytest.CaptureFixture[str], complaint: str = "") -> None:

@@ -1,8 +1,11 @@
-"""Render frames in Blender: python blender_render.py RECORDING HALF_WIDTH WIDTH HEIGHT FOLDER VIEW FRAME ...
+"""Render frames in Blender for each line of standard input, which is a list in JSON.
 
-Runs in an environment of its own, which has `bpy`. Each frame becomes a PNG of WIDTH by HEIGHT pixels seen
-from +z, HALF_WIDTH [m] from the centre to each edge, transparent where nothing is, and a NumPy file of the
-same red, green, blue and alpha, shape (HEIGHT, WIDTH, 4). Prints what was imported as JSON.
+    [RECORDING, HALF_WIDTH, WIDTH, HEIGHT, FOLDER, VIEW, FRAME, ...]
+
+Runs in an environment of its own, which has `bpy`. Every line begins with Blender as it is when it starts.
+Each frame becomes a PNG of WIDTH by HEIGHT pixels seen from +z, HALF_WIDTH [m] from the centre to each edge,
+transparent where nothing is, and a NumPy file of the same red, green, blue and alpha, shape (HEIGHT, WIDTH,
+4). Prints what was imported as a line of JSON.
 
 VIEW is how Blender turns light into colors. With VIEW "Glow", everything shows its `displayColor` as it is.
 With another one, everything is as imported, seen by the recording's own camera; points have the material that
@@ -18,6 +21,7 @@ import numpy as np
 
 def import_recording(path):
     """Import the recording into the scene that Blender starts with, without its cube, and return its top."""
+    bpy.ops.wm.read_factory_settings()
     bpy.data.batch_remove(bpy.data.objects)
     bpy.ops.wm.usd_import(filepath=path)
     return bpy.data.objects["World"]
@@ -97,8 +101,9 @@ def main(path, half_width, width, height, folder, view, *frames):
     background = bpy.data.worlds[0].node_tree.nodes["Background"].inputs
     light = [value * background["Strength"].default_value for value in background["Color"].default_value]
     facts = {"frames": [scene.frame_start, scene.frame_end], "rate": scene.render.fps, "background": light}
-    print(json.dumps({"types": types, **facts}))
+    print("imported", json.dumps({"types": types, **facts}), flush=True)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    for line in sys.stdin:
+        main(*json.loads(line))

@@ -5,7 +5,7 @@ These tests need Chromium and its driver, `apt-get install chromium chromium-dri
 
 import numpy as np
 import pytest
-from browser import opened
+from browser import browser, opened
 from matplotlib.image import imread
 from recordings import make_frames, make_scene, record
 from same_bits import contents
@@ -21,10 +21,16 @@ from warpgrains.view.players import Recorded
 pytestmark = pytest.mark.browser
 
 
-def test_keys_and_sliders_of_a_simulation(tmp_path):
+@pytest.fixture(scope="module")
+def driver():
+    with browser() as driver:
+        yield driver
+
+
+def test_keys_and_sliders_of_a_simulation(driver, tmp_path):
     simulation = Simulation(Scene.load("annulus"))
     page = simulation.view(port=8300)
-    with opened(page.url) as tab:
+    with opened(driver, page.url) as tab:
         assert (tab.told()["state"], tab.told()["steps"]) == ("stopped", "0")
         tab.press("s")
         for steps in ("1", "2"):
@@ -54,11 +60,11 @@ def test_keys_and_sliders_of_a_simulation(tmp_path):
     page.close()
 
 
-def test_marks_show_how_far_grains_have_turned(tmp_path):
+def test_marks_show_how_far_grains_have_turned(driver, tmp_path):
     simulation = Simulation(make_scene(np.full(5, 0.25), friction=0.3, spin=[-6.0, -1.0, 0.0, 2.0, 7.0]))
     simulation.run(steps=39)
     page = simulation.view(port=8330)
-    with opened(page.url) as tab:
+    with opened(driver, page.url) as tab:
         tab.press("n")
         tab.wait_for(lambda: tab.told()["steps"] == "40")
         for ahead, color_of in ((-0.6, lambda colors: colors), (0.6, mark_color)):
@@ -66,10 +72,10 @@ def test_marks_show_how_far_grains_have_turned(tmp_path):
     page.close()
 
 
-def test_friction_is_switched_on_and_off():
+def test_friction_is_switched_on_and_off(driver):
     simulation = Simulation(Scene.load("annulus"))
     page = simulation.view(port=8340)
-    with opened(page.url) as tab:
+    with opened(driver, page.url) as tab:
         for label, value, row, shown in (
             ("friction", "0.5", "friction", "0.5"),
             ("outer wall [rad/s]", "2", "rotation of the walls", "2, 0 rad/s"),
@@ -87,9 +93,9 @@ def test_friction_is_switched_on_and_off():
     page.close()
 
 
-def test_a_change_that_is_refused_says_why():
+def test_a_change_that_is_refused_says_why(driver):
     page = Simulation(Scene.load("annulus"), method="exact").view(port=8350)
-    with opened(page.url) as tab:
+    with opened(driver, page.url) as tab:
         field = tab.slider("friction")
         field.click()
         field.send_keys("\ue009a\ue000" + "0.5\n")
@@ -98,12 +104,12 @@ def test_a_change_that_is_refused_says_why():
     page.close()
 
 
-def test_labels_and_charts_appear_when_there_is_something(tmp_path):
+def test_labels_and_charts_appear_when_there_is_something(driver, tmp_path):
     """And nothing that appears moves the sliders."""
     scene = Scene.load("annulus").replace(max_iterations=5, on_unconverged="raise")  # fails at step 20
     page = Simulation(scene).view(port=8320)
     sliders = ("playback speed", "drag [kg/s]", "gravity [m/s2]", "gravity direction [degrees]")
-    with opened(page.url) as tab:
+    with opened(driver, page.url) as tab:
         assert tab.buttons()[:4] == ["run (R)", "stop (S)", "one step (N)", "restart (0)"]
         assert tab.charts() == []
         places = [tab.slider(label).location for label in sliders]
@@ -142,10 +148,10 @@ def require_colors(tab, folder, simulation, ahead=0.0, color_of=lambda colors: c
     assert (likeness > 0.95).all()  # the page maps tones
 
 
-def test_keys_and_scrubber_of_a_recording(tmp_path):
+def test_keys_and_scrubber_of_a_recording(driver, tmp_path):
     path = record(tmp_path / "run.usdc", make_frames(9), make_scene(), forces=True, draw_as="discs")
     page = Page(Recorded(RecordingReader(path), "run.usdc"), 8310).start()
-    with opened(page.url) as tab:
+    with opened(driver, page.url) as tab:
         assert tab.told() == {"state": "stopped", "time": "0 s", "frame": "0 of 8", "contacts": "5"}
         tab.press("n")
         tab.wait_for(lambda: tab.told()["frame"] == "1 of 8")
