@@ -7,7 +7,7 @@ A sweep is coordinate descent on the dual objective of the step (MODEL.md, eq. 1
 Between two sweeps, corrections x and velocities are extrapolated along the line from the last ones,
 y = x + beta (x - last), with beta = (t - 1) / t', t' = (1 + sqrt(1 + 4 t^2)) / 2 (Nesterov 1983; eq. 13).
 With beta grows the over-relaxation of the sweep (Young 1954). Here is the sweep from y, with what it has done
-to phi; restart.py accepts or rejects it, and chooses the momentum of the next one.
+to phi; momentum.py accepts or rejects it, and chooses the momentum of the next one.
 
 Only the working set is swept (working_set.py).
 """

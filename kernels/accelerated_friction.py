@@ -18,8 +18,8 @@ from .contacts import part_count, surface_of
 from .driven import correct_wall
 from .friction import THIRD, rim_weights
 from .lanes import lanes
+from .momentum import back_off, take_t_on
 from .record import Scene, pair_count
-from .restart import back_off, take_t_on
 from .stopping import count_iteration, phase_after_sweep, reduce_max
 
 f64 = wp.float64

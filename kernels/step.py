@@ -21,9 +21,9 @@ from . import (
     friction,
     gauss_seidel,
     integrate,
+    momentum,
     neighbors,
     residual,
-    restart,
     skins,
     statistics,
     stopping,
@@ -147,7 +147,7 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
     ]
     check_list = [*scatter, Each(body_count, working_set.check_peak), Serial(stopping.end_list_check)]
     take_rebuilt = [
-        Each(body_count, restart.take_rebuilt_velocity),
+        Each(body_count, momentum.take_rebuilt_velocity),
         *only(has_friction, [Each(grain_count, accelerated_friction.take_rebuilt_rim)]),
     ]
     measure = [
@@ -177,7 +177,8 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
                 If(measuring, measure),
                 If(scanning, scan),
                 If(
-                    sweeping, [Shared(restart.extrapolate), *(SWEEP_WITH_FRICTION if has_friction else SWEEP)]
+                    sweeping,
+                    [Shared(momentum.extrapolate), *(SWEEP_WITH_FRICTION if has_friction else SWEEP)],
                 ),
             ],
         ),
@@ -186,8 +187,8 @@ def accelerated_sweeps(has_friction: bool) -> list[Stage]:
 
 SWEEP = [
     Sets(accelerated.sweep_ahead),
-    Serial(restart.end_sweep_ahead),
-    If(rejected, [Each(part_count, restart.roll_back), Each(body_count, restart.roll_back_velocity)]),
+    Serial(momentum.end_sweep_ahead),
+    If(rejected, [Each(part_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]),
 ]
 
 SWEEP_WITH_FRICTION = [

@@ -42,15 +42,15 @@ def test_many_runs_at_once(n):
         wall_force=force,
         gravity=generator.normal(size=(m, 2)) * (np.arange(m) > 0)[:, np.newaxis],
         discs=generator.uniform(0.0, 0.2, (m, 2, 3)),
-        walls=Annulus(np.linspace(0.0, 0.4, m), np.full(m, 1.5)),
+        annulus=Annulus(np.linspace(0.0, 0.4, m), np.full(m, 1.5)),
     )
     for name, of_runs in SWEEP_QUANTITIES.items():
         together = of_runs(grains)
         assert together.shape == (m,)
         for k in range(m):
-            one = StackedGrains(*(array[k : k + 1].copy() for array in grains[:-1]), grains.walls)
-            walls = Annulus(*(radii[k : k + 1] for radii in grains.walls[:2]))
-            assert of_runs(one._replace(walls=walls)).item() == together[k], name
+            one = StackedGrains(*(array[k : k + 1].copy() for array in grains[:-1]), grains.annulus)
+            annulus = Annulus(*(radii[k : k + 1] for radii in grains.annulus[:2]))
+            assert of_runs(one._replace(annulus=annulus)).item() == together[k], name
 
 
 def test_energies():

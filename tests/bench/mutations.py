@@ -38,7 +38,7 @@ DECIDING = {
     "skins": ("resumed", "missing_contacts"),
     "contact_list": ("contact_list", "resumed", "missing_contacts"),
     "working_set": ("accelerated_stages", "working_set"),
-    "restart": ("momentum", "accelerated_stages", "working_set"),
+    "momentum": ("momentum", "accelerated_stages", "working_set"),
     "stopping": ("momentum", "accelerated_stages", "working_set", "monitoring", "missing_contacts"),
     "coloring": ("coloring",),
 }

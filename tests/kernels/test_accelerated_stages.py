@@ -9,7 +9,7 @@ import pytest
 from stages import OneRecord, grains_apart
 
 from warpgrains.arrays import FloatArray
-from warpgrains.kernels import restart, stopping, working_set
+from warpgrains.kernels import momentum, stopping, working_set
 from warpgrains.kernels.contacts import part_count
 from warpgrains.kernels.record import Phase, grain_count
 from warpgrains.kernels.stages import Each, Serial, Sets
@@ -179,7 +179,7 @@ def test_rejected_sweep_is_taken_back() -> None:
     expected, at = record["working.dv"].copy(), ahead.indices()
     expected[at] = record["working.last_dv"][at]
     record["momentum.last_velocity"][:] = np.arange(2 * N).reshape(N, 2)
-    record.run(Each(part_count, restart.roll_back), Each(grain_count, restart.roll_back_velocity))
+    record.run(Each(part_count, momentum.roll_back), Each(grain_count, momentum.roll_back_velocity))
     assert np.array_equal(record["working.dv"], expected)
     assert np.array_equal(record["grains.next_velocity"], record["momentum.last_velocity"])
 

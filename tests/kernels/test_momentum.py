@@ -5,7 +5,7 @@ import pytest
 import warp as wp
 from stages import OneRecord, grains_apart
 
-from warpgrains.kernels import restart
+from warpgrains.kernels import momentum
 from warpgrains.kernels.access import put
 from warpgrains.kernels.record import Phase, Scene, grain_count
 from warpgrains.kernels.stages import Each, If, Serial, Shared
@@ -21,7 +21,7 @@ def note_rebuild(s: Scene):
 
 @wp.func
 def accept_or_reject(s: Scene):
-    restart.accept_or_reject(s, s.step.zeta)
+    momentum.accept_or_reject(s, s.step.zeta)
 
 
 def record_with(**state: float) -> OneRecord:
@@ -134,7 +134,7 @@ def test_when_all_contacts_are_scanned(zeta: float, rejected: int, last: int) ->
         record["partial.zeta"][0], record["momentum.contact_part"][0, 0] = zeta, rejected
         control["rejected"] = 1 - rejected
         record.record["step"]["measured"] = 0
-        record.run(Serial(restart.end_sweep_ahead), If(is_rebuild_due, [Serial(note_rebuild)]))
+        record.run(Serial(momentum.end_sweep_ahead), If(is_rebuild_due, [Serial(note_rebuild)]))
         assert control["rejected"] == rejected
         ends = last == 0
         checks = not rejected and (k == 1 or k % 10 == 0) and zeta <= 2.0 * TOLERANCE
@@ -160,7 +160,7 @@ def test_velocities_go_on_as_they_were_rebuilt() -> None:
         ("grains.next_velocity", v),
     ):
         record[name][:] = value
-    record.run(Each(grain_count, restart.take_rebuilt_velocity))
+    record.run(Each(grain_count, momentum.take_rebuilt_velocity))
     assert np.array_equal(record["grains.next_velocity"], rebuilt)
     assert np.array_equal(record["momentum.last_velocity"], rebuilt + last - v)
 
@@ -172,7 +172,7 @@ def test_way_to_y() -> None:
     v, last = (rng.integers(-99, 99, (N, 2)) / 8.0 for _ in range(2))
     record["grains.next_velocity"][:], record["momentum.last_velocity"][:] = v, last
     record["momentum.grain_part"][:] = np.nan
-    record.run(Shared(restart.extrapolate))
+    record.run(Shared(momentum.extrapolate))
     y = v + 0.5 * (v - last)
     assert np.array_equal(record["grains.next_velocity"], y)
     assert np.array_equal(record["momentum.last_velocity"], v)

@@ -165,6 +165,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
             "position of grain 0 is (0.0, 0.5): its center is inside walls[0]",
         ),
         ([{"kind": "segment", "from": (0, 0)}], "walls[0].to is missing: a segment needs it"),
+        ([{"kind": "arc", "center": (0, 0)}], "walls[0].radius is missing: an arc needs it"),
         ([{"kind": "segment", "from": (0, 0), "to": 1}], "walls[0]: to of a segment is 1: it must be two"),
         (
             [DISCS[0], {"kind": "segment", "from": (0, 0), "to": (0, 0)}],

@@ -42,7 +42,7 @@ def test_same_as_one_by_one(which, moved):
         }
         for name, value in expected.items():
             assert np.array_equal(getattr(ends.grains, name)[place], value), name
-        walls = (ends.grains.walls.radius_in[place], ends.grains.walls.radius_out[place])
+        walls = (ends.grains.annulus.radius_in[place], ends.grains.annulus.radius_out[place])
         assert walls == (scene.radius_in, scene.radius_out)
         assert ends.dt[place] == scene.dt
         for name, counted in ends.done.items():

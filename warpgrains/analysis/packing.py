@@ -47,7 +47,7 @@ def pile_height(of: Snapshot | HasState) -> float:
 
 def pile_heights(grains: StackedGrains) -> FloatArray:
     """Return the pile heights of many runs [m], shape (m,)."""
-    return (_heights(grains) + grains.radius).max(axis=-1) + grains.walls.depth
+    return (_heights(grains) + grains.radius).max(axis=-1) + grains.annulus.depth
 
 
 def packing_fraction(of: Snapshot | HasState, region: Where = None) -> float:
@@ -89,7 +89,7 @@ def space_below(grains: StackedGrains, level: FloatArray) -> FloatArray:
     """Return the area between the walls, without discs inside, below levels [m] of many runs [m2], (m,)."""
     height = (grains.discs[..., :2] @ upwards(grains.gravity)[..., np.newaxis])[..., 0]
     discs = area_below(grains.discs[..., 2], level[:, np.newaxis] - height).sum(axis=-1)
-    space: FloatArray = grains.walls.area_below(level) - discs
+    space: FloatArray = grains.annulus.area_below(level) - discs
     return space
 
 
@@ -140,18 +140,18 @@ def local_packing_fractions(of: Snapshot | HasState) -> FloatArray:
     return np.pi * now.scene.radius**2 / cell_areas(now)
 
 
-def radical_cell_areas(position: FloatArray, radius: FloatArray, walls: Annulus) -> FloatArray:
+def radical_cell_areas(position: FloatArray, radius: FloatArray, annulus: Annulus) -> FloatArray:
     """Return the areas of the cells of discs between the walls [m2], shape (n,)."""
-    grain, corner = _corners(position / walls.radius_out, radius / walls.radius_out)
+    grain, corner = _corners(position / annulus.radius_out, radius / annulus.radius_out)
     _, first, count = np.unique(grain, return_index=True, return_counts=True)
     middle = np.repeat(np.add.reduceat(corner, first) / count[:, np.newaxis], count, axis=0)
     around = np.arctan2(*(corner - middle).T[::-1])
     corner = corner[np.lexsort((around, grain))]  # by angle, because each cell is convex
     onward = np.arange(1, len(grain) + 1)
     onward[first + count - 1] = first
-    inner = walls.radius_in / walls.radius_out
+    inner = annulus.radius_in / annulus.radius_out
     area = area_in_disc(corner, corner[onward], 1.0) - area_in_disc(corner, corner[onward], inner)
-    return np.asarray(walls.radius_out**2 * np.bincount(grain, area, len(position)), np.float64)
+    return np.asarray(annulus.radius_out**2 * np.bincount(grain, area, len(position)), np.float64)
 
 
 def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, FloatArray]:

@@ -57,8 +57,8 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     array([0.48, 0.  , 0.  , 0.01, 0.  , 0.  , 0.  , 0.  ])
     """
     now = snapshot(of)
-    walls, up = now.scene.annulus, upwards(now.scene.gravity_at(now.time))
-    edges = np.linspace(-walls.depth, walls.depth, bins + 1)
+    annulus, up = now.scene.annulus, upwards(now.scene.gravity_at(now.time))
+    edges = np.linspace(-annulus.depth, annulus.depth, bins + 1)
     height, velocity = heights(now), _components(now.velocity, np.broadcast_to(up, (now.n, 2)))
     if region is not None:
         counted = region_of(now, region)
@@ -84,8 +84,8 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     array([0.01, 0.02, 0.  , 0.  , 0.03, 0.12])
     """
     now = snapshot(of)
-    walls, rho = now.scene.annulus, distance(now.position)
-    edges = np.linspace(walls.radius_in, walls.radius_out, bins + 1)
+    annulus, rho = now.scene.annulus, distance(now.position)
+    edges = np.linspace(annulus.radius_in, annulus.radius_out, bins + 1)
     with np.errstate(invalid="ignore"):  # no outward direction at the origin
         velocity = _components(now.velocity, np.nan_to_num(outward(now.position)))
     if region is not None:

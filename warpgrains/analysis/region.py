@@ -97,7 +97,7 @@ class Region:
         kept = Annulus(max(near, ring.radius_in), min(far, ring.radius_out))
         return replace(self, space=self.space._replace(ring=kept))
 
-    def for_centers(self, smallest: float, walls: Annulus) -> Region:
+    def for_centers(self, smallest: float, annulus: Annulus) -> Region:
         """Return the part that centers of grains of the smallest radius [m] can reach.
 
         Raises
@@ -105,8 +105,8 @@ class Region:
         InputError
             There is none.
         """
-        nearest = walls.radius_in + smallest if walls.radius_in > 0.0 else 0.0
-        left = self.ring(nearest, walls.radius_out - smallest)
+        nearest = annulus.radius_in + smallest if annulus.radius_in > 0.0 else 0.0
+        left = self.ring(nearest, annulus.radius_out - smallest)
         grown = [disc.radius + (-smallest if disc.keeps_inside else smallest) for disc in self.discs]
         discs = zip(self.discs, grown, strict=True)
         left = replace(left, discs=tuple(disc._replace(radius=radius) for disc, radius in discs))

@@ -71,8 +71,8 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
         raise InputError(f"region is {given!r}: it must be a table such as {{'x': (-1.0, 0.0)}}")
     for key in given:
         checks.one_of("key of region", key, KEYS)
-    walls = now.scene.annulus
-    space = ranges.region_of(walls, {key: given[key] for key in given if key in ranges.KEYS}, "region")
+    annulus = now.scene.annulus
+    space = ranges.region_of(annulus, {key: given[key] for key in given if key in ranges.KEYS}, "region")
     discs = tuple(_circle(wall, now.time) for wall in now.scene.walls if isinstance(wall, Disc))
     polygons: Iterable[FloatArray] = [_polygon(given["polygon"])] if "polygon" in given else []
     limits = [_box_sides(space)] if polygons else []

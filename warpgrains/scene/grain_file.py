@@ -36,6 +36,11 @@ def read_grains(folder: Path, name: Any) -> dict[str, FloatArray]:
     return grains
 
 
+def is_file_of_radii(radius: Any) -> bool:
+    """Return whether a radius is a table ``{file = NAME}``, see `read_radii`."""
+    return isinstance(radius, dict) and "file" in radius
+
+
 def read_radii(folder: Path, table: dict[str, Any]) -> list[float]:
     """Read the radii of the file that ``{file = NAME}`` names; its other columns are ignored.
 

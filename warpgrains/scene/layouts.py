@@ -36,7 +36,7 @@ Placement = tuple[FloatArray, FloatArray]
 
 
 def rows(
-    walls: Annulus,
+    annulus: Annulus,
     *,
     count: int,
     radius: float,
@@ -58,12 +58,12 @@ def rows(
     shift
         Horizontal displacement of all grains [m]; a tiny one keeps a grain from balancing on the disc.
     """
-    count, radius = _count(count), _radius(walls, radius)
+    count, radius = _count(count), _radius(annulus, radius)
     spacing = _spacing(spacing)
     height, shift = checks.number("grains.height", height), checks.number("grains.shift", shift)
     if columns is None:
         widths = _fitting_widths(
-            count, walls.radius_out - radius, walls.radius_in + height * radius, spacing * radius
+            count, annulus.radius_out - radius, annulus.radius_in + height * radius, spacing * radius
         )
     else:
         columns = checks.whole_number("grains.columns", columns)
@@ -71,12 +71,12 @@ def rows(
     row = np.repeat(np.arange(len(widths)), np.minimum(widths, count))[:count]
     column = np.arange(count) - (np.cumsum(widths) - widths)[row]
     x = column * radius * spacing - (widths[row] - 1) * spacing / 2 * radius + shift
-    y = row * radius * spacing + height * radius + walls.radius_in
+    y = row * radius * spacing + height * radius + annulus.radius_in
     return np.column_stack([x, y]), np.full(count, radius)
 
 
 def lattice(
-    walls: Annulus,
+    annulus: Annulus,
     obstacles: Sequence[Obstacle] = (),
     *,
     radius: float,
@@ -87,9 +87,9 @@ def lattice(
 
     Sites that overlap a wall inside the annulus stay empty. By default the lattice is filled.
     """
-    radius = _radius(walls, radius)
+    radius = _radius(annulus, radius)
     pitch = _spacing(spacing) * radius
-    reach = walls.radius_out - radius
+    reach = annulus.radius_out - radius
     rise = pitch * sqrt(3.0) / 2.0
     if (2 * reach / rise + 1) * (2 * reach / pitch + 3) > MOST_GRAINS:
         raise InputError(f"grains.radius is {radius} m: the lattice would have more than {MOST_GRAINS} sites")
@@ -99,7 +99,7 @@ def lattice(
     x = (column + 0.5 * (row % 2)) * pitch
     y = np.broadcast_to(row * rise - reach, x.shape)
     position = np.column_stack([x.ravel(), y.ravel()])
-    position = position[walls.contains(position, np.full(len(position), radius))]
+    position = position[annulus.contains(position, np.full(len(position), radius))]
     for wall in obstacles:
         position = position[wall.side(position, np.full(len(position), radius)).gap >= 0.0]
     if count is None:
@@ -110,7 +110,7 @@ def lattice(
 
 
 def random(
-    walls: Annulus,
+    annulus: Annulus,
     obstacles: Sequence[Obstacle] = (),
     *,
     radius: Any,
@@ -139,7 +139,7 @@ def random(
     seed
         Seed of the random numbers.
     """
-    space = region_of(walls, region, obstacles=obstacles)
+    space = region_of(annulus, region, obstacles=obstacles)
     generator = np.random.default_rng(checks.whole_number("grains.seed", seed, least=0))
     radii = _random_radii(radius, count, packing_fraction, space, generator)
     for extreme in (radii.min(), radii.max()):
@@ -201,11 +201,11 @@ def _stated(count: Any, fraction: Any) -> str:
     return f"grains.packing_fraction is {fraction}"
 
 
-def column(walls: Annulus, *, count: int, radius: float, spacing: float = 2.02) -> Placement:
+def column(annulus: Annulus, *, count: int, radius: float, spacing: float = 2.02) -> Placement:
     """Place grains on top of each other, with equal spacing, above the lowest point of the outer wall."""
-    count, radius = _count(count), _radius(walls, radius)
+    count, radius = _count(count), _radius(annulus, radius)
     spacing = _spacing(spacing)
-    y = (np.arange(1, count + 1) * spacing - 1.0) * radius - walls.radius_out
+    y = (np.arange(1, count + 1) * spacing - 1.0) * radius - annulus.radius_out
     return np.column_stack([np.zeros(count), y]), np.full(count, radius)
 
 
@@ -221,9 +221,9 @@ def _count(value: Any) -> int:
     return checks.whole_number("grains.count", value, most=MOST_GRAINS)
 
 
-def _radius(walls: Annulus, value: Any) -> float:
+def _radius(annulus: Annulus, value: Any) -> float:
     radius = checks.positive("grains.radius", value)
-    if radius > walls.largest_radius or radius == walls.radius_out:
+    if radius > annulus.largest_radius or radius == annulus.radius_out:
         raise InputError(f"grains.radius is {radius} m: such a grain does not fit between the walls")
     return radius
 

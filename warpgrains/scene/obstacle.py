@@ -50,7 +50,7 @@ class Obstacle:
     )
 
     def __post_init__(self) -> None:
-        whose = f"of a{'n' * (self.kind[0] in 'aeiou')} {self.kind}"
+        whose = f"of {self.one()}"
         self._check(
             velocity=checks.vector(f"velocity {whose}", self.velocity),
             angular_velocity=checks.number(f"angular_velocity {whose}", self.angular_velocity),
@@ -67,6 +67,11 @@ class Obstacle:
                     f"to_time {whose} is {self.to_time} s: it must be later than from_time,"
                     f" {self.from_time} s"
                 )
+
+    @classmethod
+    def one(cls) -> str:
+        """Return the kind with its article, such as "an arc"."""
+        return f"a{'n' * (cls.kind[0] in 'aeiou')} {cls.kind}"
 
     @classmethod
     def keys(cls) -> dict[str, Field[Any]]:

@@ -15,7 +15,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.document import Table, override_key, parse_toml
 from warpgrains.scene.fields import SECTIONS
-from warpgrains.scene.grain_file import read_grains, read_radii
+from warpgrains.scene.grain_file import is_file_of_radii, read_grains, read_radii
 from warpgrains.scene.layouts import LAYOUTS, Placement
 from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.wall_kinds import checked_walls
@@ -83,19 +83,19 @@ def document_fields(document: Table, folder: Path) -> Table:
         raise InputError("domain.radius_out is missing")
     if "grains" not in document:
         raise InputError("section [grains] is missing")
-    walls = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
-    walls.require_size()
-    return fields | _grains(document["grains"], walls, fields["walls"], folder)
+    annulus = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
+    annulus.require_size()
+    return fields | _grains(document["grains"], annulus, fields["walls"], folder)
 
 
-def _grains(table: Table, walls: Annulus, obstacles: tuple[Obstacle, ...], folder: Path) -> Table:
+def _grains(table: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...], folder: Path) -> Table:
     """Return position, radius, mass and velocity of the grains."""
     source = checks.only_one("[grains]", table, SOURCES)
     own = {key: value for key, value in table.items() if key not in PROPERTIES and key != "layout"}
     if source == "layout":
-        if isinstance(own.get("radius"), dict) and "file" in own["radius"]:
+        if is_file_of_radii(own.get("radius")):
             own["radius"] = read_radii(folder, own["radius"])
-        position, radius = _lay_out(table["layout"], own, walls, obstacles)
+        position, radius = _lay_out(table["layout"], own, annulus, obstacles)
         grains: Table = {"position": position, "radius": radius}
     else:
         _refuse_unknown_keys("grains", own, (source, "radius"), PROPERTIES)
@@ -115,7 +115,7 @@ def _grains(table: Table, walls: Annulus, obstacles: tuple[Obstacle, ...], folde
     return grains
 
 
-def _lay_out(layout: Any, parameters: Table, walls: Annulus, obstacles: tuple[Obstacle, ...]) -> Placement:
+def _lay_out(layout: Any, parameters: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...]) -> Placement:
     """Call a layout with those keys that are its parameters."""
     function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = keyword_parameters(function)
@@ -124,7 +124,7 @@ def _lay_out(layout: Any, parameters: Table, walls: Annulus, obstacles: tuple[Ob
         if parameter.default is parameter.empty and name not in parameters:
             raise InputError(f"grains.{name} is missing: layout {layout!r} needs it")
     avoided = (obstacles,) if "obstacles" in inspect.signature(function).parameters else ()
-    return function(walls, *avoided, **parameters)
+    return function(annulus, *avoided, **parameters)
 
 
 @cache

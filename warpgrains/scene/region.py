@@ -56,7 +56,7 @@ def _area(region: Region) -> float:
 
 
 def region_of(
-    walls: Annulus, given: Any, field: str = "grains.region", obstacles: Sequence[Obstacle] = ()
+    annulus: Annulus, given: Any, field: str = "grains.region", obstacles: Sequence[Obstacle] = ()
 ) -> Region:
     """Return the region that a field such as `grains.region` gives as a table of ranges [m].
 
@@ -68,15 +68,15 @@ def region_of(
         The table is invalid, or the region is empty.
     """
     if given is None:
-        return Region(walls, obstacles=tuple(obstacles))
+        return Region(annulus, obstacles=tuple(obstacles))
     if not isinstance(given, dict):
         raise InputError(f"{field} is {given!r}: it must be a table such as {{x = [-1.0, 0.0]}}")
     for key in given:
         checks.one_of(f"key of {field}", key, KEYS)
     ranges = {key: _range(f"{field}.{key}", value) for key, value in given.items()}
-    between = (walls.radius_in, walls.radius_out)
+    between = (annulus.radius_in, annulus.radius_out)
     near, far = ranges.get("distance", between)
-    if near < walls.radius_in or far > walls.radius_out:
+    if near < annulus.radius_in or far > annulus.radius_out:
         raise InputError(f"{field}.distance is ({near}, {far}) m: it must be between the walls, {between} m")
     x, y = (ranges.get(key, (-np.inf, np.inf)) for key in ("x", "y"))
     region = Region(Annulus(near, far), (x[0], y[0]), (x[1], y[1]), tuple(obstacles))

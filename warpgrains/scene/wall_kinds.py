@@ -38,7 +38,7 @@ def _checked_wall(field: str, value: Any) -> Obstacle:
             raise checks.unknown(f"key of {field}", key, ("kind", *keys))
     for key, found in keys.items():
         if key not in own and is_required(found):
-            raise InputError(f"{field}.{key} is missing: a {kind.kind} needs it")
+            raise InputError(f"{field}.{key} is missing: {kind.one()} needs it")
     try:
         return kind(**{keys[key].name: given for key, given in own.items()})
     except InputError as error:

@@ -45,16 +45,16 @@ class Annulus(NamedTuple):
     @classmethod
     def checked(cls, radius_in: Any, radius_out: Any, wall: Any = "tangent") -> Self:
         """Return the annulus of these values; raise InputError unless 0 <= radius_in < radius_out."""
-        walls = cls(
+        annulus = cls(
             checks.not_negative("radius_in", radius_in),
             checks.positive("radius_out", radius_out),
             checks.one_of("wall", wall, WALLS),
         )
-        if walls.radius_in >= walls.radius_out:
+        if annulus.radius_in >= annulus.radius_out:
             raise InputError(
-                f"radius_in is {walls.radius_in} m: it must be less than radius_out, {walls.radius_out} m"
+                f"radius_in is {annulus.radius_in} m: it must be less than radius_out, {annulus.radius_out} m"
             )
-        return walls
+        return annulus
 
     @property
     def largest_radius(self) -> float:

@@ -50,7 +50,7 @@ class StackedGrains(NamedTuple):
     discs: FloatArray
     """Center and radius of the disc that each wall inside the annulus fills at the time [m], see
     `Scene.discs_at`, shape (m, walls - 2, 3)."""
-    walls: Annulus
+    annulus: Annulus
     """The annulus of each scene; its radii are arrays [m], shape (m,)."""
 
     @classmethod
@@ -75,7 +75,7 @@ class StackedGrains(NamedTuple):
             wall_force=wall_force,
             gravity=np.array([scene.gravity_at(time) for scene, time in each]),
             discs=np.array([scene.discs_at(time) for scene, time in each]),
-            walls=Annulus(*radii),
+            annulus=Annulus(*radii),
         )
 
 

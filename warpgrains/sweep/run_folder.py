@@ -29,10 +29,9 @@ from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.execution import ExecutionOptions
 from warpgrains.sweep.results import SECONDS, Columns, RunResult, failure, is_possible, require_result
 from warpgrains.sweep.shards import OTHER_COLUMNS
-from warpgrains.sweep.sweep import Run
+from warpgrains.sweep.sweep import GRAINS, Run
 
 RESULT = "result.csv"
-GRAINS = "grains"
 HOW_TO_REPEAT = "delete the folder of the run to repeat it"
 
 

@@ -25,8 +25,7 @@ from warpgrains.solver.tuning import find_device, paying_threads
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction
 from warpgrains.sweep.long import ResumePoint
 from warpgrains.sweep.results import RunResult, result, results
-from warpgrains.sweep.run_folder import GRAINS
-from warpgrains.sweep.sweep import BaseScene, Run
+from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder, writer
 
 SHORT = 20.0  # s; longer runs continue with a folder and checkpoints

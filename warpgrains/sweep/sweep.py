@@ -36,12 +36,13 @@ from warpgrains.scene.document import (
     toml_text,
     toml_value,
 )
-from warpgrains.scene.grain_file import read_radii
+from warpgrains.scene.grain_file import is_file_of_radii, read_radii
 from warpgrains.scene.reader import require_key
 from warpgrains.sweep.axes import axis_values
 
 KEYS = ("scene", "folder", "combine", "set", "axes")
 COMBINATIONS = ("grid", "zip")
+GRAINS = "grains"  # folder of the copies of files of grains, in that of the sweep
 
 KeyValues = dict[str, Any]
 """Values by key, such as "physics.drag"."""
@@ -62,11 +63,11 @@ class BaseScene:
     def text(self) -> str:
         """Text of a scene file with the common part of the runs.
 
-        Copies of files of grains are in ../grains.
+        Copies of files of grains are in the neighboring folder `GRAINS`.
         """
-        copies = {name: f"../grains/{copy_name(path)}" for name, path in self.grain_files.items()}
+        copies = {name: f"../{GRAINS}/{copy_name(path)}" for name, path in self.grain_files.items()}
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
-        return "".join(notes) + toml_text(self.with_values({}, "../grains"))
+        return "".join(notes) + toml_text(self.with_values({}, f"../{GRAINS}"))
 
     def with_values(self, values: KeyValues, copies: str) -> Table:
         """Return the sections with some values replaced; copies of files of grains are in folder `copies`."""
@@ -138,7 +139,7 @@ class Sweep:
             raise InputError(f"{key} is in [set] and in [axes]: it must be in one of them")
         lists = {key: axis_values(key, axis) for key, axis in axes.items()}
         for value in lists.get("grains.radius", []):
-            if isinstance(value, dict) and "file" in value:
+            if is_file_of_radii(value):
                 raise InputError(f"grains.radius of an axis is {value!r}: files of radii belong into scenes")
         bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
         pairs = itertools.product(bases, _combinations(lists, combine))
@@ -190,7 +191,7 @@ def _bases(
         sections = _with_values(read_document(path), fixed)
         toml_value(path.stem)  # a cell of the tables: it must be text
         grains = _table("grains", sections.get("grains", {}))
-        if isinstance(grains.get("radius"), dict) and "file" in grains["radius"]:
+        if is_file_of_radii(grains.get("radius")):
             grains["radius"] = read_radii(path.parent, grains["radius"])
         name = grains.get("file")
         names = lists.get("grains.file", [] if name is None else [name])

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
 from warpgrains.sweep.results import MET, SECONDS, Columns
-from warpgrains.sweep.run_folder import GRAINS, RESULT, RunFolder
+from warpgrains.sweep.run_folder import RESULT, RunFolder
 from warpgrains.sweep.shards import ResultShards
-from warpgrains.sweep.sweep import BaseScene, Run, Sweep, copy_name
+from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep, copy_name
 
 RESULTS = "results.csv"
 HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
