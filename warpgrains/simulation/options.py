@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
-from warpgrains.drawing.frames import FrameTimes
 from warpgrains.drawing.kinds import FASTEST, FILM, KINDS, RECORDING, Kind, require_drawing
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
-    from warpgrains.drawing.frames import Output
+    from warpgrains.drawing.frames import FrameTimes, Output
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.statistics import RunStatistics
 
@@ -146,8 +145,11 @@ class RunOptions:
 
     def times_of(self, scene: Scene) -> FrameTimes | None:
         """Return the times of the frames of a run of a scene; None if its output has not several frames."""
-        has_frames = self.shows is not None and self.shows.has_frames
-        return FrameTimes.of(scene.dt, self.rate) if has_frames else None
+        if self.shows is None or not self.shows.has_frames:
+            return None
+        from warpgrains.drawing.frames import FrameTimes
+
+        return FrameTimes.of(scene.dt, self.rate)
 
     def _require_effect(self, kind: Kind) -> None:
         """Raise InputError for options that have no effect on this kind of output."""
