@@ -16,6 +16,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
 from warpgrains.drawing.kinds import RECORDING
@@ -79,7 +80,7 @@ def _carry_out(run: OpenRun, state: State, arguments: Namespace) -> None:
     if run.options.shows is RECORDING:
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
-    with stdout_to_stderr(), run.opened():
+    with stdout_to_stderr(), run.opened(Series):
         start_warp()
         from warpgrains.simulation.simulation import Simulation
         from warpgrains.simulation.stepper import continued

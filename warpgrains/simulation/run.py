@@ -5,7 +5,7 @@ The checkpoints of a run let another process resume it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -93,8 +93,10 @@ class OpenRun(CountedRun):
         self._times = options.times_of(scene)
 
     @contextmanager
-    def opened(self) -> Iterator[None]:
+    def opened(self, series: Callable[..., Any] | None = None) -> Iterator[None]:
         """Lock the checkpoint and open the outputs, which are locked meanwhile and completed at the end.
+
+        `series` opens the series of the options: `warpgrains.analysis.Series`, or None if there is none.
 
         The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
 
@@ -114,11 +116,9 @@ class OpenRun(CountedRun):
             self.output = options.open_output(self.scene, self.statistics, self.first_step)
             if self.output is not None:
                 held.enter_context(self.output)
-            if options.measure is not None:
-                from warpgrains.analysis.series import Series
-
-                series = Series(options.measure, options.measure_every, options.series, resume_at)
-                self.observer = held.enter_context(series)
+            if options.measure is not None and series is not None:
+                measuring = series(options.measure, options.measure_every, options.series, resume_at)
+                self.observer = held.enter_context(measuring)
             yield
             at_end = perf_counter()
         self.statistics.seconds += perf_counter() - at_end

@@ -13,6 +13,7 @@ from math import inf
 from time import perf_counter
 from typing import Any, NamedTuple, Self
 
+from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, OutputError, SimulationError
@@ -81,7 +82,7 @@ class LongRun(OpenRun):
                     start = replace(start, state=point.state, statistics=point.statistics)
                 run = cls(folder, start)
                 own.push(run._outputs)
-                run._outputs.enter_context(run.opened())
+                run._outputs.enter_context(run.opened(Series))
             except OutputError:
                 raise
             except InputError as error:
