@@ -262,7 +262,8 @@ class TestUntil:
         for steps, taken in (([5, 10, 30], [5, 10, 30]), ([0, 40, 5], [5, 20, 35])):
             (last,) = sets.advance(steps, None, runs)
             assert [last.done(k).statistics.steps for k in range(3)] == taken
-        assert [(run.steps, run.statistics.met) for run in runs] == [(50, False), (20, True), (50, False)]
+        ended = [(run.has_ended, run.statistics.steps, run.statistics.met) for run in runs]
+        assert ended == [(False, 5, False), (True, 20, True), (False, 35, False)]
         assert [sets.state(k).steps for k in range(3)] == [5, 20, 35]
 
     def test_bad_criterion_is_refused(self) -> None:

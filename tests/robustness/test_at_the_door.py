@@ -230,7 +230,7 @@ HEADERS = {
     "more steps than the state": ({"tally": {"steps": 21}}, "steps is 21"),
     "negative": ({"tally": {"iterations": -1}}, "iterations is -1"),
     "nan": ({"tally": {"residual": float("nan")}}, "residual is nan"),
-    "seconds as text": ({"tally": {"seconds": "1"}}, "seconds is '1'"),
+    "seconds as text": ({"tally": {"step_seconds": "1"}}, "step_seconds is '1'"),
     "truth": ({"tally": {"restarts": True}}, "restarts is True"),
     "grains as number": ({"tally": {"infeasible_grains": 3}}, "holds an invalid state"),
     "grain that is none": ({"tally": {"infeasible_grains": [99]}}, "infeasible grain is 99"),

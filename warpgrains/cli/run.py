@@ -137,8 +137,10 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
         )
     given = _given(arguments, "checkpoint")
     given |= _spacing(arguments.every, options.checkpoint or arguments.checkpoint, options.series)
-    options = replace(options, steps=end - start.first_step, **given)
-    return OpenRun(start.scene, options, start.statistics, start.first_step, locked=locked), start.state
+    options, statistics = replace(options, steps=end - start.first_step, **given), start.statistics
+    if end > start.state.steps and _given(arguments, "steps", "duration"):
+        statistics.met = False  # the run goes on, although its end criterion was met
+    return OpenRun(start.scene, options, statistics, start.first_step, locked=locked), start.state
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:

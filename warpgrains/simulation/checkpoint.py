@@ -30,7 +30,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 8
+VERSION = 9
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]

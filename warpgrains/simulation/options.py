@@ -63,7 +63,7 @@ class RunOptions:
     """
 
     steps: int
-    """Total number of time steps."""
+    """Planned number of time steps."""
     record: str | None = _option(
         "A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present"
         " state first; or a picture of the end (.png, .pdf, .svg).",
@@ -161,10 +161,12 @@ class RunOptions:
                 f"'{self.record}' cannot be continued from a checkpoint: record a .usdc file, then plot it"
             )
 
-    def open_output(self, scene: Scene, statistics: RunStatistics, first_step: int) -> Output | None:
+    def open_output(
+        self, scene: Scene, statistics: RunStatistics, first_step: int, has_ended: bool
+    ) -> Output | None:
         """Return the output that receives frames; None if there is none, or no frame is left to record.
 
-        `first_step` is the number of time steps before the run.
+        `first_step` is the number of time steps before the run, `has_ended` is True if no step is left.
 
         Raises
         ------
@@ -189,8 +191,7 @@ class RunOptions:
         from warpgrains.frame_log import is_complete
         from warpgrains.usd.recorder import Recorder
 
-        has_ended = statistics.frames > 0 and statistics.steps == self.steps
-        if has_ended and is_complete(path):
+        if has_ended and statistics.frames > 0 and is_complete(path):
             return None
         return Recorder(
             path,

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
@@ -113,7 +112,7 @@ class OpenRun(CountedRun):
                 checkpoint = Path(options.checkpoint)
                 if locked is None or checkpoint.resolve() != locked.resolve():
                     held.enter_context(lock_checkpoint(checkpoint))
-            self.output = options.open_output(self.scene, self.statistics, self.first_step)
+            self.output = options.open_output(self.scene, self.statistics, self.first_step, self.has_ended)
             if self.output is not None:
                 held.enter_context(self.output)
             if options.measure is not None and series is not None:
@@ -121,13 +120,13 @@ class OpenRun(CountedRun):
                 self.observer = held.enter_context(measuring)
             yield
             at_end = perf_counter()
-        self.statistics.seconds += perf_counter() - at_end
+        self.statistics.other_seconds += perf_counter() - at_end
 
     @property
     def _next_frame(self) -> int:
         """Step of the run after which a frame is due: the last one, if there are not several frames."""
         if self.output is None or self._times is None:
-            return self.steps
+            return self.statistics.steps if self.has_ended else self.steps
         return self._times.step(self.statistics.frames)
 
     @property
@@ -157,7 +156,7 @@ class OpenRun(CountedRun):
             self.output.flush()
         if self.observer is not None:
             self.observer.flush()
-        return Checkpoint(self.scene, state, replace(self.options, steps=self.steps), self.statistics)
+        return Checkpoint(self.scene, state, self.options, self.statistics)
 
 
 def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
@@ -182,8 +181,12 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
     kept = None if run.options.checkpoint is None else Path(run.options.checkpoint)
     start = perf_counter() - statistics.seconds
 
+    def measure_time() -> None:
+        statistics.other_seconds = perf_counter() - start - statistics.step_seconds
+
     def write_due() -> None:
         run.record(simulation)
+        measure_time()
         if kept is not None and (statistics.steps % every == 0 or run.has_ended):
             write_checkpoint(kept, run.checkpoint(simulation.state()))
 
@@ -198,9 +201,8 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
                 step, grains = simulation.infeasible_steps[0]
                 warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
             run.count(done, simulation)
-            statistics.seconds = perf_counter() - start
             write_due()
-    statistics.seconds = perf_counter() - start
+    measure_time()
     if until is not None and not statistics.met:
         warn(f"{until.name} was not reached within {simulation.time:g} s of simulated time", stacklevel=3)
 

@@ -42,15 +42,15 @@ class CountedRun:
     """A run whose steps are counted, which ends after its last one or when its end criterion is met."""
 
     steps: int
-    """Number of steps, those done once the end criterion is met."""
+    """Planned number of steps. A run whose end criterion is met has ended earlier."""
     statistics: RunStatistics
     """Statistics of the steps done."""
     until: EndCriterion | None = None
 
     @property
     def has_ended(self) -> bool:
-        """True if no step is left."""
-        return self.statistics.steps >= self.steps
+        """True if all steps are done, or the end criterion is met."""
+        return self.statistics.met or self.statistics.steps >= self.steps
 
     @property
     def steps_to_test(self) -> int:
@@ -76,8 +76,7 @@ class CountedRun:
         if statistics.steps % TEST_INTERVAL == 0:
             held = statistics.held + TEST_INTERVAL if statistics.held else 1
             statistics.held = held if self.until.condition(now) else 0
-            if statistics.held > self.until.steps:
-                self.steps, statistics.met = statistics.steps, True
+            statistics.met = statistics.held > self.until.steps
 
 
 def steps_to(every: int, steps: int) -> int:

@@ -77,7 +77,7 @@ class LastSteps(NamedTuple):
             gap_error=self._gap_error(k, sums["residual"]),
             infeasible=len(proofs),
             infeasible_grains=proofs[0][1] if proofs else (),
-            seconds=self.seconds[k].item(),
+            step_seconds=self.seconds[k].item(),
         )
 
     def _gap_error(self, k: int, residual: float) -> float:

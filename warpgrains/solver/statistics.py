@@ -197,8 +197,11 @@ class RunStatistics(FormerNames):
         Sum and maximum over the steps.
     unconverged, infeasible, infeasible_grains, residual, gap_error, overlap, rebuilds, restarts
         As in `Summary`.
-    seconds : float
-        Wall time of the run [s]; in batches and sweeps, for its steps and for completing its recording.
+    step_seconds : float
+        Time in which a device or threads advanced the scene [s].
+    other_seconds : float
+        Time beside the steps [s]: all of it in a run by itself, such as that for outputs and checkpoints; in
+        sweeps, that for completing the recording.
     held : int
         Number of steps for which the end criterion has held, plus 1; 0 if it does not hold.
     met : bool
@@ -217,12 +220,18 @@ class RunStatistics(FormerNames):
     overlap: float = _counted(max, 0.0)
     rebuilds: int = _counted(add)
     restarts: int = _counted(add)
-    seconds: float = _counted(add, 0.0)
+    step_seconds: float = _counted(add, 0.0)
+    other_seconds: float = _counted(add, 0.0)
     held: int = _counted(add)
     met: bool = _counted(or_, False)
 
     def __post_init__(self) -> None:
         self.infeasible_grains = tuple(self.infeasible_grains)
+
+    @property
+    def seconds(self) -> float:
+        """Time of the run [s]; of a run by itself, it is the wall time."""
+        return self.step_seconds + self.other_seconds
 
     def add(self, other: Self) -> None:
         """Add the statistics of other steps."""

@@ -129,7 +129,7 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[
 
 def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> RunResult:
     """Return the result of a finished run, see `results`."""
-    counted = {name: np.array([value]) for name, value in vars(done).items()}
+    counted = {name: np.array([getattr(done, name)]) for name in (*COUNTED, MET)}
     return next(results(FinalStates(end.grains, np.array([end.scene.dt]), counted), [end], columns))
 
 

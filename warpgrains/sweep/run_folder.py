@@ -164,8 +164,7 @@ class RunFolder:
         """Return the checkpoint of this run; file names that it contains are ignored."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
-        steps = kept.statistics.steps if kept.statistics.met else kept.scene.steps
-        own = (self._text, self.columns.until, steps)
+        own = (self._text, self.columns.until, kept.scene.steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
             raise InputError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
         record = None if options.record is None else str(self.recording)
