@@ -10,8 +10,7 @@ from sweeps import SMALL, batch, results, table, write
 from warpgrains import Recording, Scene, Simulation, SimulationError
 from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.sweep.execution import ExecutionOptions
-from warpgrains.sweep.results import Columns
+from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.runner import finish_runs
 from warpgrains.sweep.sweep import Sweep
 from warpgrains.sweep.sweep_folder import SweepFolder
@@ -103,7 +102,7 @@ class TestResults:
             'scene = "annulus"\n[set]\nsolver.max_iterations = 3\n[axes]\nsolver.on_unconverged = ["raise"]'
         )
         sweep, out = Sweep.load(write(tmp_path, text)), tmp_path / "out"
-        folder = SweepFolder(out, Columns(sweep.axes))
+        folder = SweepFolder(out, sweep.axes, RunSettings())
         folder.unfinished(sweep, sweep.runs, False)
         folder.prepare(sweep)
         execution = ExecutionOptions(folders=bool(options))

@@ -8,7 +8,7 @@ import pytest
 from sweeps import batch, results, table, write
 
 from warpgrains import Scene, Simulation
-from warpgrains.sweep.results import Columns
+from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.sweep_folder import SweepFolder
 
 SWEEP = """
@@ -78,6 +78,7 @@ def test_a_scene_that_the_criterion_does_not_fit_fails(tmp_path):
 
 
 def test_other_processes_know_the_columns(tmp_path):
-    columns = Columns(("physics.drag",), ("rattlers",), "rest")
-    assert pickle.loads(pickle.dumps(SweepFolder(tmp_path, columns))).columns == columns
-    assert columns.all[-3:] == ["met", "rattlers", "error"]
+    folder = SweepFolder(tmp_path, ("physics.drag",), RunSettings(("rattlers",), "rest"))
+    copied = pickle.loads(pickle.dumps(folder))
+    assert (copied.columns, copied.settings) == (folder.columns, folder.settings)
+    assert copied.columns[-3:] == ["met", "rattlers", "error"]

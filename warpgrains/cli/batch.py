@@ -13,8 +13,7 @@ from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import rest_bounds
-from warpgrains.sweep.execution import ExecutionOptions
-from warpgrains.sweep.results import Columns
+from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder, Tables
 
@@ -41,10 +40,9 @@ def run(arguments: Namespace) -> bool:
         return False
     sweep = Sweep.load(arguments.sweep)
     gc.freeze()  # no run becomes garbage, and repeated scans of a million runs would take long
-    columns = _columns(sweep.axes, arguments)
-    folder = SweepFolder(path.absolute(), columns)
+    folder = SweepFolder(path.absolute(), sweep.axes, _settings(arguments))
     if plot is not None:
-        plot.require_columns(columns.all)
+        plot.require_columns(folder.columns)
     share = _share(sweep, arguments)
     start, left = perf_counter(), folder.unfinished(sweep, share, arguments.resume)
     try:
@@ -73,8 +71,8 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
     return SweepPlot.parse(arguments.plot)
 
 
-def _columns(axes: tuple[str, ...], arguments: Namespace) -> Columns:
-    """Return the columns of the results. Raises InputError if a quantity or the end criterion is invalid."""
+def _settings(arguments: Namespace) -> RunSettings:
+    """Return the settings of all runs. Raises InputError if a quantity or the end criterion is invalid."""
     if arguments.every is not None:
         checks.whole_number("--every", arguments.every)
         if arguments.measure is None:
@@ -86,7 +84,7 @@ def _columns(axes: tuple[str, ...], arguments: Namespace) -> Columns:
         measured = names_of(name.strip() for name in arguments.measure.split(","))
     if arguments.until is not None:
         rest_bounds(arguments.until)
-    return Columns(axes, measured, arguments.until)
+    return RunSettings(measured, arguments.until)
 
 
 def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:

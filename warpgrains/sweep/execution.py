@@ -1,12 +1,22 @@
-"""Options by which the runs of a sweep are executed, and how many are executed together."""
+"""Settings and execution of the runs of a sweep, and how many runs are executed together."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 GROWTH = 8  # largest ratio of the size of a group, slice or bundle to the previous one
 
 OnFraction = Callable[[float], None]
 """Called with the progress since the last call, as a fraction of a run."""
+
+
+class RunSettings(NamedTuple):
+    """Settings of all runs of a sweep, on which their results depend: a resumed sweep must have the same."""
+
+    measured: tuple[str, ...] = ()
+    """Names of measured quantities."""
+    until: str | None = None
+    """End criterion of each run, see `criterion`."""
 
 
 @dataclass(frozen=True)

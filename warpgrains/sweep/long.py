@@ -126,7 +126,7 @@ class LongRun(OpenRun):
         """Save the result of the run."""
         if self.error is None:
             end = snapshot(self.scene, self.state)
-            self.folder.finish(result(end, self.statistics, self.folder.columns.after_labels))
+            self.folder.finish(result(end, self.statistics, self.folder.columns))
         else:
             self.folder.fail(self.error, self.statistics.seconds)
 

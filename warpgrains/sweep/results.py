@@ -19,6 +19,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.solver.final_states import COUNTED, FinalStates, StackedGrains
 from warpgrains.solver.statistics import RunStatistics
+from warpgrains.sweep.execution import RunSettings
 
 
 class Column(NamedTuple):
@@ -75,35 +76,19 @@ UNITS = {name: found.unit for name, found in (QUANTITIES | COLUMNS).items()}
 """Units of these columns and of the measured quantities."""
 
 RunResult = tuple[Any, ...]
-"""A result without labels, in the order of `Columns.after_labels`, followed by the seconds."""
+"""A result without labels, in the order of `columns_of_values`, followed by the seconds."""
 
 
-class Columns(NamedTuple):
-    """The columns of a sweep's results."""
-
-    axes: tuple[str, ...] = ()
-    """Keys of the axes of the sweep."""
-    measured: tuple[str, ...] = ()
-    """Names of measured quantities."""
-    until: str | None = None
-    """End criterion of each run, see `criterion`."""
-
-    @property
-    def after_labels(self) -> list[str]:
-        """Columns after the labels, without the seconds."""
-        *common, error = (name for name in COLUMNS if name != MET or self.until is not None)
-        return [*common, *(name for name in self.measured if name not in COLUMNS), error]
-
-    @property
-    def all(self) -> list[str]:
-        """Columns of the table of all results."""
-        return ["run", "scene", *self.axes, *self.after_labels]
+def columns_of_values(settings: RunSettings) -> list[str]:
+    """Return the columns of results after the labels, without the seconds."""
+    *common, error = (name for name in COLUMNS if name != MET or settings.until is not None)
+    return [*common, *(name for name in settings.measured if name not in COLUMNS), error]
 
 
 def is_possible(columns: list[str]) -> bool:
-    """Return whether some sweep has these columns, see `Columns.after_labels`."""
+    """Return whether some sweep has these columns, see `columns_of_values`."""
     measured = tuple(filter(QUANTITIES.__contains__, columns))
-    return columns in (Columns((), measured, until).after_labels for until in (None, "rest"))
+    return columns in (columns_of_values(RunSettings(measured, until)) for until in (None, "rest"))
 
 
 def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[RunResult]:
@@ -116,7 +101,7 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[
     snapshots
         Final states as snapshots, which are used only if quantities are measured.
     columns
-        See `Columns.after_labels`.
+        See `columns_of_values`.
     """
     values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name in COLUMNS}
     measured = [name for name in columns if name not in COLUMNS]

@@ -26,8 +26,15 @@ from warpgrains.scene.state import first_state
 from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.sweep.execution import ExecutionOptions
-from warpgrains.sweep.results import SECONDS, Columns, RunResult, failure, is_possible, require_result
+from warpgrains.sweep.execution import ExecutionOptions, RunSettings
+from warpgrains.sweep.results import (
+    SECONDS,
+    RunResult,
+    columns_of_values,
+    failure,
+    is_possible,
+    require_result,
+)
 from warpgrains.sweep.shards import OTHER_COLUMNS
 from warpgrains.sweep.sweep import GRAINS, Run
 
@@ -43,17 +50,20 @@ class RunFolder:
     path : Path
         The folder.
     run : Run
-    columns : Columns
-        Of the results of the sweep.
+    settings : RunSettings
+        Of the sweep.
 
     Attributes
     ----------
     number : int
         Of the run.
+    columns : list of str
+        Columns of its result after the labels, without the seconds.
     """
 
-    def __init__(self, path: Path, run: Run, columns: Columns):
-        self.path, self.number, self.columns, self._run = path, run.number, columns, run
+    def __init__(self, path: Path, run: Run, settings: RunSettings):
+        self.path, self.number, self._settings, self._run = path, run.number, settings, run
+        self.columns = columns_of_values(settings)
         self.scene_file, self.checkpoint = path / "scene.toml", path / "checkpoint.npz"
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
         self.result = path / RESULT
@@ -119,7 +129,7 @@ class RunFolder:
             names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
             columns = names[len(self.labels) : -1]
             is_intact = names == [*self.labels, *columns, SECONDS] and is_possible(columns)
-            return is_intact and columns != self.columns.after_labels
+            return is_intact and columns != self.columns
         return False
 
     def lock(self) -> Lock:
@@ -149,14 +159,13 @@ class RunFolder:
             log_of(self.recording).unlink(missing_ok=True)
             wanted = {"record": str(self.recording), "fps": execution.fps}
         if execution.measure_every is not None:
-            measure = ",".join(self.columns.measured)
             wanted |= {
-                "measure": measure,
+                "measure": ",".join(self._settings.measured),
                 "measure_every": execution.measure_every,
                 "series": str(self.series),
             }
         options = RunOptions(
-            steps=scene.steps, checkpoint=str(self.checkpoint), until=self.columns.until, **wanted
+            steps=scene.steps, checkpoint=str(self.checkpoint), until=self._settings.until, **wanted
         )
         return Checkpoint(scene, first_state(scene), options, RunStatistics())
 
@@ -164,7 +173,7 @@ class RunFolder:
         """Return the checkpoint of this run; file names that it contains are ignored."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
-        own = (self._text, self.columns.until, kept.scene.steps)
+        own = (self._text, self._settings.until, kept.scene.steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
             raise InputError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
         record = None if options.record is None else str(self.recording)
@@ -180,24 +189,23 @@ class RunFolder:
     def finish(self, values: RunResult) -> None:
         """Save the result of the run, which is finished from then on."""
         self._write_scene()
-        names = (*self.columns.after_labels, SECONDS)
+        names = (*self.columns, SECONDS)
         row = self.labels | dict(zip(names, values, strict=True))
         write_atomically(self.result, table_text([row]).encode())
 
     def fail(self, reason: str, seconds: float = 0.0) -> None:
         """Save a failure as the result of the run, which is finished from then on."""
-        self.finish(failure(reason, self.columns.after_labels, seconds))
+        self.finish(failure(reason, self.columns, seconds))
 
     def line(self) -> bytes:
         """Return the line of the run's result.
 
         If it cannot be read, the result is a failure for this reason.
         """
-        columns = self.columns.after_labels
         try:
-            return csv_line(require_result(read_table(self.result), self.labels, columns).values())
+            return csv_line(require_result(read_table(self.result), self.labels, self.columns).values())
         except InputError:
-            lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", columns)
+            lost = failure(f"{RESULT} is damaged: {HOW_TO_REPEAT}", self.columns)
             return csv_line([*self.labels.values(), *lost])
 
     def _write_scene(self) -> None:

@@ -24,7 +24,7 @@ from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction
 from warpgrains.sweep.long import ResumePoint
-from warpgrains.sweep.results import RunResult, result, results
+from warpgrains.sweep.results import RunResult, columns_of_values, result, results
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder, writer
 
@@ -118,7 +118,7 @@ class ShortRunner:
         if not any(end in label for label in labels.values() for end in "\r\n"):
             with suppress(InputError):
                 scene = self._scene(run)
-                until = criterion(self._folder.columns.until, scene)
+                until = criterion(self._folder.settings.until, scene)
                 if paying_threads(scene) == 1:
                     return ShortRun(run, labels, scene, until)
         self.longer.append(ResumePoint(run))
@@ -160,7 +160,7 @@ class ShortRunner:
 
         waiting = dict(enumerate(group.runs))
         runs = None
-        if self._folder.columns.until is not None:
+        if self._folder.settings.until is not None:
             runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
         ended: dict[int, tuple[Row, RunResult]] = {}
         for last in sets.advance(steps, poll, runs):
@@ -178,7 +178,7 @@ class ShortRunner:
 
     def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
-        columns = self._folder.columns.after_labels
+        columns = columns_of_values(self._folder.settings)
         if runs is not None:
             for k, now in sets.scenes.items():
                 if runs[k].has_ended:

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
-from warpgrains.sweep.results import MET, SECONDS, Columns
+from warpgrains.sweep.execution import RunSettings
+from warpgrains.sweep.results import MET, SECONDS, columns_of_values
 from warpgrains.sweep.run_folder import RESULT, RunFolder
 from warpgrains.sweep.shards import ResultShards
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep, copy_name
@@ -44,30 +45,34 @@ class SweepFolder:
     Parameters
     ----------
     path : Path
-    columns : Columns
-        Columns of the results.
+    axes : tuple of str
+        Keys of the axes of the sweep.
+    settings : RunSettings
 
     Attributes
     ----------
     results, timing : Path
         Table of the results of all runs, which do not depend on when and where a run was done; and table of
         the times for their steps and for completing their recordings [s].
+    columns : list of str
+        Columns of the table of all results.
     shards : ResultShards
         Results of the runs without a folder.
     """
 
-    def __init__(self, path: Path, columns: Columns):
-        self.path, self.columns = path, columns
+    def __init__(self, path: Path, axes: tuple[str, ...], settings: RunSettings):
+        self.path, self.settings, self._axes = path, settings, axes
+        self.columns = ["run", "scene", *axes, *columns_of_values(settings)]
         self.results, self.timing = path / RESULTS, path / "timing.csv"
-        self.shards = ResultShards(path / "parts", [*columns.all, SECONDS])
+        self.shards = ResultShards(path / "parts", [*self.columns, SECONDS])
         self._runs = path / "runs"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.path, self.columns)
+        return type(self), (self.path, self._axes, self.settings)
 
     def of(self, run: Run) -> RunFolder:
         """Return the folder of a run, which may not exist yet."""
-        return RunFolder(self._of(run.number), run, self.columns)
+        return RunFolder(self._of(run.number), run, self.settings)
 
     def _of(self, number: int) -> Path:
         return self._runs / f"{number:05}"
@@ -88,7 +93,7 @@ class SweepFolder:
 
     def _common(self, base: BaseScene) -> bytes:
         """Return the content of the file with the common part of the runs of a scene."""
-        until = self.columns.until
+        until = self.settings.until
         head = "" if until is None else f"# Its runs end earlier, at {until}\n"
         return f"{head}{base.text}".encode()
 
@@ -150,9 +155,9 @@ class SweepFolder:
         while True:
             finished = self.finished(sweep.runs)
             if not finished:
-                return Tables(finished, {}, set(), None if self.columns.until is None else set())
+                return Tables(finished, {}, set(), None if self.settings.until is None else set())
             in_folders = self._with_result(finished)
-            results, timing = [csv_line(self.columns.all)], [csv_line(["run", SECONDS])]
+            results, timing = [csv_line(self.columns)], [csv_line(["run", SECONDS])]
             for run in sweep.runs:
                 if run.number in finished:
                     has_folder = run.number in in_folders
@@ -167,7 +172,7 @@ class SweepFolder:
 
     def _tables(self, finished: set[int], results: list[bytes]) -> Tables:
         """Return the numbers of runs by outcome from the lines of the table of results."""
-        met = [] if self.columns.until is None else [MET]
+        met = [] if self.settings.until is None else [MET]
         found = columns_of(map(bytes.decode, results), lambda _: ("run", "error", "unconverged", *met))
         numbers = list(map(int, found["run"]))
         errors = {number: error for number, error in zip(numbers, found["error"], strict=True) if error}
