@@ -18,14 +18,19 @@ def differing(one, other):
     return [name for name in names if differing(one[name], other[name])]
 
 
+@pytest.mark.parametrize("kind", ["plain", "friction", "driven"])
 @pytest.mark.parametrize(
     "counts", [[15], [15, 15], [15, 15, 15], [15, 5, 15]], ids=["one", "two", "three", "unlike"]
 )
-def test_all_at_once(counts):
+def test_all_at_once(counts, kind):
     scenes = [
         Scene.load("annulus", [f"grains.count={count}", f"physics.drag={0.1 * (k + 1)}"])
         for k, count in enumerate(counts)
     ]
+    if kind == "driven":
+        scenes = [scene.replace(radius_in=0.0, pressure=10.0, wall_mass=1.0) for scene in scenes]
+    elif kind == "friction":
+        scenes = [scene.replace(friction=0.1, spin=np.full(scene.n, 2.0)) for scene in scenes]
     engine, other = (Engine(scenes, find_device("cpu")) for _ in range(2))
     engine.begin()
     for k, scene in enumerate(scenes):

@@ -28,7 +28,7 @@ from warpgrains.kernels.record import (
 )
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
-from warpgrains.scene.state import Corrections, State, first_state
+from warpgrains.scene.state import Corrections, State
 from warpgrains.solver import tuning
 from warpgrains.solver.crew import Crew
 from warpgrains.solver.final_states import FinalStates
@@ -87,12 +87,11 @@ class Engine:
         self._queue.cancel = wp.zeros(1, dtype=wp.int32, device="cpu")
         self.left, self._outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
-        self._steps, self._submitted = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._most = float(sum(scene.n * scene.max_iterations for scene in scenes))
         self.is_brief, self._is_gravity_given = True, False
         self._tasks: list[Callable[[], None]] = []
         host, service = self._records.host, self._service
-        arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, self._steps
+        arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, host["steps"]
         self._last_steps = LastSteps(scenes, *arrays, service.proofs, service.errors)
         self._crew = Crew(team, *tuning.crew(scenes[0], team))
         self._graphs: dict[int, wp.Graph] = {}
@@ -121,15 +120,11 @@ class Engine:
 
     def begin(self) -> None:
         """Write the initial states of all scenes to newly allocated memory."""
-        if self._records.begin():
-            return
-        for k, scene in enumerate(self.scenes):
-            self.load(k, first_state(scene))
+        self._records.begin()
 
     def load(self, k: int, state: State) -> None:
         """Load a state, from which scene k continues."""
         self._memory[k].load(state)
-        self._steps[k] = state.steps
         self._records.push(k)
 
     def _pulled(self, k: int) -> SceneMemory:
@@ -145,11 +140,11 @@ class Engine:
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k."""
-        return self._pulled(k).state(self.steps(k))
+        return self._pulled(k).state()
 
     def steps(self, k: int) -> int:
         """Return the number of steps of scene k since its start."""
-        return self._steps[k].item()
+        return self._memory[k].steps
 
     def grains(self, k: int, name: str) -> np.ndarray[Any, Any]:
         """Return a copy of a grain array of scene k, such as "position"."""
@@ -198,7 +193,7 @@ class Engine:
 
     def submit(self, steps: Sequence[int]) -> None:
         """Set the number of steps to do for each scene, and reset the statistics."""
-        self.left[:] = self._submitted[:] = steps
+        self.left[:] = steps
         self.is_brief = self._most * max(steps) < BRIEF
         self._outcome[:] = SOLVED
         self.seconds[:] = 0.0
@@ -268,7 +263,7 @@ class Engine:
             return bool(np.count_nonzero(self.left) and not self._cancel[0])
         unproved = np.flatnonzero(self._outcome == UNPROVED).tolist()
         for k in unproved:
-            self._service.search_proof(k, self._done(k))
+            self._service.search_proof(k)
         slow = np.flatnonzero(self._outcome == SLOW).tolist()
         for k in slow:
             start = perf_counter()
@@ -283,12 +278,8 @@ class Engine:
         waiting = np.flatnonzero(self._outcome == WITHOUT_ROOM).tolist()
         return [k for k in waiting if self._service.reserve_contacts(k)]
 
-    def _done(self, k: int) -> int:
-        """Return the steps of scene k since its start, those of the present launch included."""
-        return int(self._steps[k] + self._submitted[k] - self.left[k])
-
     def finish_open_steps(self) -> None:
-        """Finish or undo all open steps, count the steps done, and keep the reasons of failures."""
+        """Finish or undo all open steps, and keep the reasons of failures."""
         if CHECKED:
             self._raise_violation()
         if self._cancel[0]:
@@ -297,11 +288,9 @@ class Engine:
         if np.count_nonzero(self._outcome):  # not all are solved
             self._solve_open_steps()
             for k in np.flatnonzero(np.isin(self._outcome, FAILURES)).tolist():
-                self._service.explain(k, self._outcome[k], self._done(k))
+                self._service.explain(k, self._outcome[k])
             for k in np.flatnonzero(np.isin(self._outcome, (*FAILURES, CANCELLED, SLOW))).tolist():
                 self._service.undo_step(k)
-        self._steps += self._submitted - self.left
-        self._submitted[:] = self.left
 
     def _raise_violation(self) -> None:
         """Raise SimulationError if a kernel has used an index outside of its array."""
@@ -309,7 +298,7 @@ class Engine:
             violation = self._records.violation(k)
             if violation is not None:
                 raise SimulationError(
-                    f"step {self._done(k) + 1}: {violation}: please report this defect with the scene"
+                    f"step {self.steps(k) + 1}: {violation}: please report this defect with the scene"
                 )
 
     def _solve_open_steps(self) -> None:

@@ -155,18 +155,21 @@ class SceneRecords:
         surface[:, 1] = 0.0
         surface[:2, 1] = [scene.surface_speed(wall) for wall in (OUTER, INNER)][: len(surface)]
 
-    def begin(self) -> bool:
-        """Write all initial states at once; return False if layouts differ, or a wall is driven."""
-        if self.together("verlet.skin") is None or self.sizes.driven.any():
-            return False
+    def begin(self) -> None:
+        """Write the initial states of all scenes to newly allocated memory, as `SceneMemory.load` does."""
         for name in ("position", "velocity"):
             self._write_grains(name, name)
+        self._write_grains("last_position", "position")
         if self.sizes.friction:
             self._write_grains("spin", "spin_at_start")
-        self._together("grains.last_position")[:] = self._together("grains.position")
-        self._together("verlet.skin")[:] = tuning.NO_SKIN
+        for k in np.flatnonzero(self.sizes.driven).tolist():
+            for name in ("position", "last_position"):
+                self.array(k, f"grains.{name}")[self._scenes[k].n + OUTER, 0] = self._scenes[k].radius_out
+        for skins in self._views("verlet.skin"):
+            skins[:] = tuning.NO_SKIN
         self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self._scenes]
-        return True
+        for k in range(len(self._scenes)):
+            self.push(k)
 
     def _write_grains(self, name: str, field: str) -> None:
         """Write a field of all scenes to an array of their grains."""
@@ -199,10 +202,10 @@ class SceneRecords:
         shape = (len(start), int(length[0]), *field.shape)
         return np.ndarray(shape, field.dtype, memory, first, strides)
 
-    def _together(self, name: str) -> np.ndarray[Any, Any]:
-        array = self.together(name)
-        assert array is not None
-        return array
+    def _views(self, name: str) -> list[np.ndarray[Any, Any]]:
+        """Return an array of all scenes as one view; as one view of each if their layouts differ."""
+        whole = self.together(name)
+        return [self.array(k, name) for k in range(len(self._scenes))] if whole is None else [whole]
 
     def stacked(self, name: str, which: IndexArray) -> np.ndarray[Any, Any]:
         """Return a copy of an array of the grains of some scenes, of n grains each, shape (m, n, ...)."""

@@ -67,7 +67,7 @@ class SceneMemory:
 
     @property
     def steps(self) -> int:
-        """Steps counted since the start."""
+        """Steps since the start."""
         return int(self.record["steps"])
 
     def _listed(self) -> tuple[IntArray, IntArray]:
@@ -109,8 +109,8 @@ class SceneMemory:
         dvt = self.array("contacts.dvt")
         return Corrections(*carried, dvt[at_pair[active]], dvt[at_wall[at_side]])
 
-    def state(self, steps: int) -> State:
-        """Return the exact state; `steps` is its number of steps."""
+    def state(self) -> State:
+        """Return the exact state."""
         numbers = self._records.verlet_numbers(self._k).copy()
         lists = VerletList(
             pair=self.listed_pairs()[0],
@@ -126,7 +126,7 @@ class SceneMemory:
         if self._scene.has_driven_walls:
             more["driven"] = self.driven()
         staggered = self.moment("staggered")
-        return State(steps, position, velocity, self.corrections(), lists, staggered, **more)
+        return State(self.steps, position, velocity, self.corrections(), lists, staggered, **more)
 
     def moment(self, name: str) -> bool:
         """Return a flag of the record's time scheme, such as "last_staggered"."""

@@ -84,17 +84,17 @@ class Service:
         """Solve the step of scene k, in which sweeps converge too slowly."""
         self._exact[k].solve()
 
-    def search_proof(self, k: int, step: int) -> None:
-        """Search for the grains of scene k that cannot fit, after step number `step` did not converge."""
+    def search_proof(self, k: int) -> None:
+        """Search for the grains of scene k that cannot fit, after its last step did not converge."""
         proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity", 0)
         wait = 0 if proof else iterations_worth_a_search(self._scenes[k].n)
         self._memory[k].record["to_search"] = wait
         if proof:
-            self.proofs[k].append((step, proof.grains))
+            self.proofs[k].append((self._memory[k].steps, proof.grains))
 
-    def explain(self, k: int, outcome: int, done: int) -> None:
-        """Store the reason why the step of scene k after `done` steps failed."""
-        scene = self._scenes[k]
+    def explain(self, k: int, outcome: int) -> None:
+        """Store the reason why the open step of scene k failed."""
+        scene, done = self._scenes[k], self._memory[k].steps
         why = self.errors.get(k) or _reason(scene, self._memory[k], outcome)
         self.errors[k] = f"step {done + 1}, from t = {done * scene.dt} s: {why}"
 
