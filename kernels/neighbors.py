@@ -11,7 +11,7 @@ from .cells import AT_ONCE, bucket_of, cell_of, prefix_sum
 from .contact_list import has_wall, was_active
 from .record import WITHOUT_ROOM, Phase, Scene, grain_count, is_driven
 from .types import CellGrid
-from .walls import do_move, is_near_wall, next_near, wall_body_count, wall_path
+from .walls import are_mobile, is_near_wall, next_near, wall_body_count, wall_path
 
 f64 = wp.float64
 Begins = wp.types.vector(length=8, dtype=wp.int32)  # a mask of 64 bits has eight tests
@@ -133,7 +133,7 @@ def find_walls(s: Scene, i: int):
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     now = f64(s.steps + wp.int64(1)) * s.dt  # walls are where they are at the end of the step
     was_at_wall = has_wall(s.workspace.old, i)
-    skipping = not (do_move(s.walls) or was_at_wall)
+    skipping = not (are_mobile(s.walls) or was_at_wall)
     b = int(0)
     while b < wall_body_count(s.walls):
         j = grain_count(s) + b

@@ -93,7 +93,7 @@ class Contacts:
     dv_start: Floats  # dv_c of the last good step, with which a step starts, again if need be
     weights: Vectors  # mass shares of i and j; empty where all masses are equal
     limits: Vectors  # of contacts with walls: gap / dt on the other side, and A_i / dt of eq. 18 [m/s]
-    wall_speed: Floats  # of contacts with walls: that of the surface [m/s] (eq. 23); empty if none moves
+    wall_speed: Floats  # of contacts with walls: that of the surface [m/s] (eq. 23); empty if none is mobile
     dvt: Floats  # accumulated tangential corrections [m/s]; empty without friction
     dvt_start: Floats  # those with which a step starts
     rim_weights: wp.array(dtype=wp.vec3d)  # 1 / K_t, and parts for the rims of i and j (eq. 22); as `weights`

@@ -25,7 +25,7 @@ class Walls:
     annulus: Annulus
     shape: wp.array(dtype=Shape)  # of the walls inside it
     motion: wp.array(dtype=Motion)  # of these, and
-    pose: wp.array(dtype=Pose)  # where they are at the end of the step; both empty if none moves or is driven
+    pose: wp.array(dtype=Pose)  # where they are at the end of the step; both empty if none is mobile
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
 
@@ -62,14 +62,14 @@ def shape_normal(x: wp.vec2d, shape: Shape) -> wp.vec2d:
 
 
 @wp.func
-def do_move(walls: Walls) -> bool:
-    """Return whether a wall inside the annulus moves."""
+def are_mobile(walls: Walls) -> bool:
+    """Return whether a wall inside the annulus is mobile: it moves as given in advance, or is driven."""
     return walls.pose.shape[0] > 0
 
 
 @wp.func
 def place_walls(walls: Walls, begin: f64, end: f64):
-    """Place the walls that move where they are at the end of a step, from time begin to time end [s]."""
+    """Place mobile walls where they are at the end of a step, from time begin to time end [s]."""
     for k in range(walls.motion.shape[0]):
         put(walls.pose, k, pose_at(at(walls.motion, k), begin, end))
 
@@ -77,7 +77,7 @@ def place_walls(walls: Walls, begin: f64, end: f64):
 @wp.func
 def wall_path(b: int, walls: Walls, begin: f64, end: f64) -> f64:
     """Return how far a point of wall b moves from time begin to time end [s] at most [m]."""
-    if do_move(walls) and b > 0:
+    if are_mobile(walls) and b > 0:
         motion = at(walls.motion, b - 1)
         return (moving_time(motion, end) - moving_time(motion, begin)) * motion[7]
     return f64(0.0)
@@ -87,7 +87,7 @@ def wall_path(b: int, walls: Walls, begin: f64, end: f64) -> f64:
 def gap_inside(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
     """Return the free distance between a grain at x and wall b > 0 [m]."""
     place = x
-    if do_move(walls):
+    if are_mobile(walls):
         place = to_frame(at(walls.pose, b - 1), x)
     return shape_gap(place, radius, at(walls.shape, b - 1))
 
@@ -96,7 +96,7 @@ def gap_inside(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
 def is_near_circle(b: int, x: wp.vec2d, reach: f64, walls: Walls) -> bool:
     """Return whether the circle about wall b > 0 is within reach [m] of x: a test that costs little."""
     place, shape = x, at(walls.shape, b - 1)
-    if do_move(walls):
+    if are_mobile(walls):
         place = to_frame(at(walls.pose, b - 1), x)
     away, near = wp.vec2d(shape[7], shape[8]) - place, reach + shape[9]
     return wp.dot(away, away) <= near * near
@@ -138,7 +138,7 @@ def wall_frame(b: int, x: wp.vec2d, radius: f64, walls: Walls):
     """
     if b > 0:
         gap, shape = gap_inside(b, x, radius, walls), at(walls.shape, b - 1)
-        if do_move(walls):
+        if are_mobile(walls):
             pose = at(walls.pose, b - 1)
             n = from_frame(pose, shape_normal(to_frame(pose, x), shape))
             return n, gap, f64(wp.inf), f64(wp.inf)

@@ -120,7 +120,7 @@ def drawn_walls(scene: Scene) -> dict[str, Band]:
 
 
 def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> dict[int, Band]:
-    """Return those drawn walls that move as they are at a time [s], by their index in `drawn_walls`.
+    """Return the mobile ones of the drawn walls as they are at a time [s], by their index in `drawn_walls`.
 
     Walls that forces drive are at `places`, see `State.driven` [m], or where they begin.
     """
@@ -133,7 +133,7 @@ def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> 
     if scene.pressure is not None:
         moved[0] = ring(now.radius_out, now.radius_out + thickness)
     for k, wall in enumerate(now.walls):
-        if wall.leaves:
+        if wall.is_mobile:
             moved[first + k] = (
                 every[first + k].moved(wall.pose(time)) if wall.moves else wall.drawn(thickness)
             )

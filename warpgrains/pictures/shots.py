@@ -35,8 +35,8 @@ class Setting:
     chain_scale: ChainScale | None
     rotates: bool = False
     """Whether grains rotate, and have marks."""
-    moving: tuple[int, ...] = ()
-    """Indices of the walls that move."""
+    mobile: tuple[int, ...] = ()
+    """Indices of the mobile walls."""
 
     @property
     def reach(self) -> float:
@@ -90,9 +90,9 @@ class Painter:
             chain_scale = chain_scale and replace(chain_scale, force=largest)
             if color_by == "pressure":
                 self._colors.scale = ColorScale(color_by, 0.0, largest / (2.0 * float(scene.radius.mean())))
-        walls, moving = list(drawn_walls(scene).values()), tuple(moved_walls(scene, 0.0))
+        walls, mobile = list(drawn_walls(scene).values()), tuple(moved_walls(scene, 0.0))
         scales = self._colors.scale, chain_scale
-        self.setting = Setting(scene.radius, walls, *scales, scene.has_friction, moving)
+        self.setting = Setting(scene.radius, walls, *scales, scene.has_friction, mobile)
 
     def shot(self, frame: Frame) -> Shot:
         """Return a shot of a frame."""

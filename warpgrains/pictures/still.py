@@ -48,7 +48,7 @@ class FrameArtists:
         walls = [PathPatch(line, color=WALL_COLOR, linewidth=0.0) for line in outlines]
         for wall in walls:
             axes.add_patch(wall)
-        self._moving = {k: walls[k] for k in setting.moving}
+        self._mobile = {k: walls[k] for k in setting.mobile}
         diameter = 2.0 * setting.radius
         self._grains = EllipseCollection(
             diameter,
@@ -73,7 +73,7 @@ class FrameArtists:
     @property
     def changing(self) -> tuple[Any, ...]:
         """Artists that `show` changes, from back to front."""
-        return *self._moving.values(), *self._collections, self._time
+        return *self._mobile.values(), *self._collections, self._time
 
     @property
     def _collections(self) -> tuple[Any, ...]:
@@ -82,7 +82,7 @@ class FrameArtists:
 
     def show(self, shot: Shot) -> None:
         """Draw a shot, replacing the last one."""
-        for k, wall in self._moving.items():
+        for k, wall in self._mobile.items():
             wall.set_path(_outline(shot.walls[k]))
         self._grains.set(offsets=shot.position, facecolor=shot.color)
         if self._marks is not None and shot.angle is not None:

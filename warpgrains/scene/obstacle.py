@@ -105,8 +105,8 @@ class Obstacle:
         return None
 
     @property
-    def leaves(self) -> bool:
-        """True if the wall leaves its place, as given in advance or because a force drives it."""
+    def is_mobile(self) -> bool:
+        """True if the wall moves as given in advance, or a force drives it."""
         return self.moves or self.drive is not None
 
     def shifted(self, way: float) -> "Obstacle":

@@ -196,7 +196,7 @@ class Scene(SceneFields, Shown):
 
     @property
     def has_moving_walls(self) -> bool:
-        """True if a wall inside the annulus moves."""
+        """True if a wall inside the annulus moves as given in advance."""
         return any(wall.moves for wall in self.walls)
 
     @property

@@ -129,7 +129,7 @@ class SceneRecords:
         for k, scene in enumerate(scenes):
             if sizes.walls[k] > 1:
                 self.array(k, "walls.shape")[:] = [wall.shape for wall in scene.bodies_inside]
-            if sizes.moving[k]:
+            if sizes.mobile[k]:
                 motions = [(*np.hstack(wall.motion), wall.speed) for wall in scene.bodies_inside]
                 self.array(k, "walls.motion")[:] = motions
             if scene.has_driven_walls:

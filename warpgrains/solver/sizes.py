@@ -37,8 +37,8 @@ class Sizes:
         Number of grains, and capacity of the list of contacts.
     walls : ndarray
         Number of wall bodies (kernels/walls.py).
-    moving : ndarray
-        1 if a wall inside the annulus moves, as given in advance or by a force, else 0.
+    mobile : ndarray
+        1 if a wall inside the annulus moves as given in advance, or a force drives one, else 0.
     driven : ndarray
         1 if a force drives a wall, else 0.
     weighted : ndarray
@@ -56,7 +56,7 @@ class Sizes:
     grains: Counts
     contacts: Counts
     walls: Counts
-    moving: Counts
+    mobile: Counts
     driven: Counts
     weighted: Counts
     accelerated: int
@@ -76,7 +76,7 @@ class Sizes:
             n,
             first_pairs(n) + n * np.minimum(walls, MANY_WALLS),
             walls,
-            np.array([any(wall.leaves for wall in scene.walls) for scene in scenes], np.int64),
+            np.array([any(wall.is_mobile for wall in scene.walls) for scene in scenes], np.int64),
             np.array([scene.has_driven_walls for scene in scenes], np.int64),
             weighted,
             int(scenes[0].method != "gauss-seidel"),
@@ -88,7 +88,7 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        names = ("grains", "contacts", "walls", "moving", "driven", "weighted")
+        names = ("grains", "contacts", "walls", "mobile", "driven", "weighted")
         one_of = {name: getattr(self, name)[one] for name in names}
         return replace(self, **one_of)
 
@@ -123,12 +123,12 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "weights": contacts * size.weighted,
             "rim_weights": friction * contacts * size.weighted,
             "limits": at_walls,
-            "wall_speed": friction * size.moving * at_walls,
+            "wall_speed": friction * size.mobile * at_walls,
             "set_start": contacts + 2 + size.walls,
         },
         "walls": {
             "shape": size.walls - 1,
-            **dict.fromkeys(("motion", "pose"), size.moving * (size.walls - 1)),
+            **dict.fromkeys(("motion", "pose"), size.mobile * (size.walls - 1)),
             "drive": size.driven * size.walls,
             "surface": friction * size.walls,
         },

@@ -95,8 +95,8 @@ class RecordingReader:
         return _values(self._prim.GetAttribute("velocities"), self._codes[frame])[:, :2]
 
     def moved_walls(self, frame: int) -> dict[int, Band]:
-        """Return the walls that move as drawn in a frame, by their index in `walls`."""
-        return read_walls(self._stage, self._codes[frame], only_moving=True)
+        """Return the mobile walls as drawn in a frame, by their index in `walls`."""
+        return read_walls(self._stage, self._codes[frame], only_mobile=True)
 
     @property
     def has_rotation(self) -> bool:

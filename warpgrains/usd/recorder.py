@@ -20,7 +20,7 @@ from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.output import lock_output
-from warpgrains.usd.stage import Drawing, MovingWalls, static_layer
+from warpgrains.usd.stage import Drawing, MobileWalls, static_layer
 from warpgrains.usd.writer import reopen_log, write_recording
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class Recorder:
         self.needs_contacts = forces or colors.needs_contacts
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
-        self._drawings: list[Drawing] = [grains, MovingWalls(scene)]
+        self._drawings: list[Drawing] = [grains, MobileWalls(scene)]
         data: dict[str, Any] = {"first_step": first_step} if first_step else {}
         if colors.scale is not None:
             data["colors"] = colors.scale.described()

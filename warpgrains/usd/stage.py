@@ -171,14 +171,14 @@ def _define_walls(stage: Usd.Stage, scene: Scene) -> None:
         define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
 
 
-class MovingWalls:
-    """The walls that move: points and extents of their meshes."""
+class MobileWalls:
+    """The mobile walls: points and extents of their meshes."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._names = scene, list(drawn_walls(scene))
 
     def define(self, stage: Usd.Stage) -> None:
-        """Author the walls, and those that do not move completely."""
+        """Author the walls, completely if they are not mobile."""
         _define_walls(stage, self._scene)
 
     def samples(self, frame: Frame) -> Arrays:
@@ -191,11 +191,11 @@ class MovingWalls:
         return values
 
 
-def read_walls(stage: Usd.Stage, code: float = 0.0, *, only_moving: bool = False) -> dict[int, Band]:
-    """Return the walls as drawn at a time code, or only those that move, by their index among all."""
+def read_walls(stage: Usd.Stage, code: float = 0.0, *, only_mobile: bool = False) -> dict[int, Band]:
+    """Return the walls as drawn at a time code, or only the mobile ones, by their index among all."""
     prims = enumerate(stage.GetPrimAtPath(WALLS).GetChildren())
-    moving = (lambda prim: prim.GetAttribute("points").GetNumTimeSamples() > 0) if only_moving else bool
-    return {k: _read_wall(prim, code) for k, prim in prims if moving(prim)}
+    mobile = (lambda prim: prim.GetAttribute("points").GetNumTimeSamples() > 0) if only_mobile else bool
+    return {k: _read_wall(prim, code) for k, prim in prims if mobile(prim)}
 
 
 def _read_wall(wall: Usd.Prim, code: float) -> Band:
