@@ -19,7 +19,7 @@ from warpgrains.files import read_table, table_text
 from warpgrains.scene.reader import scene_fields
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.sweep.execution import RunSettings
-from warpgrains.sweep.results import SECONDS, columns_of_values, failure, require_result
+from warpgrains.sweep.results import SECONDS, failure, require_result, value_columns
 
 TOML = """
 domain = {radius_in = 0.5, radius_out = 1.0}
@@ -165,7 +165,7 @@ def check_header(header):
 test_headers = fuzzed(check_header, st.deferred(headers))
 
 LABELS = {"run": "1", "scene": "=scene"}
-COLUMNS = columns_of_values(RunSettings())
+COLUMNS = value_columns(RunSettings())
 VALUES = dict(zip([*COLUMNS, SECONDS], failure("it failed", COLUMNS, 1.0), strict=True))
 ROW = table_text([LABELS | VALUES]).encode()
 

@@ -3,7 +3,7 @@
 import pytest
 
 from warpgrains.sweep import runner
-from warpgrains.sweep.long import ResumePoint
+from warpgrains.sweep.execution import ResumePoint
 
 
 class FakeRunner:

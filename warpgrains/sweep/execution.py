@@ -1,8 +1,15 @@
 """Settings and execution of the runs of a sweep, and how many runs are executed together."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from warpgrains.scene.state import State
+    from warpgrains.solver.statistics import RunStatistics
+    from warpgrains.sweep.sweep import Run
 
 GROWTH = 8  # largest ratio of the size of a group, slice or bundle to the previous one
 
@@ -38,6 +45,17 @@ class ExecutionOptions:
     def needs_folders(self) -> bool:
         """True if each run of a sweep has a folder."""
         return self.folders or self.fps is not None or self.measure_every is not None
+
+
+class ResumePoint(NamedTuple):
+    """State from which a run continues: its start, or its last state as a short run."""
+
+    run: Run
+    state: State | None = None
+    """None at the start of the run."""
+    statistics: RunStatistics | None = None
+    error: str | None = None
+    """Reason of a failure in these steps, or None."""
 
 
 def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:

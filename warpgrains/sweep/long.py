@@ -17,17 +17,14 @@ from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, OutputError, SimulationError
-from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.run import OpenRun
 from warpgrains.solver.present import PresentState
-from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device
-from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint, next_size
 from warpgrains.sweep.results import result
 from warpgrains.sweep.run_folder import HOW_TO_REPEAT, RunFolder
-from warpgrains.sweep.sweep import Run
 from warpgrains.sweep.sweep_folder import SweepFolder
 
 SLICE = 1.0  # intended duration of a slice [s]
@@ -35,17 +32,6 @@ FIRST_SLICE = 4  # steps
 BETWEEN_CHECKPOINTS = 20.0  # s
 LEAST_WIDTH, WIDTH, RECORDED_WIDTH = 16, 64, 16  # runs in a group; frames wait in memory
 WRITERS = 16
-
-
-class ResumePoint(NamedTuple):
-    """State from which a run continues: its start, or its last state as a short run."""
-
-    run: Run
-    state: State | None = None
-    """None at the start of the run."""
-    statistics: RunStatistics | None = None
-    error: str | None = None
-    """Reason of a failure in these steps, or None."""
 
 
 class LongRun(OpenRun):

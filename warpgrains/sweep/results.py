@@ -76,19 +76,19 @@ UNITS = {name: found.unit for name, found in (QUANTITIES | COLUMNS).items()}
 """Units of these columns and of the measured quantities."""
 
 RunResult = tuple[Any, ...]
-"""A result without labels, in the order of `columns_of_values`, followed by the seconds."""
+"""A result without labels, in the order of `value_columns`, followed by the seconds."""
 
 
-def columns_of_values(settings: RunSettings) -> list[str]:
+def value_columns(settings: RunSettings) -> list[str]:
     """Return the columns of results after the labels, without the seconds."""
     *common, error = (name for name in COLUMNS if name != MET or settings.until is not None)
     return [*common, *(name for name in settings.measured if name not in COLUMNS), error]
 
 
 def is_possible(columns: list[str]) -> bool:
-    """Return whether some sweep has these columns, see `columns_of_values`."""
+    """Return whether some sweep has these columns, see `value_columns`."""
     measured = tuple(filter(QUANTITIES.__contains__, columns))
-    return columns in (columns_of_values(RunSettings(measured, until)) for until in (None, "rest"))
+    return columns in (value_columns(RunSettings(measured, until)) for until in (None, "rest"))
 
 
 def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[RunResult]:
@@ -101,7 +101,7 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[
     snapshots
         Final states as snapshots, which are used only if quantities are measured.
     columns
-        See `columns_of_values`.
+        See `value_columns`.
     """
     values = {name: COLUMNS[name].of_runs(ends).tolist() for name in columns if name in COLUMNS}
     measured = [name for name in columns if name not in COLUMNS]

@@ -27,14 +27,7 @@ from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
-from warpgrains.sweep.results import (
-    SECONDS,
-    RunResult,
-    columns_of_values,
-    failure,
-    is_possible,
-    require_result,
-)
+from warpgrains.sweep.results import SECONDS, RunResult, failure, is_possible, require_result, value_columns
 from warpgrains.sweep.shards import OTHER_COLUMNS
 from warpgrains.sweep.sweep import GRAINS, Run
 
@@ -63,7 +56,7 @@ class RunFolder:
 
     def __init__(self, path: Path, run: Run, settings: RunSettings):
         self.path, self.number, self._settings, self._run = path, run.number, settings, run
-        self.columns = columns_of_values(settings)
+        self.columns = value_columns(settings)
         self.scene_file, self.checkpoint = path / "scene.toml", path / "checkpoint.npz"
         self.recording, self.series = path / "recording.usdc", path / "series.csv"
         self.result = path / RESULT

@@ -15,8 +15,8 @@ from itertools import islice
 from time import perf_counter
 from typing import Protocol, TypeVar
 
-from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
-from warpgrains.sweep.long import LongRunner, ResumePoint
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint, next_size
+from warpgrains.sweep.long import LongRunner
 from warpgrains.sweep.short import ShortRunner
 from warpgrains.sweep.sweep import Run
 from warpgrains.sweep.sweep_folder import SweepFolder

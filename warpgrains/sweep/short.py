@@ -22,9 +22,8 @@ from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
-from warpgrains.sweep.execution import ExecutionOptions, OnFraction
-from warpgrains.sweep.long import ResumePoint
-from warpgrains.sweep.results import RunResult, columns_of_values, result, results
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint
+from warpgrains.sweep.results import RunResult, result, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder, writer
 
@@ -178,7 +177,7 @@ class ShortRunner:
 
     def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
-        columns = columns_of_values(self._folder.settings)
+        columns = value_columns(self._folder.settings)
         if runs is not None:
             for k, now in sets.scenes.items():
                 if runs[k].has_ended:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import columns_of, csv_line, make_folder, read_regular, write_atomically
 from warpgrains.sweep.execution import RunSettings
-from warpgrains.sweep.results import MET, SECONDS, columns_of_values
+from warpgrains.sweep.results import MET, SECONDS, value_columns
 from warpgrains.sweep.run_folder import RESULT, RunFolder
 from warpgrains.sweep.shards import ResultShards
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep, copy_name
@@ -62,7 +62,7 @@ class SweepFolder:
 
     def __init__(self, path: Path, axes: tuple[str, ...], settings: RunSettings):
         self.path, self.settings, self._axes = path, settings, axes
-        self.columns = ["run", "scene", *axes, *columns_of_values(settings)]
+        self.columns = ["run", "scene", *axes, *value_columns(settings)]
         self.results, self.timing = path / RESULTS, path / "timing.csv"
         self.shards = ResultShards(path / "parts", [*self.columns, SECONDS])
         self._runs = path / "runs"
