@@ -8,7 +8,8 @@ from types import NoneType
 from typing import Any, NamedTuple, get_args, get_type_hints
 
 from warpgrains.console import exit_on_interrupt
-from warpgrains.simulation.options import FLAGS, OPTIONS, RunOptions
+from warpgrains.drawing.kinds import FILM, STILL
+from warpgrains.simulation.options import DEFAULT_RATE, FLAGS, OPTIONS, RunOptions
 
 
 class Command(NamedTuple):
@@ -132,7 +133,7 @@ def _add_batch(parser: ArgumentParser) -> None:
         action="store_true",
         help="keep a folder for every run, with its scene, final checkpoint and result",
     )
-    add("--fps", type=float, metavar="F", help="frames recorded a second (default: 24)")
+    add("--fps", type=float, metavar="F", help=f"frames recorded a second (default: {DEFAULT_RATE:g})")
     add("--device", default="cpu", help="cpu or cuda:0 (default: cpu)")
     add("--threads", type=int, metavar="K", help="OS threads on a CPU (default: its cores)")
     group = parser.add_argument_group("many machines, which must all share DIR")
@@ -188,7 +189,7 @@ def _add_plot(parser: ArgumentParser) -> None:
         "-o",
         "--output",
         metavar="PNG",
-        help="picture (.png, .pdf, .svg) or film (.mp4, .gif, .webp; default: FILE with .png)",
+        help=f"picture ({STILL.listed}) or film ({FILM.listed}; default: FILE with .png)",
     )
     add(
         "--frames",

@@ -8,12 +8,15 @@ from warpgrains.errors import missing_extra
 RECORDINGS = (".usdc", ".usda", ".usdz")
 FILMS = (".mp4", ".gif", ".webp")
 STILLS = (".png", ".pdf", ".svg")
+DRAWN_AS = ("points", "discs", "spheres")
+"""Forms of the grains in a recording."""
 
 
 class Kind(NamedTuple):
     """A kind of output."""
 
     name: str
+    suffixes: tuple[str, ...]
     has_frames: bool = True
     """Whether it shows the whole run; otherwise it is a picture of the end."""
     continues: bool = False
@@ -21,11 +24,16 @@ class Kind(NamedTuple):
     lacks: tuple[str, ...] = ()
     """Options of runs that have no effect on it."""
 
+    @property
+    def listed(self) -> str:
+        """Its suffixes as a text."""
+        return ", ".join(self.suffixes)
 
-RECORDING = Kind("recording", continues=True)
-FILM = Kind("film", lacks=("draw_as",))
-STILL = Kind("still", has_frames=False, lacks=("draw_as", "fps"))
-KINDS = dict.fromkeys(RECORDINGS, RECORDING) | dict.fromkeys(FILMS, FILM) | dict.fromkeys(STILLS, STILL)
+
+RECORDING = Kind("recording", RECORDINGS, continues=True)
+FILM = Kind("film", FILMS, lacks=("draw_as",))
+STILL = Kind("still", STILLS, has_frames=False, lacks=("draw_as", "fps"))
+KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.suffixes}
 """Kinds by suffix."""
 FASTEST = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
 """Largest frame rate that browsers play, by suffix [1/s]."""

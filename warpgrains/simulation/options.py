@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
-from warpgrains.drawing.kinds import FASTEST, FILM, KINDS, RECORDING, Kind, require_drawing
+from warpgrains.drawing.kinds import DRAWN_AS, FASTEST, FILM, KINDS, RECORDING, STILL, Kind, require_drawing
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.scene import checks
@@ -20,7 +20,6 @@ from warpgrains.scene import checks
 if TYPE_CHECKING:
     from warpgrains.drawing.frames import FrameTimes, Output
     from warpgrains.scene.scene import Scene
-    from warpgrains.solver.statistics import RunStatistics
 
 DEFAULT_RATE = 24.0
 """Frames per second [1/s] at which Blender plays by default."""
@@ -65,8 +64,8 @@ class RunOptions:
     steps: int
     """Planned number of time steps."""
     record: str | None = _option(
-        "A USD file (.usdc, .usda, .usdz) or a film (.mp4, .gif, .webp) to write the frames to, the present"
-        " state first; or a picture of the end (.png, .pdf, .svg).",
+        f"A USD file ({RECORDING.listed}) or a film ({FILM.listed}) to write the frames to, the present state"
+        f" first; or a picture of the end ({STILL.listed}).",
         _output,
         "OUT",
         flag="--output",
@@ -88,7 +87,7 @@ class RunOptions:
     )
     forces: bool = _option("Draw force chains.", checks.boolean, default=False, needs="record")
     draw_as: str = _option(
-        "Form of the grains in a USD file: points, discs or spheres.",
+        f"Form of the grains in a USD file: {', '.join(DRAWN_AS[:-1])} or {DRAWN_AS[-1]}.",
         checks.text,
         "FORM",
         flag="--as",
@@ -161,12 +160,10 @@ class RunOptions:
                 f"'{self.record}' cannot be continued from a checkpoint: record a .usdc file, then plot it"
             )
 
-    def open_output(
-        self, scene: Scene, statistics: RunStatistics, first_step: int, has_ended: bool
-    ) -> Output | None:
+    def open_output(self, scene: Scene, frames: int, first_step: int, has_ended: bool) -> Output | None:
         """Return the output that receives frames; None if there is none, or no frame is left to record.
 
-        `first_step` is the number of time steps before the run, `has_ended` is True if no step is left.
+        `frames` are recorded. `first_step` time steps precede the run; if `has_ended`, none is left.
 
         Raises
         ------
@@ -191,7 +188,7 @@ class RunOptions:
         from warpgrains.frame_log import is_complete
         from warpgrains.usd.recorder import Recorder
 
-        if has_ended and statistics.frames > 0 and is_complete(path):
+        if has_ended and frames > 0 and is_complete(path):
             return None
         return Recorder(
             path,
@@ -200,7 +197,7 @@ class RunOptions:
             color_by=self.color_by,
             forces=self.forces,
             draw_as=self.draw_as,
-            resume_at=statistics.frames or None,
+            resume_at=frames or None,
             first_step=first_step,
         )
 

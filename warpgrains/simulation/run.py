@@ -112,7 +112,8 @@ class OpenRun(CountedRun):
                 checkpoint = Path(options.checkpoint)
                 if locked is None or checkpoint.resolve() != locked.resolve():
                     held.enter_context(lock_checkpoint(checkpoint))
-            self.output = options.open_output(self.scene, self.statistics, self.first_step, self.has_ended)
+            frames = self.statistics.frames
+            self.output = options.open_output(self.scene, frames, self.first_step, self.has_ended)
             if self.output is not None:
                 held.enter_context(self.output)
             if options.measure is not None and series is not None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warpgrains.drawing.chains import ChainScale
 from warpgrains.drawing.colors import GrainColors
 from warpgrains.drawing.frames import Frame, FrameTimes
-from warpgrains.drawing.kinds import RECORDINGS
+from warpgrains.drawing.kinds import DRAWN_AS, RECORDINGS
 from warpgrains.drawing.shapes import disc, sphere
 from warpgrains.errors import InputError
 from warpgrains.frame_log import LOG_SUFFIX, FrameLog, is_complete, log_of
@@ -25,8 +25,6 @@ from warpgrains.usd.writer import reopen_log, write_recording
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-
-DRAWN_AS = ("points", "discs", "spheres")
 
 
 class Recorder:
