@@ -185,18 +185,10 @@ def _add_recover(parser: ArgumentParser) -> None:
 def _add_plot(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", help="the recording, a USD file, or the history of a run step by step, a CSV")
-    add(
-        "-o",
-        "--output",
-        metavar="PNG",
-        help=f"picture ({STILL.listed}) or film ({FILM.listed}; default: FILE with .png)",
-    )
-    add(
-        "--frames",
-        type=_whole_numbers,
-        metavar="N,N,...",
-        help="frames to draw, from 0; -1 is the last (default: five, evenly spaced)",
-    )
+    kinds = f"picture ({STILL.listed}) or film ({FILM.listed}; default: FILE with .png)"
+    add("-o", "--output", metavar="PNG", help=kinds)
+    frames = "frames to draw, from 0; -1 is the last (default: five, evenly spaced)"
+    add("--frames", type=_whole_numbers, metavar="N,N,...", help=frames)
     add("--no-curves", dest="curves", action="store_false", help="draw only the frames, without curves")
 
 
@@ -209,13 +201,8 @@ def _add_export(parser: ArgumentParser) -> None:
 def _add_view(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("what", metavar="WHAT", help="a scene, or a recording")
-    add(
-        "--port",
-        type=int,
-        default=8080,
-        metavar="P",
-        help="port on 127.0.0.1 (default: 8080, or the next free one)",
-    )
+    port = "port on 127.0.0.1 (default: 8080, or the next free one)"
+    add("--port", type=int, default=8080, metavar="P", help=port)
     add("--homework", metavar="FILE", help="a homework.c to play stage by stage next to the reference")
     _add_set(parser)
 

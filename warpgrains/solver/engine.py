@@ -166,7 +166,7 @@ class Engine:
 
     def last_staggered(self, k: int) -> bool:
         """Return True if the velocities of scene k were half a step behind before its last good step."""
-        return self._pulled(k).moment("last_staggered")
+        return bool(self._pulled(k).record["scheme"]["last_staggered"])
 
     def ends(self, which: IndexArray) -> FinalStates:
         """Return the final states of scenes with equal numbers of grains, on a CPU.

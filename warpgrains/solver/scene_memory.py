@@ -125,12 +125,8 @@ class SceneMemory:
             more = {name: self.array(f"grains.{name}").copy() for name in ("spin", "angle")}
         if self._scene.has_driven_walls:
             more["driven"] = self.driven()
-        staggered = self.moment("staggered")
+        staggered = bool(self.record["scheme"]["staggered"])
         return State(self.steps, position, velocity, self.corrections(), lists, staggered, **more)
-
-    def moment(self, name: str) -> bool:
-        """Return a flag of the record's time scheme, such as "last_staggered"."""
-        return bool(self.record["scheme"][name])
 
     def load(self, state: State) -> None:
         """Load a state, from which the scene continues."""
