@@ -8,6 +8,7 @@ from command import exit_code, require_refusal
 from same_bits import contents
 
 from warpgrains import InputError, Scene, Simulation
+from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.simulation.until import TEST_INTERVAL
 
 
@@ -76,8 +77,10 @@ def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
     whole, parts = tmp_path / "whole.npz", tmp_path / "parts.npz"
     options = ("--until", "rest,speed=0.05,time=1.0", "--duration", 20, "--json")
     assert exit_code("run", "annulus", "--checkpoint", whole, *options) == 0
-    expected = json.loads(capfd.readouterr().out)
+    expected, kept = json.loads(capfd.readouterr().out), read_checkpoint(whole)
     assert expected["met"]
+    assert kept.options.steps == 2000 > kept.statistics.steps == expected["steps"]
+    assert 0.0 < kept.statistics.step_seconds < kept.statistics.seconds < expected["seconds"]
     stop_at(expected["steps"] - 60)
     assert exit_code("run", "annulus", "--checkpoint", parts, "--every", 7, *options) == 130
     capfd.readouterr()
