@@ -213,8 +213,10 @@ class Scene(SceneFields, Shown):
             [drive or (0.0,) * 5 for drive in (outer, *(wall.drive for wall in self.bodies_inside))]
         )
 
-    def with_walls_at(self, coordinates: FloatArray) -> Self:
-        """Return the scene with its driven walls at coordinates of `State.driven` [m]."""
+    def with_walls_at(self, coordinates: FloatArray | None) -> Self:
+        """Return the scene with its driven walls at coordinates of `State.driven` [m]; itself for None."""
+        if coordinates is None:
+            return self
         ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
         walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
         scene = object.__new__(type(self))
@@ -320,8 +322,9 @@ class Scene(SceneFields, Shown):
         """
         found = np.zeros((len(self.walls), 3))
         for own, wall in zip(found, self.walls, strict=True):
-            if isinstance(wall, Disc) and not wall.inside:
-                own[:] = *wall.pose(time).place(np.array([wall.center]))[0], wall.radius
+            border = wall.border_at(time)
+            if border is not None and not border.keeps_inside:
+                own[:] = border[:3]
         return found
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import ROUNDING, area_below, distance
+from warpgrains.scene.geometry import ROUNDING, Circle, area_below, distance
 
 SMALLEST, LARGEST = 1e-140, 1e150  # m, of the radius of the outer wall
 WALLS = ("tangent", "round")
@@ -65,6 +65,11 @@ class Annulus(NamedTuple):
     def diameter(self) -> float:
         """Largest distance between two points of the annulus [m]."""
         return 2.0 * self.radius_out
+
+    @property
+    def borders(self) -> tuple[Circle, Circle]:
+        """The circles, by number; the inner one has the radius 0 if there is none."""
+        return Circle(0.0, 0.0, self.radius_out, True), Circle(0.0, 0.0, self.radius_in, False)
 
     @property
     def area(self) -> float:
