@@ -260,6 +260,22 @@ class Scene(SceneFields, Shown):
         return (self.has_friction or self.has_driven_walls) and self.radius_in > 0.0
 
     @property
+    def bodies(self) -> list[int]:
+        """Number of the wall that each body of the device is; body 0 is both circles unless they are two."""
+        return [wall for wall in self.wall_numbers if wall != INNER or self.has_two_circles]
+
+    @property
+    def body_annulus(self) -> Annulus:
+        """The annulus as body 0 of the device, without an inner circle that is a body of its own."""
+        return self.annulus._replace(radius_in=0.0) if self.has_two_circles else self.annulus
+
+    @property
+    def surfaces(self) -> FloatArray:
+        """Friction of each body of the device, and its `surface_speed` [m/s], shape (bodies, 2)."""
+        friction = self.wall_frictions
+        return np.array([(friction[wall], self.surface_speed(wall)) for wall in self.bodies])
+
+    @property
     def bodies_inside(self) -> tuple[Obstacle, ...]:
         """The walls inside the annulus on the device, among them the inner circle where it is a body."""
         circle = (Disc((0.0, 0.0), self.radius_in),) if self.has_two_circles else ()

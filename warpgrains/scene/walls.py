@@ -150,6 +150,11 @@ def body_of(wall: IntArray, two_circles: bool) -> IntArray:
     return wall if two_circles else np.maximum(wall - 1, 0)
 
 
+def side_of(wall: IntArray, two_circles: bool) -> FloatArray:
+    """Return the sign of the device's corrections at each wall: -1 at the inner side of the annulus."""
+    return np.where((wall == INNER) & (not two_circles), -1.0, 1.0)
+
+
 def wall_of(body: IntArray, correction: FloatArray, two_circles: bool) -> IntArray:
     """Return the walls that carry the corrections [m/s] of the device's walls.
 
