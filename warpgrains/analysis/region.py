@@ -104,8 +104,8 @@ class Region:
         InputError
             There is none.
         """
-        nearest = annulus.radius_in + smallest if annulus.radius_in > 0.0 else 0.0
-        left = self.ring(nearest, annulus.radius_out - smallest)
+        reached = annulus.without_layer(smallest)
+        left = self.ring(reached.radius_in, reached.radius_out)
         grown = [disc.radius + (-smallest if disc.keeps_inside else smallest) for disc in self.discs]
         discs = zip(self.discs, grown, strict=True)
         left = replace(left, discs=tuple(disc._replace(radius=radius) for disc, radius in discs))

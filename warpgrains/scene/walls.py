@@ -71,6 +71,11 @@ class Annulus(NamedTuple):
         """The circles, by number; the inner one has the radius 0 if there is none."""
         return Circle(0.0, 0.0, self.radius_out, True), Circle(0.0, 0.0, self.radius_in, False)
 
+    def without_layer(self, depth: Any) -> Self:
+        """Return the space without a layer of a depth [m] along each circle."""
+        inner = self.radius_in + depth if self.radius_in > 0.0 else 0.0
+        return self._replace(radius_in=inner, radius_out=self.radius_out - depth)
+
     @property
     def area(self) -> float:
         """Area between the circles [m2]."""
@@ -106,9 +111,8 @@ class Annulus(NamedTuple):
 
     def contains(self, position: FloatArray, radius: FloatArray) -> BoolArray:
         """Return which discs lie between the walls and not at the origin, where the walls have no normal."""
-        rho = distance(position)
-        nearest = self.radius_in + radius if self.radius_in > 0.0 else 0.0
-        return (rho <= self.radius_out - radius) & (rho >= nearest) & (rho > 0.0)
+        rho, reached = distance(position), self.without_layer(radius)
+        return (rho <= reached.radius_out) & (rho >= reached.radius_in) & (rho > 0.0)
 
     def require_size(self) -> None:
         """Raise InputError unless squares of distances neither overflow nor underflow."""
