@@ -132,8 +132,7 @@ def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> 
 
 def _in_mark() -> BoolArray:
     """Return which segments of a circle are in the mark, shape (64,)."""
-    inside: BoolArray = (np.arange(_SEGMENTS) + _MARKED // 2) % _SEGMENTS < _MARKED
-    return inside
+    return np.asarray((np.arange(_SEGMENTS) + _MARKED // 2) % _SEGMENTS < _MARKED)
 
 
 def _circle(segments: int, radius: float, height: float) -> FloatArray:

@@ -4,7 +4,7 @@ import ctypes
 import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -172,10 +172,7 @@ class Reference:
         half = self._grains.leapfrog and not self._grains.staggered
         kick = 0.5 * self._scene.dt if half else self._scene.dt
         inverse_mass, force, pressure = self._scene.drives[:, :3].T
-        kicks: FloatArray = kick * (
-            (force - pressure * (2.0 * np.pi * self._grains.radiusOut)) * inverse_mass
-        )
-        return kicks
+        return np.asarray(kick * ((force - pressure * (2.0 * np.pi * self._grains.radiusOut)) * inverse_mass))
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:
         arguments = (self._grains, self._scene.dt, iteration)
@@ -214,11 +211,6 @@ class Reference:
         return self._arrays["dvBoundary"]
 
     @property
-    def obstacle_correction(self) -> FloatArray:
-        """Corrections of all grains at the walls inside the annulus [m/s], shape (n, walls)."""
-        return self._arrays["dvWalls"].reshape(self._scene.n, -1)
-
-    @property
     def driven(self) -> FloatArray:
         """Coordinate [m] and speed [m/s] of every wall, shape (walls, 2), see `State.driven`."""
         return np.stack([self._arrays["places"], self._arrays["speeds"]], axis=1)
@@ -251,8 +243,5 @@ def find_c_reference() -> CReference:
             library = build(Path(folder), FAST)
         except RuntimeError as error:
             return CReference(None, f"not available ({error})")
-
-    def start(scene: Scene, state: State) -> Reference:
-        return Reference(library, scene, state)
-
-    return CReference(start, f"cc {' '.join(FAST)}, all pairs, for scenes of up to {MOST_GRAINS} grains")
+    status = f"cc {' '.join(FAST)}, all pairs, for scenes of up to {MOST_GRAINS} grains"
+    return CReference(partial(Reference, library), status)

@@ -106,10 +106,10 @@ class SceneRecords:
         self.set_gravity()
         host["turning"]["start"] = host["gravity"]
         host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]
-        radii = np.array([scene.body_annulus[:2] for scene in scenes]).T
-        host["walls"]["annulus"]["radius_in"], host["walls"]["annulus"]["radius_out"] = radii
-        host["walls"]["annulus"]["angular_velocity_out"] = [scene.angular_velocity_out for scene in scenes]
-        host["walls"]["annulus"]["round"] = [scene.wall == "round" for scene in scenes]
+        annulus = host["walls"]["annulus"]
+        annulus["radius_in"], annulus["radius_out"] = np.array([scene.body_annulus[:2] for scene in scenes]).T
+        annulus["angular_velocity_out"] = [scene.angular_velocity_out for scene in scenes]
+        annulus["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
