@@ -84,37 +84,40 @@ def wall_path(b: int, walls: Walls, begin: f64, end: f64) -> f64:
 
 
 @wp.func
-def gap_inside(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
-    """Return the free distance between a grain at x and wall b > 0 [m]."""
-    place = x
+def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
+    """Return the place of a point x in the frame of wall b > 0 [m]."""
     if are_mobile(walls):
-        place = to_frame(at(walls.pose, b - 1), x)
-    return shape_gap(place, radius, at(walls.shape, b - 1))
+        return to_frame(at(walls.pose, b - 1), x)
+    return x
 
 
 @wp.func
-def is_near_circle(b: int, x: wp.vec2d, reach: f64, walls: Walls) -> bool:
-    """Return whether the circle about wall b > 0 is within reach [m] of x: a test that costs little."""
-    place, shape = x, at(walls.shape, b - 1)
-    if are_mobile(walls):
-        place = to_frame(at(walls.pose, b - 1), x)
-    away, near = wp.vec2d(shape[7], shape[8]) - place, reach + shape[9]
-    return wp.dot(away, away) <= near * near
+def gap_inside(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
+    """Return the free distance between a grain at x and wall b > 0 [m]."""
+    return shape_gap(place_at(b, x, walls), radius, at(walls.shape, b - 1))
 
 
+IS_NEAR = """
+    const auto is_near = [&](const auto &shape) {
+        const double dx = shape[7] - x[0], dy = shape[8] - x[1], near = reach + shape[9];
+        return dx * dx + dy * dy <= near * near;
+    };
+"""
 NEXT = """
     int k = begin;
-    for (; k < shapes.shape[0]; k++) {
-        const auto &shape = shapes.data[k];
-        const double dx = shape[7] - x[0], dy = shape[8] - x[1], near = reach + shape[9];
-        if (dx * dx + dy * dy <= near * near)
-            break;
-    }
+    while (k < shapes.shape[0] && !is_near(shapes.data[k]))
+        k++;
     return k;
 """
 
 
-@wp.func_native(checked(NEXT))
+@wp.func_native(IS_NEAR + "return is_near(shape);")
+def is_near_circle(shape: Shape, x: wp.vec2d, reach: f64) -> bool:
+    """Return whether the circle about a wall at rest is within reach [m] of x: a test that costs little."""
+    ...
+
+
+@wp.func_native(checked(IS_NEAR + NEXT))
 def next_near(shapes: wp.array(dtype=Shape), begin: int, x: wp.vec2d, reach: f64) -> int:
     """Return the first index from `begin` on of a wall at rest whose circle is within reach [m] of x."""
     ...
@@ -124,8 +127,9 @@ def next_near(shapes: wp.array(dtype=Shape), begin: int, x: wp.vec2d, reach: f64
 def is_near_wall(b: int, x: wp.vec2d, radius: f64, walls: Walls, reach: f64) -> bool:
     """Return whether wall b is within reach [m] of a grain at x."""
     if b > 0:
-        if is_near_circle(b, x, radius + reach, walls):  # `and` would compute both
-            return gap_inside(b, x, radius, walls) <= reach
+        place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
+        if is_near_circle(shape, place, radius + reach):  # `and` would compute both
+            return shape_gap(place, radius, shape) <= reach
         return False
     return annulus.is_near(x, radius, walls.annulus, reach)
 
@@ -137,12 +141,11 @@ def wall_frame(b: int, x: wp.vec2d, radius: f64, walls: Walls):
     A wall inside the annulus has no other side, and is its tangent: both are inf.
     """
     if b > 0:
-        gap, shape = gap_inside(b, x, radius, walls), at(walls.shape, b - 1)
+        place, shape = place_at(b, x, walls), at(walls.shape, b - 1)
+        n = shape_normal(place, shape)
         if are_mobile(walls):
-            pose = at(walls.pose, b - 1)
-            n = from_frame(pose, shape_normal(to_frame(pose, x), shape))
-            return n, gap, f64(wp.inf), f64(wp.inf)
-        return shape_normal(x, shape), gap, f64(wp.inf), f64(wp.inf)
+            n = from_frame(at(walls.pose, b - 1), n)
+        return n, shape_gap(place, radius, shape), f64(wp.inf), f64(wp.inf)
     return annulus.frame(x, radius, walls.annulus)
 
 

@@ -2,13 +2,17 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from math import acos, pi, sqrt
+from math import acos, dist, pi, sqrt
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from warpgrains import Disc, InputError, Scene, Segment, Simulation, analysis
+from warpgrains.described import described
+from warpgrains.scene.geometry import Circle
 from warpgrains.scene.layouts import random
+from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.state import first_state
 from warpgrains.scene.walls import Annulus
 
@@ -82,6 +86,35 @@ def test_area_without_a_disc_that_moves():
     later = replace(moving, steps=round(10.0 / moving.scene.dt))
     assert analysis.region_of(moving, quarter).area == pytest.approx(pi * (0.91 / 4.0 - 0.01), rel=64 * EPS)
     assert analysis.region_of(later, quarter).area == pytest.approx(pi * 0.91 / 4.0, rel=64 * EPS)
+
+
+@kind_of_wall
+class Post(Obstacle):
+    """A kind of wall that fills an area, as a file of its own would add it."""
+
+    kind: ClassVar[str] = "post"
+    kind_number: ClassVar[int] = 9
+    center: tuple[float, float] = described("Center [m].")
+    middle = property(lambda self: self.center)
+    numbers = property(lambda self: self.center)
+    border = property(lambda self: Circle(*self.center, 0.1, False))
+
+    def farthest(self, point):
+        return dist(self.center, point)
+
+    def covers(self, position):
+        return np.zeros(len(position), bool)
+
+
+@pytest.mark.parametrize("steps", [0, 10])
+def test_a_kind_of_wall_alone_decides_what_area_it_fills(steps):
+    place, moves = (0.65, 0.0), {"velocity": (0.0, 0.5)}
+    walls = Post(place, **moves), Disc(place, 0.1, **moves)
+    post, disc = (replace(of(walls=[wall], position=[(-0.6, 0.0)]), steps=steps) for wall in walls)
+    assert post.scene.area == disc.scene.area < post.scene.annulus.area
+    assert analysis.packing_fraction(post) == analysis.packing_fraction(disc)
+    beside = {"x": (0.6, 1.0), "y": (-0.1, 0.1)}
+    assert analysis.region_of(post, beside).area == analysis.region_of(disc, beside).area < 0.065
 
 
 @pytest.fixture(scope="module")

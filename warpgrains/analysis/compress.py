@@ -200,8 +200,7 @@ def _bulk_fraction(now: Snapshot) -> float:
     """Return the packing fraction of the rings that are far from the circles; NaN if these are few."""
     profile, scene = radial_profile(now, RINGS), now.scene
     layer = WALL_LAYER * 2.0 * float(scene.radius.mean())
-    inner = scene.radius_in + layer if scene.radius_in > 0.0 else 0.0
-    outer = scene.radius_out - layer
+    inner, outer, _ = scene.annulus.without_layer(layer)
     if outer - inner < layer:
         return float("nan")
     low, high = profile.edges[:-1], profile.edges[1:]

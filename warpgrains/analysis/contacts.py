@@ -28,7 +28,7 @@ from warpgrains.solver.final_states import StackedGrains
 
 
 def wall_forces(of: Snapshot | HasState) -> tuple[float, ...]:
-    """Return the sums of the normal forces on the outer wall, the inner wall and each disc [N].
+    """Return the sums of the normal forces on the outer wall, the inner wall and each wall inside [N].
 
     Examples
     --------

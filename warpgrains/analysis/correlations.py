@@ -14,7 +14,6 @@ from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.region import Region as Space
-from warpgrains.scene.walls import Annulus
 
 
 class RadialDistribution(NamedTuple):
@@ -190,8 +189,7 @@ def region_and_centers(now: Snapshot, region: Where) -> tuple[Region, FloatArray
     scene = now.scene
     if region is not None:
         return region_of(now, region), now.position
-    inner, outer, diameter = scene.radius_in, scene.radius_out, 2.0 * float(scene.radius.mean())
-    bulk = Space(Annulus(inner + diameter if inner > 0.0 else 0.0, outer - diameter))
+    bulk = Space(scene.annulus.without_layer(2.0 * float(scene.radius.mean())))
     discs = region_of(now).discs
     if not any(scene.gravity):
         return Region(bulk, discs=discs), now.position

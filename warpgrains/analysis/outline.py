@@ -8,26 +8,11 @@ The polygon may be several, as an array of directed edges, shape (e, 2, 2), coun
 """
 
 from collections.abc import Iterable
-from typing import NamedTuple
 
 import numpy as np
 
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
-
-
-class Circle(NamedTuple):
-    """A circle that bounds a shape."""
-
-    x: float
-    y: float
-    radius: float
-    keeps_inside: bool
-    """Whether the shape lies inside of the circle, or outside."""
-
-    def contains(self, points: FloatArray) -> BoolArray:
-        """Return which points [m], shape (..., 2), lie on the side of the shape, shape (...,)."""
-        rho = np.hypot(points[..., 0] - self.x, points[..., 1] - self.y)
-        return np.asarray(rho <= self.radius if self.keeps_inside else rho >= self.radius)
+from warpgrains.scene.geometry import Circle
 
 
 def edges_of(corner: FloatArray) -> FloatArray:

@@ -120,7 +120,7 @@ class Recording(Shown):
         scene = self.scene
         if not scene.has_driven_walls:
             return scene
-        drawn, places = self._reader.moved_walls(k), np.zeros(1 + len(scene.bodies_inside))
+        drawn, places = self._reader.moved_walls(k), np.zeros(len(scene.bodies))
         places[OUTER] = np.hypot(*drawn[OUTER].first.T).mean() if OUTER in drawn else scene.radius_out
         for back, wall in enumerate(reversed(scene.walls), start=1):
             if wall.drive is not None:

@@ -16,7 +16,6 @@ from itertools import product
 import numpy as np
 
 from warpgrains.analysis.outline import (
-    Circle,
     angles_at,
     angles_at_edges,
     area_of,
@@ -28,7 +27,7 @@ from warpgrains.analysis.outline import (
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import region as ranges
-from warpgrains.scene.geometry import distance
+from warpgrains.scene.geometry import Circle, distance
 from warpgrains.scene.walls import Annulus
 
 ROUNDING = 1e-13  # of areas, sums of dozens of parts, in squares of the outer radius
@@ -82,8 +81,8 @@ class Region:
     @property
     def circles(self) -> list[Circle]:
         """All circles that bound the region."""
-        near, far, _ = self.space.ring
-        return [Circle(0.0, 0.0, near, False), Circle(0.0, 0.0, far, True), *self.discs]
+        outer, inner = self.space.ring.borders
+        return [inner, outer, *self.discs]
 
     def between(self, direction: FloatArray, low: float, high: float) -> Region:
         """Return the part with low <= direction . x <= high [m]."""
@@ -105,8 +104,8 @@ class Region:
         InputError
             There is none.
         """
-        nearest = annulus.radius_in + smallest if annulus.radius_in > 0.0 else 0.0
-        left = self.ring(nearest, annulus.radius_out - smallest)
+        reached = annulus.without_layer(smallest)
+        left = self.ring(reached.radius_in, reached.radius_out)
         grown = [disc.radius + (-smallest if disc.keeps_inside else smallest) for disc in self.discs]
         discs = zip(self.discs, grown, strict=True)
         left = replace(left, discs=tuple(disc._replace(radius=radius) for disc, radius in discs))

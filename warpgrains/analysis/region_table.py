@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.analysis.outline import Circle, crosses_itself, edges_of, signed_area
+from warpgrains.analysis.outline import crosses_itself, edges_of, signed_area
 from warpgrains.analysis.region import Region, Sides, box_of, parts_in
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
 from warpgrains.analysis.surface import columns_below_surface, staircases
@@ -17,7 +17,6 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene import region as ranges
-from warpgrains.scene.disc import Disc
 
 KEYS = (*ranges.KEYS, "angle", "polygon", "below")
 
@@ -73,7 +72,8 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
         checks.one_of("key of region", key, KEYS)
     annulus = now.scene.annulus
     space = ranges.region_of(annulus, {key: given[key] for key in given if key in ranges.KEYS}, "region")
-    discs = tuple(_circle(wall, now.time) for wall in now.scene.walls if isinstance(wall, Disc))
+    borders = (wall.border_at(now.time) for wall in now.scene.walls)
+    discs = tuple(border for border in borders if border is not None)
     polygons: Iterable[FloatArray] = [_polygon(given["polygon"])] if "polygon" in given else []
     limits = [_box_sides(space)] if polygons else []
     if "angle" in given:
@@ -109,12 +109,6 @@ def grains_in(of: Snapshot | HasState, region: Where) -> BoolArray:
     """
     now = snapshot(of)
     return region_of(now, region).contains(now.position)
-
-
-def _circle(disc: Disc, time: float) -> Circle:
-    """Return the disc as it is at a time [s]."""
-    ((x, y),) = disc.pose(time).place(np.array([disc.center])) if disc.moves else (disc.center,)
-    return Circle(float(x), float(y), disc.radius, disc.inside)
 
 
 def _polygon(given: Any) -> FloatArray:

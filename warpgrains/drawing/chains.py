@@ -76,7 +76,7 @@ def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
     With friction, a band has the size and direction of the total force: it is turned about the contact point.
     """
     contacts, wall_contacts = frame.forces()
-    scene = frame.placed(scene)
+    scene = scene.with_walls_at(frame.places)
     pushes = contacts.force > 0.0
     pair = with_walls(contacts.pair[pushes], wall_contacts.wall)
     force = np.concatenate([contacts.force[pushes], wall_contacts.force])

@@ -15,6 +15,7 @@ from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.loads import mobilized, pressure
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.walls import INNER, OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -192,7 +193,7 @@ def speed_scale(scene: Scene) -> float:
     falling = np.sqrt(2.0 * gravity * scene.annulus.depth)
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
-    out, inside = scene.radius_out * scene.angular_velocity_out, scene.radius_in * scene.angular_velocity_in
+    out, inside = (scene.surface_speed(wall) for wall in (OUTER, INNER))
     pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / scene.mass.sum())
     return max(thrown, float(falling), float(pressed), abs(out), abs(inside))
 

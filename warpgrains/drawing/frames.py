@@ -15,7 +15,6 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 
 if TYPE_CHECKING:
-    from warpgrains.scene.scene import Scene
     from warpgrains.solver.forces import PairContacts, WallContacts
     from warpgrains.solver.present import PresentState
 
@@ -52,10 +51,6 @@ class Frame:
     def places(self) -> FloatArray | None:
         """Coordinates of walls [m], shape (walls,); None where no force drives a wall."""
         return None if self.driven is None else self.driven[:, 0]
-
-    def placed(self, scene: Scene) -> Scene:
-        """Return the scene with the walls that forces drive where they are."""
-        return scene if self.places is None else scene.with_walls_at(self.places)
 
     def rotation(self) -> tuple[FloatArray, FloatArray]:
         """Return spin and angle of the grains; ValueError where they are missing."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.scene.band import Band, ring
+from warpgrains.scene.walls import OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -109,11 +110,10 @@ def wall_mesh(band: Band) -> Shape:
 
 def drawn_walls(scene: Scene) -> dict[str, Band]:
     """Return the drawn walls by name; they lie outside the space of the grains."""
-    radius_in, radius_out = scene.radius_in, scene.radius_out
-    thickness = _THICKNESS * radius_out
-    drawn = {"Outer": ring(radius_out, radius_out + thickness)}
-    if radius_in > 0:
-        drawn["Inner"] = ring(max(radius_in - thickness, radius_in / 2), radius_in)
+    thickness, (outer, inner) = _THICKNESS * scene.radius_out, scene.annulus.borders
+    drawn = {"Outer": ring(outer, thickness)}
+    if inner.radius > 0.0:
+        drawn["Inner"] = ring(inner, thickness)
     for k, wall in enumerate(scene.walls):
         drawn[f"{wall.kind.title()}{k}"] = wall.drawn(thickness)
     return drawn
@@ -124,26 +124,15 @@ def moved_walls(scene: Scene, time: float, places: FloatArray | None = None) -> 
 
     Walls that forces drive are at `places`, see `State.driven` [m], or where they begin.
     """
-    if not (scene.has_moving_walls or scene.has_driven_walls):
-        return {}
-    every = list(drawn_walls(scene).values())
-    first, thickness = len(every) - len(scene.walls), _THICKNESS * scene.radius_out
-    now = scene if places is None else scene.with_walls_at(places)
-    moved = {}
-    if scene.pressure is not None:
-        moved[0] = ring(now.radius_out, now.radius_out + thickness)
-    for k, wall in enumerate(now.walls):
-        if wall.is_mobile:
-            moved[first + k] = (
-                every[first + k].moved(wall.pose(time)) if wall.moves else wall.drawn(thickness)
-            )
-    return moved
+    now, thickness = scene.with_walls_at(places), _THICKNESS * scene.radius_out
+    circles = len(scene.wall_numbers) - len(scene.walls)
+    moved = {k: wall.drawn_at(time, thickness) for k, wall in enumerate(now.walls, circles) if wall.is_mobile}
+    return moved if scene.pressure is None else {OUTER: ring(now.annulus.borders[OUTER], thickness), **moved}
 
 
 def _in_mark() -> BoolArray:
     """Return which segments of a circle are in the mark, shape (64,)."""
-    inside: BoolArray = (np.arange(_SEGMENTS) + _MARKED // 2) % _SEGMENTS < _MARKED
-    return inside
+    return np.asarray((np.arange(_SEGMENTS) + _MARKED // 2) % _SEGMENTS < _MARKED)
 
 
 def _circle(segments: int, radius: float, height: float) -> FloatArray:

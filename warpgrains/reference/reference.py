@@ -4,7 +4,7 @@ import ctypes
 import subprocess
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State, first_state
-from warpgrains.scene.walls import INNER, OUTER, body_of
+from warpgrains.scene.walls import OUTER, body_of, side_of
 
 SOURCE = Path(__file__).parent / "grains.c"
 FAST = ("-O3", "-march=native")
@@ -89,16 +89,13 @@ class Reference:
         pointers = [array.ctypes.data_as(_Doubles) for array in self._arrays.values()]
         gravity = (ctypes.c_double * 2)(*scene.gravity)
         walls = scene.bodies_inside
-        radius_in = 0.0 if scene.has_two_circles else scene.radius_in
-        self._grains = Grains(n, radius_in, scene.radius_out, gravity, scene.drag, *pointers)
+        self._grains = Grains(n, *scene.body_annulus[:2], gravity, scene.drag, *pointers)
         self._arrays["walls"] = np.array([wall.shape for wall in walls]).ravel()
         self._arrays["dvWalls"] = np.zeros(n * len(walls))
         self._grains.friction, self._grains.wallFriction = scene.friction, scene.friction_at_walls
         self._grains.spinDrag = scene.spin_drag
         self._grains.turningOut = scene.angular_velocity_out
-        self._arrays["speedWalls"] = np.zeros(len(walls))
-        self._arrays["speedWalls"][: int(scene.has_two_circles)] = scene.surface_speed(INNER)
-        self._arrays["frictionWalls"] = np.array(scene.wall_frictions[2 - int(scene.has_two_circles) :])
+        self._arrays["frictionWalls"], self._arrays["speedWalls"] = scene.surfaces[1:].T.copy()
         self._arrays["motions"] = np.array([np.hstack(wall.motion) for wall in walls]).ravel()
         self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
         self._grains.turning = scene.gravity_rate
@@ -128,8 +125,8 @@ class Reference:
             body = body_of(wall, scene.has_two_circles)
             inside, own = body > 0, grain * self._walls + body - 1
             arrays["dvWalls"][own[inside]] = carried[inside]
-            sign = np.where((wall == INNER) & ~inside, -1.0, 1.0)
-            arrays["dvBoundary"][grain[~inside]] = (sign * carried)[~inside]
+            signed = side_of(wall, scene.has_two_circles) * carried
+            arrays["dvBoundary"][grain[~inside]] = signed[~inside]
             if corrections.pair_friction is not None and corrections.wall_friction is not None:
                 arrays["w"][:], arrays["angle"][:] = state.spin, state.angle
                 arrays["dtContacts"][pair_index(corrections.pair, n)] = corrections.pair_friction
@@ -175,10 +172,7 @@ class Reference:
         half = self._grains.leapfrog and not self._grains.staggered
         kick = 0.5 * self._scene.dt if half else self._scene.dt
         inverse_mass, force, pressure = self._scene.drives[:, :3].T
-        kicks: FloatArray = kick * (
-            (force - pressure * (2.0 * np.pi * self._grains.radiusOut)) * inverse_mass
-        )
-        return kicks
+        return np.asarray(kick * ((force - pressure * (2.0 * np.pi * self._grains.radiusOut)) * inverse_mass))
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:
         arguments = (self._grains, self._scene.dt, iteration)
@@ -217,11 +211,6 @@ class Reference:
         return self._arrays["dvBoundary"]
 
     @property
-    def obstacle_correction(self) -> FloatArray:
-        """Corrections of all grains at the walls inside the annulus [m/s], shape (n, walls)."""
-        return self._arrays["dvWalls"].reshape(self._scene.n, -1)
-
-    @property
     def driven(self) -> FloatArray:
         """Coordinate [m] and speed [m/s] of every wall, shape (walls, 2), see `State.driven`."""
         return np.stack([self._arrays["places"], self._arrays["speeds"]], axis=1)
@@ -254,8 +243,5 @@ def find_c_reference() -> CReference:
             library = build(Path(folder), FAST)
         except RuntimeError as error:
             return CReference(None, f"not available ({error})")
-
-    def start(scene: Scene, state: State) -> Reference:
-        return Reference(library, scene, state)
-
-    return CReference(start, f"cc {' '.join(FAST)}, all pairs, for scenes of up to {MOST_GRAINS} grains")
+    status = f"cc {' '.join(FAST)}, all pairs, for scenes of up to {MOST_GRAINS} grains"
+    return CReference(partial(Reference, library), status)

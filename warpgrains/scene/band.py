@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.geometry import Circle
 from warpgrains.scene.motion import Pose
 
 _WALL_SEGMENTS = 256
@@ -39,11 +40,13 @@ class Band(NamedTuple):
         return np.concatenate([self.first, self.second[::-1]])[np.newaxis]
 
 
-def ring(inner: float, outer: float, center: tuple[float, float] = (0.0, 0.0)) -> Band:
-    """Return the band between two circles of these radii [m]."""
+def ring(border: Circle, thickness: float) -> Band:
+    """Return the band of this thickness [m] along a circle, outside of the space that the circle bounds."""
+    x, y, r, keeps_inside = border
+    inner, outer = (r, r + thickness) if keeps_inside else (max(r - thickness, r / 2), r)
     angle = np.arange(_WALL_SEGMENTS) * 2.0 * np.pi / _WALL_SEGMENTS
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    first, second = (radius * circle + center for radius in (inner, outer))
+    first, second = (radius * circle + (x, y) for radius in (inner, outer))
     return Band(first, second, is_closed=True)
 
 

@@ -9,7 +9,7 @@ from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.described import described
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, ring
-from warpgrains.scene.geometry import distance
+from warpgrains.scene.geometry import Circle, distance
 from warpgrains.scene.obstacle import Obstacle, kind_of_wall
 from warpgrains.scene.walls import Side
 
@@ -49,10 +49,10 @@ class Disc(Obstacle):
             inside=checks.boolean("inside of a disc", self.inside),
         )
 
-    def remaining_area(self, area: float) -> float:
-        """Return the part of an area [m2] that the disc leaves to the grains."""
-        own = float(np.pi) * self.radius**2
-        return min(area, own) if self.inside else area - own
+    @property
+    def border(self) -> Circle:
+        """The disc's circle."""
+        return Circle(*self.center, self.radius, self.inside)
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -89,7 +89,5 @@ class Disc(Obstacle):
         return (rho > self.radius) | (rho == 0.0) if self.inside else rho < self.radius
 
     def drawn(self, thickness: float) -> Band:
-        """Return the drawing of the disc, a ring outside of the space of the grains."""
-        if self.inside:
-            return ring(self.radius, self.radius + thickness, self.center)
-        return ring(max(self.radius - thickness, self.radius / 2), self.radius, self.center)
+        """Return the drawing of the disc, a ring."""
+        return ring(self.border, thickness)

@@ -4,14 +4,30 @@ The search serves the checks of a scene at its start. The solver has its own (ke
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray, IndexArray, Indices
+from warpgrains.arrays import BoolArray, FloatArray, IndexArray, Indices
 from warpgrains.errors import InputError
 
 ROUNDING = 8 * np.finfo(np.float64).eps
 """Relative rounding error of a gap: an overlap below this fraction of the coordinates counts as a contact."""
+
+
+class Circle(NamedTuple):
+    """A circle that bounds a shape."""
+
+    x: float
+    y: float
+    radius: float
+    keeps_inside: bool
+    """Whether the shape lies inside of the circle, or outside."""
+
+    def contains(self, points: FloatArray) -> BoolArray:
+        """Return which points [m], shape (..., 2), lie on the side of the shape, shape (...,)."""
+        rho = np.hypot(points[..., 0] - self.x, points[..., 1] - self.y)
+        return np.asarray(rho <= self.radius if self.keeps_inside else rho >= self.radius)
 
 
 def distance(vectors: FloatArray) -> FloatArray:

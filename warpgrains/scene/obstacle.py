@@ -12,7 +12,7 @@ from warpgrains.described import described, described_fields, documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band
-from warpgrains.scene.geometry import distance
+from warpgrains.scene.geometry import Circle, distance
 from warpgrains.scene.motion import Motion, Pose
 from warpgrains.scene.walls import Side
 
@@ -26,7 +26,7 @@ class Obstacle:
     """A wall inside the annulus, with the keys of its `[[walls]]` table as fields.
 
     A kind is a class with the decorator `kind_of_wall` that defines `kind`, `kind_number` and the methods
-    below that raise NotImplementedError, for the wall before it moves.
+    below that raise NotImplementedError, for the wall before it moves, and `border` if it fills an area.
     """
 
     kind: ClassVar[str]
@@ -97,7 +97,22 @@ class Obstacle:
 
     def remaining_area(self, area: float) -> float:
         """Return the part of an area [m2] that the wall leaves to the grains."""
-        return area
+        if self.border is None:
+            return area
+        own = float(np.pi) * self.border.radius**2
+        return min(area, own) if self.border.keeps_inside else area - own
+
+    @property
+    def border(self) -> Circle | None:
+        """The circle that bounds the space of the grains; None for a wall that fills no area."""
+        return None
+
+    def border_at(self, time: float) -> Circle | None:
+        """Return the border as it is at a time [s]."""
+        if self.border is None or not self.moves:
+            return self.border
+        ((x, y),) = self.pose(time).place(np.array([self.border[:2]])).tolist()
+        return self.border._replace(x=x, y=y)
 
     @property
     def drive(self) -> tuple[float, float, float, float, float] | None:
@@ -174,6 +189,11 @@ class Obstacle:
     def covers(self, position: FloatArray) -> BoolArray:
         """Return which points are in the wall, or where its normal is undefined, shape (n,)."""
         raise NotImplementedError
+
+    def drawn_at(self, time: float, thickness: float) -> Band:
+        """Return the drawing of the wall as it is at a time [s]."""
+        band = self.drawn(thickness)
+        return band.moved(self.pose(time)) if self.moves else band
 
     def drawn(self, thickness: float) -> Band:
         """Return the drawing of the wall, with this thickness [m]."""

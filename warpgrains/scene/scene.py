@@ -209,12 +209,13 @@ class Scene(SceneFields, Shown):
         """Force and mass that drive each wall of the device (kernels/types.py, `Drive`), shape (walls, 5)."""
         mass = float(self.mass.sum()) if self.wall_mass is None else self.wall_mass
         outer = None if self.pressure is None else (1.0 / mass, 0.0, self.pressure, 0.0, 0.0)
-        return np.array(
-            [drive or (0.0,) * 5 for drive in (outer, *(wall.drive for wall in self.bodies_inside))]
-        )
+        drives = (outer, *(wall.drive for wall in self.bodies_inside))
+        return np.array([drive or (0.0,) * 5 for drive in drives])
 
-    def with_walls_at(self, coordinates: FloatArray) -> Self:
-        """Return the scene with its driven walls at coordinates of `State.driven` [m]."""
+    def with_walls_at(self, coordinates: FloatArray | None) -> Self:
+        """Return the scene with its driven walls at coordinates of `State.driven` [m]; itself for None."""
+        if coordinates is None:
+            return self
         ways = coordinates[len(coordinates) - len(self.walls) :].tolist()
         walls = tuple(wall.shifted(way) for wall, way in zip(self.walls, ways, strict=True))
         scene = object.__new__(type(self))
@@ -223,11 +224,8 @@ class Scene(SceneFields, Shown):
 
     def surface_speed(self, wall: int) -> float:
         """Return the speed of a circle's surface along the tangent of contacts [m/s] (MODEL.md, eq. 23)."""
-        speeds = {
-            OUTER: self.radius_out * self.angular_velocity_out,
-            INNER: -self.radius_in * self.angular_velocity_in,
-        }
-        return speeds.get(wall, 0.0)
+        out, inside = self.radius_out * self.angular_velocity_out, -self.radius_in * self.angular_velocity_in
+        return {OUTER: out, INNER: inside}.get(wall, 0.0)
 
     def wall_speeds(self, position: FloatArray, wall: NDArray[np.integer[Any]], time: float) -> FloatArray:
         """Return how fast walls move along normal and tangent of contacts (grain, wall) [m/s], shape (m, 2).
@@ -256,6 +254,22 @@ class Scene(SceneFields, Shown):
     def has_two_circles(self) -> bool:
         """True if the circles are two bodies on the device, as with friction, instead of one."""
         return (self.has_friction or self.has_driven_walls) and self.radius_in > 0.0
+
+    @property
+    def bodies(self) -> list[int]:
+        """Number of the wall that each body of the device is; body 0 is both circles unless they are two."""
+        return [wall for wall in self.wall_numbers if wall != INNER or self.has_two_circles]
+
+    @property
+    def body_annulus(self) -> Annulus:
+        """The annulus as body 0 of the device, without an inner circle that is a body of its own."""
+        return self.annulus._replace(radius_in=0.0) if self.has_two_circles else self.annulus
+
+    @property
+    def surfaces(self) -> FloatArray:
+        """Friction of each body of the device, and its `surface_speed` [m/s], shape (bodies, 2)."""
+        friction = self.wall_frictions
+        return np.array([(friction[wall], self.surface_speed(wall)) for wall in self.bodies])
 
     @property
     def bodies_inside(self) -> tuple[Obstacle, ...]:
@@ -318,11 +332,9 @@ class Scene(SceneFields, Shown):
 
         The radius is 0 if a wall fills no area or, like a ring, surrounds the grains.
         """
-        found = np.zeros((len(self.walls), 3))
-        for own, wall in zip(found, self.walls, strict=True):
-            if isinstance(wall, Disc) and not wall.inside:
-                own[:] = *wall.pose(time).place(np.array([wall.center]))[0], wall.radius
-        return found
+        borders = [wall.border_at(time) for wall in self.walls]
+        discs = [(0.0,) * 3 if own is None or own.keeps_inside else own[:3] for own in borders]
+        return np.array(discs).reshape(-1, 3)
 
     @property
     def wall_numbers(self) -> list[int]:
@@ -363,8 +375,7 @@ class Scene(SceneFields, Shown):
             at_wall = wall[:, 1] == number
             grain = wall[at_wall, 0]
             own = None if move is None else move[grain]
-            side = self.side(number, position[grain], self.radius[grain], own, time)
-            normal[at_wall], gap[at_wall] = side
+            normal[at_wall], gap[at_wall] = self.side(number, position[grain], self.radius[grain], own, time)
         return normal, gap
 
     @property

@@ -138,7 +138,7 @@ def first_state(scene: Scene) -> State:
     if scene.has_friction:
         state = replace(state, spin=scene.spin_at_start, angle=np.zeros(scene.n))
     if scene.has_driven_walls:
-        driven = np.zeros((1 + len(scene.bodies_inside), 2))
+        driven = np.zeros((len(scene.bodies), 2))
         driven[OUTER, 0] = scene.radius_out
         state = replace(state, driven=driven)
     return state
@@ -171,7 +171,7 @@ def _require_driven(driven: Any, scene: Scene) -> int:
         if driven is not None:
             raise InputError("driven of the state is given, and no force drives a wall of the scene")
         return 0
-    walls = 1 + len(scene.bodies_inside)
+    walls = len(scene.bodies)
     _require_array("driven", driven, np.float64, (walls, 2))
     if not np.isfinite(driven).all():
         raise InputError(f"driven of the state is {driven.tolist()}: it must be finite")

@@ -13,7 +13,7 @@ import numpy as np
 from warpgrains.arrays import BoolArray, FloatArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.geometry import ROUNDING, area_below, distance
+from warpgrains.scene.geometry import ROUNDING, Circle, area_below, distance
 
 SMALLEST, LARGEST = 1e-140, 1e150  # m, of the radius of the outer wall
 WALLS = ("tangent", "round")
@@ -67,6 +67,16 @@ class Annulus(NamedTuple):
         return 2.0 * self.radius_out
 
     @property
+    def borders(self) -> tuple[Circle, Circle]:
+        """The circles, by number; the inner one has the radius 0 if there is none."""
+        return Circle(0.0, 0.0, self.radius_out, True), Circle(0.0, 0.0, self.radius_in, False)
+
+    def without_layer(self, depth: Any) -> Self:
+        """Return the space without a layer of a depth [m] along each circle."""
+        inner = self.radius_in + depth if self.radius_in > 0.0 else 0.0
+        return self._replace(radius_in=inner, radius_out=self.radius_out - depth)
+
+    @property
     def area(self) -> float:
         """Area between the circles [m2]."""
         return float(np.pi) * (self.radius_out**2 - self.radius_in**2)
@@ -101,9 +111,8 @@ class Annulus(NamedTuple):
 
     def contains(self, position: FloatArray, radius: FloatArray) -> BoolArray:
         """Return which discs lie between the walls and not at the origin, where the walls have no normal."""
-        rho = distance(position)
-        nearest = self.radius_in + radius if self.radius_in > 0.0 else 0.0
-        return (rho <= self.radius_out - radius) & (rho >= nearest) & (rho > 0.0)
+        rho, reached = distance(position), self.without_layer(radius)
+        return (rho <= reached.radius_out) & (rho >= reached.radius_in) & (rho > 0.0)
 
     def require_size(self) -> None:
         """Raise InputError unless squares of distances neither overflow nor underflow."""
@@ -143,6 +152,11 @@ def outward(position: FloatArray) -> FloatArray:
 def body_of(wall: IntArray, two_circles: bool) -> IntArray:
     """Return the device's number of each wall. Unless there are two circles, both sides are body 0."""
     return wall if two_circles else np.maximum(wall - 1, 0)
+
+
+def side_of(wall: IntArray, two_circles: bool) -> FloatArray:
+    """Return the sign of the device's corrections at each wall: -1 at the inner side of the annulus."""
+    return np.where((wall == INNER) & (not two_circles), -1.0, 1.0)
 
 
 def wall_of(body: IntArray, correction: FloatArray, two_circles: bool) -> IntArray:

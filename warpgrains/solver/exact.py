@@ -13,7 +13,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.kernels.record import Phase
-from warpgrains.scene.walls import INNER, body_of
+from warpgrains.scene.walls import body_of, side_of
 from warpgrains.solver import active_set, interior_point
 from warpgrains.solver.bordered import BorderedMatrix
 from warpgrains.solver.constraints import StepConstraints
@@ -105,7 +105,7 @@ class FrozenContacts:
         self._at_wall = np.concatenate([index[own] for _, own in sides])
         grain = np.concatenate([listed[own, 0] for _, own in sides])
         wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
-        self._sign = np.where(wall[:, 1] == INNER, -1.0, 1.0)
+        self._sign = side_of(wall[:, 1], False)
         time = (memory.steps + 1) * scene.dt
         self._constraints = StepConstraints.at(scene, memory.array("grains.position"), pair, wall, time)
         self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))

@@ -16,7 +16,7 @@ from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.types import VerletNumbers
-from warpgrains.scene.walls import INNER, OUTER, wall_of
+from warpgrains.scene.walls import OUTER, wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
@@ -106,11 +106,10 @@ class SceneRecords:
         self.set_gravity()
         host["turning"]["start"] = host["gravity"]
         host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]
-        host["walls"]["annulus"]["radius_out"] = [scene.radius_out for scene in scenes]
-        one_wall = [0.0 if scene.has_two_circles else scene.radius_in for scene in scenes]
-        host["walls"]["annulus"]["radius_in"] = one_wall
-        host["walls"]["annulus"]["angular_velocity_out"] = [scene.angular_velocity_out for scene in scenes]
-        host["walls"]["annulus"]["round"] = [scene.wall == "round" for scene in scenes]
+        annulus = host["walls"]["annulus"]
+        annulus["radius_in"], annulus["radius_out"] = np.array([scene.body_annulus[:2] for scene in scenes]).T
+        annulus["angular_velocity_out"] = [scene.angular_velocity_out for scene in scenes]
+        annulus["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
         for name in ("room", "rounding", "monitor_threshold", "nearest"):
             host["tuning"][name] = [getattr(tuning, name)(scene) for scene in scenes]
@@ -138,7 +137,7 @@ class SceneRecords:
                 inverse = scene.drives[:, 0]
                 mass[:] = np.divide(1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0)
             if scene.has_friction:
-                self._write_surfaces(self.array(k, "walls.surface"), scene)
+                self.array(k, "walls.surface")[:] = scene.surfaces
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated and sizes.team == 1
 
@@ -146,14 +145,6 @@ class SceneRecords:
         """Write the gravity of the scenes, or another one [m/s2], shape (scenes, 2)."""
         self.host["gravity"] = [scene.gravity for scene in self._scenes] if gravity is None else gravity
         self.host["tuning"]["acceleration"] = np.hypot(*self.host["gravity"].T)
-
-    @staticmethod
-    def _write_surfaces(surface: FloatArray, scene: Scene) -> None:
-        """Write the friction of the walls and the speed of each along its tangent (kernels/friction.py)."""
-        frictions = scene.wall_frictions
-        surface[:, 0] = frictions if scene.has_two_circles else [frictions[0], *frictions[2:]]
-        surface[:, 1] = 0.0
-        surface[:2, 1] = [scene.surface_speed(wall) for wall in (OUTER, INNER)][: len(surface)]
 
     def begin(self) -> None:
         """Write the initial states of all scenes to newly allocated memory, as `SceneMemory.load` does."""

@@ -9,7 +9,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.record import Phase
 from warpgrains.scene.state import Corrections, State, VerletList
-from warpgrains.scene.walls import INNER, OUTER, body_of, wall_of
+from warpgrains.scene.walls import OUTER, body_of, side_of, wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import StepHistory
 
@@ -174,8 +174,7 @@ class SceneMemory:
         """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
         n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 2, 1])
         carrying, body = (self._bodies(*of) for of in ((corrections.pair, corrections.wall), (pair, wall)))
-        one_wall = not self._scene.has_two_circles
-        sign = np.where((corrections.wall[:, 1] == INNER) & one_wall, -1.0, 1.0)
+        sign = side_of(corrections.wall[:, 1], self._scene.has_two_circles)
         dv, order = np.zeros(len(body)), np.lexsort(body.T[::-1])
         place = order[np.searchsorted((body @ key)[order], carrying @ key)]
         dv[place] = np.concatenate([corrections.pair_correction, sign * corrections.wall_correction])

@@ -71,7 +71,7 @@ class Sizes:
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
         weighted = np.array([not scene.has_equal_shares for scene in scenes], np.int64)
-        walls = np.array([1 + len(scene.bodies_inside) for scene in scenes])
+        walls = np.array([len(scene.bodies) for scene in scenes])
         return cls(
             n,
             first_pairs(n) + n * np.minimum(walls, MANY_WALLS),
