@@ -141,10 +141,9 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
     start, scene = perf_counter(), as_scene("scene", scene)
     steps = checks.whole_number("steps", steps)
     _require_rest_is_possible(scene)
-    with progress_bar(100, shown=progress, unit="percent") as bar:
+    with progress_bar(steps, shown=progress) as bar:
         settling = Settling(scene, steps, threads, bar)
         settling.settle()
-        settling.balance()
     state = settling.state()
     scene = scene.replace(position=state.position, velocity=state.velocity)
     simulation = Simulation(scene, threads=threads)

@@ -1,16 +1,20 @@
 """Steps that lead grains to rest under gravity.
 
-A step that begins at rest moves grains to the minimum of their potential energy, up to a term in their
-displacements, among the places that the frozen normals allow (MODEL.md, eq. 10). Many such steps with a large
-time step end in a packing. At first sweeps solve them loosely, and ever better as forces balance, and some
-velocity is kept. When grains hardly change their places, the method "exact" balances the forces.
+At first grains fall and slide, damped, with a large time step. Their momentum carries them past one
+rearrangement after another, until the packing hardly sinks any further: first with forces that are solved
+loosely, then with a small tolerance, because what is left unsolved shakes the grains.
+
+Then every step begins at rest, and the method "exact" solves it. A step moves grains to the minimum of their
+potential energy, up to a term in their displacements, among the places that the frozen normals allow
+(MODEL.md, eq. 10). Near a packing at rest some twenty suffice, because a move along a contact opens a gap of
+only half its square. If they do not, grains still rearrange, and fall again.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from math import hypot, log, sqrt
-from typing import Any
+from math import fsum, hypot, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,17 +26,32 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.simulation.simulation import Simulation
 
-FIRST, LONGEST = 0.5, 2.0  # first and longest dt while sweeps solve the steps, in sqrt(d / g)
-KEPT = 0.4  # share of the velocity with which the next of these steps begins: grains fall and slide further
-LOOSE, TIGHT = 1e-2, 1e-4  # first and last tolerance of these steps, in g dt
-SHARE = 0.2  # of the unbalanced acceleration: a tolerance that suffices
-ITERATIONS = 3000  # of such a step, at most
-SETTLED, HELD = 1e-3, 3  # unbalanced acceleration [g], and steps in a row below it, at which they end
-EXACT = 1e-7  # tolerance of the steps that balance forces, in g dt
+ITERATIONS = 3000  # of a step in which grains fall, at most
+DAMPING = 6.0  # time in which drag takes the speed of the lightest grain, in sqrt(d / g)
+WATCHED = 10.0  # time over which the sinking is measured, in sqrt(d / g)
+FIRST = 1.0  # first dt of the steps that balance forces, in sqrt(d / g)
 SLIDING = 0.7  # their longest dt, in sqrt(R / g), the time in which a packing slides in the outer wall
+EXACT = 1e-7  # their tolerance, in g dt
 BALANCED = 1e-6  # unbalanced acceleration [g] at their end
-LAST_STEPS = 10  # at most, with the time step of the scene
-FAR, NEAR = 0.3, 0.1  # displacements [d] above which the next dt is shorter, and below which it is longer
+TRIED = 20  # such steps at most
+NEAR, FAR = 1e-3, 1e-2  # largest displacements [d] below which the next dt is longer, and above which shorter
+LONGER = 1.5  # factor by which it is
+SHORTER = 3.0  # factor by which each of the last steps is shorter, down to the time step of the scene
+ENOUGH = 1e-4  # unbalanced acceleration [g] after these; grains that still rearrange have a larger one
+
+
+class Fall(NamedTuple):
+    """Steps in which grains fall and slide."""
+
+    dt: float
+    """In sqrt(d / g)."""
+    tolerance: float
+    """In g dt."""
+    still: float
+    """Mean distance [d] by which grains sink or rise at most while they are watched, at the end."""
+
+
+FALLS = Fall(dt=0.2, tolerance=1e-2, still=1e-3), Fall(dt=0.5, tolerance=1e-4, still=1e-5)
 
 
 class Settling:
@@ -46,7 +65,7 @@ class Settling:
     threads : int, optional
         See `Simulation`.
     bar : Progress
-        Bar of a hundred units.
+        Bar of the steps.
 
     Attributes
     ----------
@@ -58,20 +77,23 @@ class Settling:
 
     def __init__(self, scene: Scene, most_steps: int, threads: int | None, bar: Progress):
         self.gravity, self.diameter = hypot(*scene.gravity), 2.0 * float(scene.radius.mean())
-        self.steps = self.iterations = self._percent = 0
+        self.steps = self.iterations = 0
         self._scene, self._most_steps, self._bar = scene, most_steps, bar
-        self._tolerance, dt = LOOSE, FIRST * self._time
+        self._falling: dict[str, Any] = {
+            "drag": float(scene.mass.min()) / (DAMPING * self._time),
+            "method": "accelerated",
+        }
+        self._tolerance, dt = FALLS[0].tolerance, FALLS[0].dt * self._time
         damped = scene.replace(
             velocity=np.zeros((scene.n, 2)),
-            drag=0.0,
             scheme="text",
             wall="tangent",
-            method="accelerated",
             stop="residual",
             max_iterations=ITERATIONS,
             on_unconverged="report",
             dt=dt,
-            tolerance=LOOSE * self.gravity * dt,
+            tolerance=self._tolerance * self.gravity * dt,
+            **self._falling,
         )
         self._simulation = Simulation(damped, threads=threads)
 
@@ -80,29 +102,44 @@ class Settling:
         return sqrt(self.diameter / self.gravity)
 
     def settle(self) -> None:
-        """Let grains settle until they hardly change their places."""
-        held, dt = 0, FIRST * self._time
-        while held < HELD:
-            unbalanced, furthest = self._step(KEPT)
-            held = held + 1 if unbalanced < SETTLED else 0
-            wanted = min(self._tolerance, max(TIGHT, SHARE * unbalanced))
-            dt = _next_dt(dt, furthest, FIRST * self._time, LONGEST * self._time)
-            self._change(dt, wanted if wanted < 0.7 * self._tolerance else self._tolerance)
+        """Let grains fall until they hardly sink any further, and their forces balance."""
+        for fall in FALLS:
+            self._fall(fall)
+        while not self._balance():
+            self._fall(FALLS[-1])
 
-    def balance(self) -> None:
-        """Let the forces of settled grains balance, at last with the time step of the scene."""
-        self._simulation.change(method="exact")
-        first, longest = (FIRST * self._time, SLIDING * sqrt(self._scene.radius_out / self.gravity))
-        dt, unbalanced, last = self._simulation.scene.dt, np.inf, np.inf
-        while unbalanced > BALANCED:
+    def _fall(self, fall: Fall) -> None:
+        """Let grains fall and slide until they hardly sink any further."""
+        self._change(fall.dt * self._time, fall.tolerance)
+        self._simulation.change(**self._falling)
+        sunk, steps = np.inf, round(WATCHED / fall.dt)
+        while abs(sunk) > fall.still * self.diameter:
+            before = self._depth()
+            self._take(steps)
+            self.iterations += self._simulation.advance(steps).iterations
+            sunk = self._depth() - before
+            self._show(f"grains sank by {sunk / self.diameter:.1e} diameters", steps)
+
+    def _balance(self) -> bool:
+        """Let the forces balance, and return whether they do with the time step of the scene."""
+        self._simulation.change(method="exact", drag=0.0)
+        first, longest = FIRST * self._time, SLIDING * sqrt(self._scene.radius_out / self.gravity)
+        dt = first
+        for _ in range(TRIED):
             self._change(dt, EXACT)
             unbalanced, furthest = self._step()
-            # a packing that slides to and fro, further every time, needs a shorter dt
-            dt, last = _next_dt(dt, FAR if furthest > 2.0 * last else furthest, first, longest), furthest
-        self._change(self._scene.dt, EXACT)
-        for _ in range(LAST_STEPS):
-            if self._step()[0] <= BALANCED:
+            if unbalanced <= BALANCED:
                 break
+            if furthest < NEAR:
+                dt = max(dt, min(LONGER * dt, longest))
+            elif furthest > FAR:
+                dt = max(dt / LONGER, first)
+        while True:
+            dt = max(dt / SHORTER, self._scene.dt)
+            self._change(dt, EXACT)
+            unbalanced, _ = self._step()
+            if dt == self._scene.dt:
+                return unbalanced <= ENOUGH
 
     def state(self) -> State:
         """Return the state of the grains at rest, at time 0, for the settings of the scene."""
@@ -120,36 +157,46 @@ class Settling:
             staggered=scene.scheme == "leapfrog",
         )
 
-    def _step(self, kept: float = 0.0) -> tuple[float, float]:
-        """Do a step that begins with a share of the velocity, or at rest.
+    def _depth(self) -> float:
+        """Return how deep the center of mass lies along gravity [m], with the same bits in any order."""
+        (x, y), (gx, gy), mass = self._simulation.position.T, self._scene.gravity, self._scene.mass
+        return fsum(mass * (gx * x + gy * y)) / (self.gravity * fsum(mass))
+
+    def _take(self, steps: int) -> None:
+        """Count steps.
+
+        Raises
+        ------
+        SimulationError
+            They are more than are left.
+        """
+        if self.steps + steps > self._most_steps:
+            raise SimulationError(
+                f"the grains are not at rest after {self.steps} steps: give more than {self._most_steps}, or"
+                " place them more densely"
+            )
+        self.steps += steps
+
+    def _step(self) -> tuple[float, float]:
+        """Do a step that begins at rest.
 
         Returns
         -------
         Root of the mean square of the unbalanced acceleration [g], and largest displacement [d].
         """
-        if self.steps == self._most_steps:
-            raise SimulationError(
-                f"the grains are not at rest after {self.steps} steps: give more steps, or place them more"
-                " densely"
-            )
+        self._take(1)
         simulation, state = self._simulation, self._simulation.state()
-        before = kept * state.velocity
-        simulation.restore(replace(state, velocity=before))
-        report = simulation.step()
-        self.steps, self.iterations = self.steps + 1, self.iterations + report.iterations
+        simulation.restore(replace(state, velocity=np.zeros_like(state.velocity)))
+        self.iterations += simulation.step().iterations
         velocity, dt = simulation.velocity, simulation.scene.dt
-        unbalanced = float(np.sqrt(2.0 * ((velocity - before) ** 2).mean())) / (self.gravity * dt)
+        unbalanced = float(np.sqrt(2.0 * (velocity**2).mean())) / (self.gravity * dt)
         unbalanced = float(f"{unbalanced:.2e}")  # the same bits in any order of summation
-        self._show(unbalanced)
+        self._show(f"forces balance to {unbalanced:.1e} weights", 1)
         return unbalanced, dt * float(distance(velocity).max()) / self.diameter
 
-    def _show(self, unbalanced: float) -> None:
-        """Show the powers of ten by which the forces balance better than at first."""
-        percent = 100.0 * log(max(unbalanced, BALANCED)) / log(BALANCED)
-        more = max(0, int(percent) - self._percent)
-        self._percent += more
-        self._bar.set_postfix_str(f"step {self.steps}, forces balance to {unbalanced:.1e} weights")
-        self._bar.update(more)
+    def _show(self, what: str, steps: int) -> None:
+        self._bar.set_postfix_str(what)
+        self._bar.update(steps)
 
     def _change(self, dt: float, tolerance: float) -> None:
         """Change time step [s] and tolerance [g dt]. Forces stay as they are."""
@@ -160,14 +207,7 @@ class Settling:
         longer, state = dt / simulation.scene.dt, simulation.state()
         simulation.change(dt=dt, tolerance=tolerance * self.gravity * dt)
         corrections = _scaled(state.corrections, longer, longer)
-        simulation.restore(replace(state, corrections=corrections, velocity=longer * state.velocity))
-
-
-def _next_dt(dt: float, furthest: float, least: float, most: float) -> float:
-    """Return the next time step [s] after one with a largest displacement [d]."""
-    if furthest >= FAR:
-        return max(0.7 * dt, least)
-    return max(dt, min(1.3 * dt, most)) if furthest < NEAR else dt
+        simulation.restore(replace(state, corrections=corrections))
 
 
 def _scaled(corrections: Corrections, pairs: float | FloatArray, walls: float | FloatArray) -> Corrections:
