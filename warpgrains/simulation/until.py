@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, hypot, sqrt
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -111,11 +111,12 @@ def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None
         if not callable(until):
             raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
         return EndCriterion(until, 0, "the end criterion")
-    return _rest(rest_bounds(until), scene)
+    name, bounds = parsed(until)
+    return CRITERIA[name].of(bounds, scene)
 
 
-def rest_bounds(until: str) -> dict[str, float]:
-    """Return the bounds that a text such as "rest,speed=1e-3,time=0.5" sets, by key.
+def parsed(until: str) -> tuple[str, dict[str, float]]:
+    """Return the name and the bounds in a text such as "rest,speed=1e-3,time=0.5".
 
     Raises
     ------
@@ -123,17 +124,17 @@ def rest_bounds(until: str) -> dict[str, float]:
         The text has another form.
     """
     name, *rest = (word.strip() for word in until.split(","))
-    checks.one_of("until", name, ("rest",))
+    checks.one_of("until", name, CRITERIA)
     given: dict[str, float] = {}
     for word in rest:
         key, _, value = word.partition("=")
-        checks.one_of("key of until=rest", key, ("speed", "energy", "time"))
+        checks.one_of(f"key of until={name}", key, CRITERIA[name].bounds)
         try:
             given[key] = checks.positive(f"until: {key}", float(value))
         except ValueError as error:
             wrong = error if isinstance(error, InputError) else f"until: {word!r} is not a number"
             raise InputError(str(wrong)) from None
-    return given
+    return name, given
 
 
 def _rest(given: dict[str, float], scene: Scene) -> EndCriterion:
@@ -151,3 +152,15 @@ def _rest(given: dict[str, float], scene: Scene) -> EndCriterion:
         return bool(square.max() <= speed**2 and 0.5 * scene.mass @ square <= energy)
 
     return EndCriterion(is_at_rest, ceil(time / scene.dt), "rest")
+
+
+class Criterion(NamedTuple):
+    """A kind of end criterion that a text can give."""
+
+    bounds: tuple[str, ...]
+    """Keys of its bounds."""
+    of: Callable[[dict[str, float], Scene], EndCriterion]
+    """Function that makes it for the bounds that are given."""
+
+
+CRITERIA = {"rest": Criterion(("speed", "energy", "time"), _rest)}
