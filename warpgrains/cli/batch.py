@@ -12,7 +12,7 @@ from warpgrains.console import in_columns, progress_bar, start_warp, stdout_to_s
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
-from warpgrains.simulation.until import parsed
+from warpgrains.simulation.until import name_and_bounds
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder, Tables
@@ -83,7 +83,7 @@ def _settings(arguments: Namespace) -> RunSettings:
 
         measured = names_of(name.strip() for name in arguments.measure.split(","))
     if arguments.until is not None:
-        parsed(arguments.until)
+        name_and_bounds(arguments.until)
     return RunSettings(measured, arguments.until)
 
 

@@ -111,11 +111,11 @@ def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None
         if not callable(until):
             raise InputError(f"until is {checks.shown(until)}: it must be 'rest', or a function")
         return EndCriterion(until, 0, "the end criterion")
-    name, bounds = parsed(until)
-    return CRITERIA[name].of(bounds, scene)
+    name, bounds = name_and_bounds(until)
+    return CRITERIA[name].make(bounds, scene)
 
 
-def parsed(until: str) -> tuple[str, dict[str, float]]:
+def name_and_bounds(until: str) -> tuple[str, dict[str, float]]:
     """Return the name and the bounds in a text such as "rest,speed=1e-3,time=0.5".
 
     Raises
@@ -154,13 +154,13 @@ def _rest(given: dict[str, float], scene: Scene) -> EndCriterion:
     return EndCriterion(is_at_rest, ceil(time / scene.dt), "rest")
 
 
-class Criterion(NamedTuple):
-    """A kind of end criterion that a text can give."""
+class CriterionKind(NamedTuple):
+    """A kind of end criterion that a text can name."""
 
     bounds: tuple[str, ...]
     """Keys of its bounds."""
-    of: Callable[[dict[str, float], Scene], EndCriterion]
-    """Function that makes it for the bounds that are given."""
+    make: Callable[[dict[str, float], Scene], EndCriterion]
+    """Function that makes the end criterion of a scene from the bounds that are given."""
 
 
-CRITERIA = {"rest": Criterion(("speed", "energy", "time"), _rest)}
+CRITERIA = {"rest": CriterionKind(("speed", "energy", "time"), _rest)}
