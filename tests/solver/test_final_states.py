@@ -6,6 +6,7 @@ from sample_scenes import explosion
 from schemes import contact_mass
 
 from warpgrains import Scene
+from warpgrains.scene.state import first_state
 from warpgrains.solver.advance import advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.final_states import COUNTED
@@ -23,7 +24,8 @@ def test_same_as_one_by_one(which, moved):
     if not moved:
         scenes = [Scene.load("annulus", [f"physics.drag={drag}"]) for drag in (0.1, 0.2, 0.5)]
     engine = Engine(scenes, find_device("cpu"))
-    engine.begin()
+    for k, scene in enumerate(scenes):
+        engine.load(k, first_state(scene))
     engine.submit([60, 61, 3])
     advance([engine], threads=1)
     assert (engine._records.together("grains.position") is None) == moved

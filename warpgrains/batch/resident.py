@@ -228,10 +228,8 @@ class ResidentSets:
         place = {k: (e, index) for e, numbers in enumerate(by_kind) for index, k in enumerate(numbers)}
         for numbers in by_kind:
             engine = Engine([self._scenes[k] for k in numbers], self._device, team)
-            engine.begin()
             for index, k in enumerate(numbers):
-                if (state := self._states[k]) is not None:
-                    engine.load(index, state)
+                engine.load(index, self._states[k] or first_state(self._scenes[k]))
             engines.append((engine, numbers))
         self._resident, self._engines, self._place = number, engines, place
         self.scenes = {k: PresentState(self._scenes[k], engines[e][0], i) for k, (e, i) in place.items()}

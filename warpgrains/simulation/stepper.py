@@ -9,7 +9,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
-from warpgrains.scene.state import State, require_state
+from warpgrains.scene.state import State, first_state, require_state
 from warpgrains.shown import Shown
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.engine import Engine
@@ -64,10 +64,7 @@ class Stepper(PresentState, Shown):
         self._threads = threads_for(scene, self._device, self._threads_wanted)
         PresentState.__init__(self, scene, Engine([scene], self._device, self._threads))
         self._stepped = False
-        if state is None:
-            self._engine.begin()
-        else:
-            self._engine.load(0, state)
+        self._engine.load(0, first_state(scene) if state is None else state)
 
     def summary(self) -> dict[str, str]:
         """Return the line that describes the simulation, by name."""

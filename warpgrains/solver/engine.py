@@ -118,10 +118,6 @@ class Engine:
             with BUILDING:
                 self.kernel.module.load(self._device, CPU_BLOCK)
 
-    def begin(self) -> None:
-        """Write the initial states of all scenes to newly allocated memory."""
-        self._records.begin()
-
     def load(self, k: int, state: State) -> None:
         """Load a state, from which scene k continues."""
         self._memory[k].load(state)

@@ -16,7 +16,7 @@ from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.types import VerletNumbers
-from warpgrains.scene.walls import OUTER, wall_of
+from warpgrains.scene.walls import wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
@@ -146,22 +146,6 @@ class SceneRecords:
         self.host["gravity"] = [scene.gravity for scene in self._scenes] if gravity is None else gravity
         self.host["tuning"]["acceleration"] = np.hypot(*self.host["gravity"].T)
 
-    def begin(self) -> None:
-        """Write the initial states of all scenes to newly allocated memory, as `SceneMemory.load` does."""
-        for name in ("position", "velocity"):
-            self._write_grains(name, name)
-        self._write_grains("last_position", "position")
-        if self.sizes.friction:
-            self._write_grains("spin", "spin_at_start")
-        for k in np.flatnonzero(self.sizes.driven).tolist():
-            for name in ("position", "last_position"):
-                self.array(k, f"grains.{name}")[self._scenes[k].n + OUTER, 0] = self._scenes[k].radius_out
-        for skins in self._views("verlet.skin"):
-            skins[:] = tuning.NO_SKIN
-        self.host["verlet"]["numbers"]["base_skin"] = [tuning.first_skin(scene) for scene in self._scenes]
-        for k in range(len(self._scenes)):
-            self.push(k)
-
     def _write_grains(self, name: str, field: str) -> None:
         """Write a field of all scenes to an array of their grains."""
         whole = self.together(f"grains.{name}")
@@ -192,11 +176,6 @@ class SceneRecords:
         strides = (int(step[0]) if len(step) else field.bytes, *inner)
         shape = (len(start), int(length[0]), *field.shape)
         return np.ndarray(shape, field.dtype, memory, first, strides)
-
-    def _views(self, name: str) -> list[np.ndarray[Any, Any]]:
-        """Return an array of all scenes as one view; as one view of each if their layouts differ."""
-        whole = self.together(name)
-        return [self.array(k, name) for k in range(len(self._scenes))] if whole is None else [whole]
 
     def stacked(self, name: str, which: IndexArray) -> np.ndarray[Any, Any]:
         """Return a copy of an array of the grains of some scenes, of n grains each, shape (m, n, ...)."""
