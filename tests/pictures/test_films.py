@@ -147,13 +147,13 @@ def test_a_film_that_is_not_finished_leaves_what_was_there(tmp_path, suffix):
     painter = Painter(scene, "speed", False)
 
     def interrupted():
-        with Film(path, scene, 50, painter) as film:
+        with Film(path, 50, painter) as film:
             film.record(Frame(scene.position, scene.velocity))
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    with pytest.raises(ValueError, match="no frame was drawn"), Film(path, scene, 50, painter):
+    with pytest.raises(ValueError, match="no frame was drawn"), Film(path, 50, painter):
         pass
     assert path.read_bytes() == b"earlier"
     assert list(tmp_path.iterdir()) == [path]

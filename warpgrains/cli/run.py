@@ -113,9 +113,10 @@ def _begin(arguments: Namespace) -> tuple[OpenRun, State]:
     given |= _spacing(every, arguments.checkpoint, arguments.series)
     scene = _scene(arguments)
     options = RunOptions(steps=_steps(scene, arguments), **given)
+    run = OpenRun(scene, options, RunStatistics())
     if "fps" in given:
-        _warn_of_rate(scene, options)
-    return OpenRun(scene, options, RunStatistics()), first_state(scene)
+        _warn_of_rate(run)
+    return run, first_state(scene)
 
 
 def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
@@ -168,13 +169,13 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
     tqdm.write(f"warpgrains: warning: {message}", file=sys.stderr)
 
 
-def _warn_of_rate(scene: Scene, options: RunOptions) -> None:
+def _warn_of_rate(run: OpenRun) -> None:
     """Warn if an output cannot have as many frames per second as wanted, and print its true rate."""
-    times = options.times_of(scene)
-    if times is None or times.rate == options.fps:
+    options = run.options
+    if run.times is None or run.times.rate == options.fps:
         return
-    rate = times.rate
-    reason = f"with one frame every step of {scene.dt:g} s there are {rate:.6g}"
+    rate = run.times.rate
+    reason = f"with one frame every step of {run.scene.dt:g} s there are {rate:.6g}"
     if rate == options.rate:
         reason = f"a file of this kind has at most {rate:.6g}"
     _show_warning(f"--fps {options.fps:g} cannot be met: {reason}")
@@ -195,8 +196,8 @@ def results_of(run: OpenRun) -> dict[str, Any]:
         results["bounds_checked"] = True
     if options.until is not None:
         results["until"] = options.until
-    if (times := options.times_of(scene)) is not None:
-        results |= {"frames": run.statistics.frames, "fps": times.rate}
+    if run.times is not None:
+        results |= {"frames": run.statistics.frames, "fps": run.times.rate}
     return results
 
 

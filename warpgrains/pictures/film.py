@@ -17,7 +17,7 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.kinds import FASTEST, FILMS
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
@@ -25,7 +25,6 @@ from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setti
 from warpgrains.pictures.still import Canvas
 
 if TYPE_CHECKING:
-    from warpgrains.scene.scene import Scene
     from warpgrains.usd.reader import RecordingReader
 
 _FORMATS = {".mp4": "mp4", ".webp": "webp", ".gif": "gif", ".mkv": "matroska", ".png": "image2"}
@@ -186,10 +185,10 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
 
 
 class Film(DrawnOutput):
-    """A film of a run, see `DrawnOutput`."""
+    """A film of a run with `rate` frames per second [1/s], see `DrawnOutput`."""
 
-    def __init__(self, path: Path, scene: Scene, frames_per_second: float, painter: Painter) -> None:
-        self._rate = FrameTimes.of(scene.dt, frames_per_second).rate
+    def __init__(self, path: Path, rate: float, painter: Painter) -> None:
+        self._rate = rate
         super().__init__(path, painter)
 
     def __enter__(self) -> Self:

@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
-from warpgrains.drawing.kinds import DRAWN_AS, FASTEST, FILM, KINDS, RECORDING, STILL, Kind, require_drawing
+from warpgrains.drawing.kinds import DRAWN_AS, FASTEST, FILM, KINDS, RECORDING, STILL, Kind
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.scene import checks
 
 if TYPE_CHECKING:
-    from warpgrains.drawing.frames import FrameTimes, Output
     from warpgrains.scene.scene import Scene
 
 DEFAULT_RATE = 24.0
@@ -142,14 +141,6 @@ class RunOptions:
         """Requested frames per second of simulated time [1/s], limited by what the file can store."""
         return min(self.fps, FASTEST.get(Path(self.record or "").suffix, self.fps))
 
-    def times_of(self, scene: Scene) -> FrameTimes | None:
-        """Return the times of the frames of a run of a scene; None if its output has not several frames."""
-        if self.shows is None or not self.shows.has_frames:
-            return None
-        from warpgrains.drawing.frames import FrameTimes
-
-        return FrameTimes.of(scene.dt, self.rate)
-
     def _require_effect(self, kind: Kind) -> None:
         """Raise InputError for options that have no effect on this kind of output."""
         for name in kind.lacks:
@@ -159,47 +150,6 @@ class RunOptions:
             raise InputError(
                 f"'{self.record}' cannot be continued from a checkpoint: record a .usdc file, then plot it"
             )
-
-    def open_output(self, scene: Scene, frames: int, first_step: int, has_ended: bool) -> Output | None:
-        """Return the output that receives frames; None if there is none, or no frame is left to record.
-
-        `frames` are recorded. `first_step` time steps precede the run; if `has_ended`, none is left.
-
-        Raises
-        ------
-        InputError
-            The output cannot be written.
-        """
-        if self.record is None:
-            return None
-        path = Path(self.record)
-        if self.shows is not RECORDING:
-            require_drawing(f"'{path}'", self.shows is FILM)
-            from warpgrains.pictures.shots import Painter
-
-            painter = Painter(scene, self.color_by, self.forces)
-            if self.shows is FILM:
-                from warpgrains.pictures.film import Film
-
-                return Film(path, scene, self.rate, painter)
-            from warpgrains.pictures.still import Still
-
-            return Still(path, painter)
-        from warpgrains.frame_log import is_complete
-        from warpgrains.usd.recorder import Recorder
-
-        if has_ended and frames > 0 and is_complete(path):
-            return None
-        return Recorder(
-            path,
-            scene,
-            self.rate,
-            color_by=self.color_by,
-            forces=self.forces,
-            draw_as=self.draw_as,
-            resume_at=frames or None,
-            first_step=first_step,
-        )
 
     def stored(self, checkpoint: Path) -> dict[str, Any]:
         """Return the options as a checkpoint stores them.

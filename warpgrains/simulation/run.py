@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 from warnings import warn
 
 from warpgrains.console import progress_bar
-from warpgrains.drawing.frames import Frame, Output
+from warpgrains.drawing.frames import Frame, FrameTimes, Output
+from warpgrains.drawing.kinds import FILM, RECORDING, require_drawing
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import Checkpoint, lock_checkpoint, write_checkpoint
@@ -89,7 +90,8 @@ class OpenRun(CountedRun):
         self.scene, self.options, self.first_step, self._locked = scene, options, first_step, locked
         self.observer = observer
         self.output: Output | None = None
-        self._times = options.times_of(scene)
+        has_frames = options.shows is not None and options.shows.has_frames
+        self.times = FrameTimes.of(scene.dt, options.rate) if has_frames else None
 
     @contextmanager
     def opened(self, series: Callable[..., Any] | None = None) -> Iterator[None]:
@@ -104,31 +106,64 @@ class OpenRun(CountedRun):
         InputError
             A file cannot be written. It is an `OutputError` if another run writes it.
         """
-        options, locked, resume_at = self.options, self._locked, None
-        if locked is not None and locked.exists():
-            resume_at = self.first_step + self.statistics.steps
+        options, locked = self.options, self._locked
+        is_resumed = locked is not None and locked.exists()
         with ExitStack() as held:
             if options.checkpoint is not None:
                 checkpoint = Path(options.checkpoint)
                 if locked is None or checkpoint.resolve() != locked.resolve():
                     held.enter_context(lock_checkpoint(checkpoint))
-            frames = self.statistics.frames
-            self.output = options.open_output(self.scene, frames, self.first_step, self.has_ended)
+            self.output = self._output(is_resumed)
             if self.output is not None:
                 held.enter_context(self.output)
             if options.measure is not None and series is not None:
+                resume_at = self.first_step + self.statistics.steps if is_resumed else None
                 measuring = series(options.measure, options.measure_every, options.series, resume_at)
                 self.observer = held.enter_context(measuring)
             yield
             at_end = perf_counter()
         self.statistics.other_seconds += perf_counter() - at_end
 
+    def _output(self, is_resumed: bool) -> Output | None:
+        """Return the output that receives frames; None if there is none, or no frame is left to record."""
+        scene, options, frames = self.scene, self.options, self.statistics.frames
+        if options.record is None:
+            return None
+        path = Path(options.record)
+        if options.shows is not RECORDING:
+            require_drawing(f"'{path}'", options.shows is FILM)
+            from warpgrains.pictures.shots import Painter
+
+            painter = Painter(scene, options.color_by, options.forces)
+            if self.times is None:
+                from warpgrains.pictures.still import Still
+
+                return Still(path, painter)
+            from warpgrains.pictures.film import Film
+
+            return Film(path, self.times.rate, painter)
+        from warpgrains.frame_log import is_complete
+        from warpgrains.usd.recorder import Recorder
+
+        if is_resumed and self.has_ended and is_complete(path):
+            return None
+        return Recorder(
+            path,
+            scene,
+            options.rate,
+            color_by=options.color_by,
+            forces=options.forces,
+            draw_as=options.draw_as,
+            resume_at=frames if is_resumed else None,
+            first_step=self.first_step,
+        )
+
     @property
     def _next_frame(self) -> int:
         """Step of the run after which a frame is due: the last one, if there are not several frames."""
-        if self.output is None or self._times is None:
+        if self.output is None or self.times is None:
             return self.statistics.steps if self.has_ended else self.steps
-        return self._times.step(self.statistics.frames)
+        return self.times.step(self.statistics.frames)
 
     @property
     def steps_to_output(self) -> int:
@@ -147,7 +182,7 @@ class OpenRun(CountedRun):
         if self.output is not None and steps == self._next_frame:
             frame = Frame.of(now, self.output.needs_contacts)
             self.output.record(
-                frame if self._times is None else self._times.shown(self.statistics.frames, frame)
+                frame if self.times is None else self.times.shown(self.statistics.frames, frame)
             )
             self.statistics.frames += 1
 
