@@ -172,32 +172,37 @@ class SceneMemory:
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
         """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
+        count = len(pair) + len(wall)
+        self._records.reserve_contacts(self._k, count)
+        self.record["contacts"]["count"] = len(pair), 0, len(wall), int(len(wall) > 0)
+        self.array("contacts.set_start")[:2] = len(pair), count
+        if count == 0:
+            for rows in ("neighbors", "workspace.old"):
+                self.array(f"{rows}.start")[:] = 0
+            return
         n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 2, 1])
         carrying, body = (self._bodies(*of) for of in ((corrections.pair, corrections.wall), (pair, wall)))
         sign = side_of(corrections.wall[:, 1], self._scene.has_two_circles)
-        dv, order = np.zeros(len(body)), np.lexsort(body.T[::-1])
+        dv, order = np.zeros(count), np.lexsort(body.T[::-1])
         place = order[np.searchsorted((body @ key)[order], carrying @ key)]
         dv[place] = np.concatenate([corrections.pair_correction, sign * corrections.wall_correction])
-        self._records.reserve_contacts(self._k, len(body))
         for name in ("dv", "dv_start"):
-            self.array(f"contacts.{name}")[: len(body)] = dv
+            self.array(f"contacts.{name}")[:count] = dv
         if self._scene.has_friction:
-            dvt = np.zeros(len(body))
+            dvt = np.zeros(count)
             if corrections.pair_friction is not None and corrections.wall_friction is not None:
                 dvt[place] = np.concatenate([corrections.pair_friction, corrections.wall_friction])
             for name in ("dvt", "dvt_start"):
-                self.array(f"contacts.{name}")[: len(body)] = dvt
-            self.array("workspace.old_dvt")[: len(body)] = dvt[order, np.newaxis]
-        contact = self.array("contacts.contact")[: len(body)]
+                self.array(f"contacts.{name}")[:count] = dvt
+            self.array("workspace.old_dvt")[:count] = dvt[order, np.newaxis]
+        contact = self.array("contacts.contact")[:count]
         contact["i"], contact["j"] = body.T
         for rows in ("neighbors", "workspace.old"):
             self.array(f"{rows}.start")[:] = np.searchsorted(body[order, 0], np.arange(n + 1))
-            self.array(f"{rows}.neighbor")[: len(body)] = body[order, 1]
-        self.array("workspace.sweep_index")[: len(body)] = order
-        self.array("workspace.old_place")[: len(body)] = np.arange(len(body))
-        self.array("workspace.old_dv")[: len(body)] = dv[order, np.newaxis]
-        self.array("contacts.set_start")[:2] = len(pair), len(body)
-        self.record["contacts"]["count"] = len(pair), 0, len(wall), int(len(wall) > 0)
+            self.array(f"{rows}.neighbor")[:count] = body[order, 1]
+        self.array("workspace.sweep_index")[:count] = order
+        self.array("workspace.old_place")[:count] = np.arange(count)
+        self.array("workspace.old_dv")[:count] = dv[order, np.newaxis]
 
     def _bodies(self, pair: IntArray, wall: IntArray) -> IntArray:
         """Return contacts as pairs of bodies of the device, shape (m, 2). Walls are bodies >= n."""
