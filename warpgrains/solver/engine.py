@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 CPU_BLOCK = 1  # block size for which Warp compiles CPU kernels
 BRIEF = 2e7  # grains times iterations, some tenths of a second
+MOVES = 10  # iterations that take as long as the rest of a step
 FAILURES = (NOT_FINITE, BEYOND_WALL, NOT_CONVERGED, WITHOUT_ROOM)
 
 
@@ -87,6 +88,7 @@ class Engine:
         self._queue.cancel = wp.zeros(1, dtype=wp.int32, device="cpu")
         self.left, self._outcome = self._queue.left.numpy(), self._queue.outcome.numpy()
         self.seconds, self._cancel = self._queue.seconds.numpy(), self._queue.cancel.numpy()
+        self._grains = np.array([scene.n for scene in scenes])
         self._most = float(sum(scene.n * scene.max_iterations for scene in scenes))
         self.is_brief, self._is_gravity_given = True, False
         self._tasks: list[Callable[[], None]] = []
@@ -195,6 +197,10 @@ class Engine:
         self.seconds[:] = 0.0
         self._last_steps.sums[...] = 0
         self._service.clear()
+
+    def work(self) -> float:
+        """Return the grains times iterations left to do, if each step takes those of the last one."""
+        return float(self._grains * self.left @ (self._records.host["step"]["iterations"] + MOVES))
 
     def tasks(self, threads: int) -> list[Callable[[], None]]:
         """Return one task per thread. A task advances free scenes until none is left.
