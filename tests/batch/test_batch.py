@@ -275,7 +275,7 @@ class TestUntil:
 
 
 def test_no_thread_is_woken_for_little_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A step of a few small scenes is done by the calling thread, many steps by two; the bits are the same."""
+    """A step of a few small scenes is done by the calling thread, many steps by two; the bits are equal."""
     submitted: list[Callable[..., object]] = []
 
     class Counted(ThreadPoolExecutor):

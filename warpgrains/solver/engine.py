@@ -95,6 +95,8 @@ class Engine:
         host, service = self._records.host, self._service
         arrays = host["step"], host["statistics"], host["contacts"]["count"], self.seconds, host["steps"]
         self._last_steps = LastSteps(scenes, *arrays, service.proofs, service.errors)
+        self._sums = host["statistics"].view(np.void)  # filled ten times as fast as by fields
+        self._no_steps = np.zeros((), self._sums.dtype)
         self._crew = Crew(team, *tuning.crew(scenes[0], team))
         self._graphs: dict[int, wp.Graph] = {}
 
@@ -195,7 +197,7 @@ class Engine:
         self.is_brief = self._most * max(steps) < BRIEF
         self._outcome[:] = SOLVED
         self.seconds[:] = 0.0
-        self._last_steps.sums[...] = 0
+        self._sums.fill(self._no_steps)
         self._service.clear()
 
     def work(self) -> float:
