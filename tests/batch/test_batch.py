@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -272,3 +272,22 @@ class TestUntil:
             Batch([scene]).run(until="rst")
         with pytest.raises(InputError, match="needs time, and speed or energy"):
             Batch([scene, scene.replace(gravity=(0.0, 0.0))]).run(until="rest")
+
+
+def test_no_thread_is_woken_for_little_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step of a few small scenes is done by the calling thread, many steps by two; the bits are equal."""
+    submitted: list[Callable[..., object]] = []
+
+    class Counted(ThreadPoolExecutor):
+        def submit(self, work: Callable[..., object], *arguments: object) -> Future:  # type: ignore[override]
+            submitted.append(work)
+            return super().submit(work, *arguments)
+
+    monkeypatch.setattr(threads._WORKERS, "_executor", Counted(1))
+    stepped, whole = (Batch([Scene.load("annulus")] * 4, threads=2) for _ in range(2))
+    for _ in range(100):
+        stepped.step()
+    assert not submitted
+    whole.run(steps=100)
+    assert submitted
+    assert contents(stepped.state(3)) == contents(whole.state(3))

@@ -217,7 +217,7 @@ class Batch(Shown):
             own = zip(wanted, self.scenes, strict=True)
             runs = [CountedRun(steps, RunStatistics(), criterion(until, scene)) for steps, scene in own]
         with progress_bar(sum(wanted), shown=progress) as bar:
-            sets = self._advance(wanted, bar.update, runs, gravity)
+            sets = self._advance(wanted, bar.update if progress else None, runs, gravity)
         of_scene = {k: last for last in sets for k in last.place}
 
         def summary(k: int) -> SceneSummary:

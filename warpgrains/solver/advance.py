@@ -11,6 +11,7 @@ from warpgrains.solver.threads import run_threads
 if TYPE_CHECKING:
     from warpgrains.solver.engine import Engine
 
+SLIGHT = 2e4  # grains times iterations, 0.2 ms: another thread would gain less than its waking costs
 OnProgress = Callable[[int], object]
 """Called occasionally with the number of steps done since its last call."""
 
@@ -18,13 +19,14 @@ OnProgress = Callable[[int], object]
 def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | None = None) -> None:
     """Do the submitted steps; a scene that fails stops, and the other scenes continue.
 
-    The calling thread polls the others, so that an interrupt can cancel them. It does short work alone.
+    The calling thread polls the others, so that an interrupt can cancel them. In short work it takes part,
+    and it does the shortest alone.
 
     Parameters
     ----------
     engines : sequence of Engine
     threads : int
-        Number of CPU threads; it must equal the team size of the engines, unless that is 1.
+        Largest number of CPU threads; it must equal the team size of the engines, unless that is 1.
     on_progress : callable, optional
         Called occasionally and at the end, with the number of steps done since its last call.
     """
@@ -41,6 +43,8 @@ def advance(engines: Sequence[Engine], threads: int, on_progress: OnProgress | N
             engine.cancel(abandon)
 
     is_brief = all(engine.is_brief for engine in engines)
+    if is_brief and threads > 1 and sum(engine.work() for engine in engines) < SLIGHT:
+        threads = 1
     try:
         going_on = True
         while going_on:
