@@ -28,8 +28,8 @@ from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.simulation.simulation import Simulation
 
 ITERATIONS = 3000  # of a step in which grains fall, at most
-DAMPING = 6.0  # time in which damping divides a speed by e, in sqrt(d / g)
-DAMPED = 5  # steps between which velocities are damped
+DAMPING = 9.0  # time in which damping divides a speed by e, in sqrt(d / g)
+DAMPED = 10  # steps between which velocities are damped; it divides those in which the sinking is watched
 WATCHED = 10.0  # time over which the sinking is measured, in sqrt(d / g)
 FIRST = 1.0  # first dt of the steps that balance forces, in sqrt(d / g)
 SLIDING = 0.7  # their longest dt, in sqrt(R / g), the time in which a packing slides in the outer wall
