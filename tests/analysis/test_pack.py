@@ -113,3 +113,20 @@ def test_grains_that_do_not_rest_are_an_error(scene: Scene, monkeypatch) -> None
         SimulationError, match=r"have a kinetic energy of .*: reduce solver\.tolerance, 1e-07"
     ):
         wg.pack(scene)
+
+
+@pytest.mark.parametrize("mass", [(1e-6, 1e3), (1e3, 1e-6)])
+def test_grains_of_any_masses_rest(mass: tuple[float, float]) -> None:
+    """Two grains in a drum touch, with their center of mass below its center."""
+    radius, arm, angle = 0.1, 0.9, np.array([-0.8, 0.3])
+    start = 0.999 * arm * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
+    scene = Scene(position=start, radius=np.full(2, radius), mass=np.array(mass), radius_out=1.0)
+    rest = wg.pack(scene, threads=1)
+    assert 0.0 < rest.energy < 1e-9
+    balanced = 1e-4  # `ENOUGH`, in g; a grain at the angle a from its place at rest accelerates by g sin(a)
+    assert rest.rms_force <= rest.largest_force < balanced
+    x, y = rest.simulation.position.T
+    between = 2.0 * np.arcsin(radius / arm)
+    ratio = mass[1] / (mass[0] + mass[1])
+    left = -np.arctan2(ratio * np.sin(between), 1.0 - ratio + ratio * np.cos(between))
+    assert np.arctan2(x, -y) == pytest.approx([left, left + between], abs=balanced)

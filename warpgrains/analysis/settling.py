@@ -1,6 +1,7 @@
 """Steps that lead grains to rest under gravity.
 
-At first grains fall and slide, damped, with a large time step. Their momentum carries them past one
+At first grains fall and slide with a large time step. Every few steps, all velocities are multiplied by the
+same factor, so that light and heavy grains are damped alike. Their momentum carries them past one
 rearrangement after another, until the packing hardly sinks any further: first with forces that are solved
 loosely, then with a small tolerance, because what is left unsolved shakes the grains.
 
@@ -13,7 +14,7 @@ only half its square. If they do not, grains still rearrange, and fall again.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import fsum, hypot, sqrt
+from math import exp, fsum, hypot, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,8 @@ from warpgrains.scene.state import Corrections, State, first_state
 from warpgrains.simulation.simulation import Simulation
 
 ITERATIONS = 3000  # of a step in which grains fall, at most
-DAMPING = 6.0  # time in which drag takes the speed of the lightest grain, in sqrt(d / g)
+DAMPING = 9.0  # time in which damping divides a speed by e, in sqrt(d / g)
+DAMPED = 10  # steps between which velocities are damped; it divides those in which the sinking is watched
 WATCHED = 10.0  # time over which the sinking is measured, in sqrt(d / g)
 FIRST = 1.0  # first dt of the steps that balance forces, in sqrt(d / g)
 SLIDING = 0.7  # their longest dt, in sqrt(R / g), the time in which a packing slides in the outer wall
@@ -79,12 +81,8 @@ class Settling:
         self.gravity, self.diameter = hypot(*scene.gravity), 2.0 * float(scene.radius.mean())
         self.steps = self.iterations = 0
         self._scene, self._most_steps, self._bar = scene, most_steps, bar
-        self._falling: dict[str, Any] = {
-            "drag": float(scene.mass.min()) / (DAMPING * self._time),
-            "method": "accelerated",
-        }
         self._tolerance, dt = FALLS[0].tolerance, FALLS[0].dt * self._time
-        damped = scene.replace(
+        start = scene.replace(
             velocity=np.zeros((scene.n, 2)),
             scheme="text",
             wall="tangent",
@@ -93,9 +91,10 @@ class Settling:
             on_unconverged="report",
             dt=dt,
             tolerance=self._tolerance * self.gravity * dt,
-            **self._falling,
+            drag=0.0,
+            method="accelerated",
         )
-        self._simulation = Simulation(damped, threads=threads)
+        self._simulation = Simulation(start, threads=threads)
 
     @property
     def _time(self) -> float:
@@ -110,23 +109,24 @@ class Settling:
 
     def _fall(self, fall: Fall) -> None:
         """Let grains fall and slide until they hardly sink any further."""
-        self._change(fall.dt * self._time, fall.tolerance)
-        self._simulation.change(**self._falling)
+        self._change(fall.dt * self._time, fall.tolerance, "accelerated")
         sunk, steps = np.inf, round(WATCHED / fall.dt)
+        slower = exp(-DAMPED * fall.dt / DAMPING)
         while abs(sunk) > fall.still * self.diameter:
             before = self._depth()
             self._take(steps)
-            self.iterations += self._simulation.advance(steps).iterations
+            for _ in range(steps // DAMPED):
+                self.iterations += self._simulation.advance(DAMPED).iterations
+                self._slow(slower)
             sunk = self._depth() - before
             self._show(f"grains sank by {sunk / self.diameter:.1e} diameters", steps)
 
     def _balance(self) -> bool:
         """Let the forces balance, and return whether they do with the time step of the scene."""
-        self._simulation.change(method="exact", drag=0.0)
         first, longest = FIRST * self._time, SLIDING * sqrt(self._scene.radius_out / self.gravity)
         dt = first
         for _ in range(TRIED):
-            self._change(dt, EXACT)
+            self._change(dt, EXACT, "exact")
             unbalanced, furthest = self._step()
             if unbalanced <= BALANCED:
                 break
@@ -136,7 +136,7 @@ class Settling:
                 dt = max(dt / LONGER, first)
         while True:
             dt = max(dt / SHORTER, self._scene.dt)
-            self._change(dt, EXACT)
+            self._change(dt, EXACT, "exact")
             unbalanced, _ = self._step()
             if dt == self._scene.dt:
                 return unbalanced <= ENOUGH
@@ -185,8 +185,8 @@ class Settling:
         Root of the mean square of the unbalanced acceleration [g], and largest displacement [d].
         """
         self._take(1)
-        simulation, state = self._simulation, self._simulation.state()
-        simulation.restore(replace(state, velocity=np.zeros_like(state.velocity)))
+        self._slow(0.0)
+        simulation = self._simulation
         self.iterations += simulation.step().iterations
         velocity, dt = simulation.velocity, simulation.scene.dt
         unbalanced = float(np.sqrt(2.0 * (velocity**2).mean())) / (self.gravity * dt)
@@ -194,18 +194,23 @@ class Settling:
         self._show(f"forces balance to {unbalanced:.1e} weights", 1)
         return unbalanced, dt * float(distance(velocity).max()) / self.diameter
 
+    def _slow(self, factor: float) -> None:
+        """Multiply all velocities by a factor."""
+        state = self._simulation.state()
+        self._simulation.restore(replace(state, velocity=factor * state.velocity))
+
     def _show(self, what: str, steps: int) -> None:
         self._bar.set_postfix_str(what)
         self._bar.update(steps)
 
-    def _change(self, dt: float, tolerance: float) -> None:
-        """Change time step [s] and tolerance [g dt]. Forces stay as they are."""
+    def _change(self, dt: float, tolerance: float, method: str) -> None:
+        """Change time step [s], tolerance [g dt] and method. Forces stay as they are."""
         simulation = self._simulation
-        if (dt, tolerance) == (simulation.scene.dt, self._tolerance):
+        if (dt, tolerance, method) == (simulation.scene.dt, self._tolerance, simulation.scene.method):
             return
         self._tolerance = tolerance
         longer, state = dt / simulation.scene.dt, simulation.state()
-        simulation.change(dt=dt, tolerance=tolerance * self.gravity * dt)
+        simulation.change(dt=dt, tolerance=tolerance * self.gravity * dt, method=method)
         corrections = _scaled(state.corrections, longer, longer)
         simulation.restore(replace(state, corrections=corrections))
 
