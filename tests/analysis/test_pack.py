@@ -115,6 +115,16 @@ def test_grains_that_do_not_rest_are_an_error(scene: Scene, monkeypatch) -> None
         wg.pack(scene)
 
 
+def test_grains_that_move_with_the_settings_of_the_scene_fall_again(
+    scene: Scene, rest: wg.Rest, monkeypatch
+) -> None:
+    monkeypatch.setattr("warpgrains.analysis.pack.ENERGY", 0.5 * rest.energy)
+    monkeypatch.setattr("warpgrains.analysis.pack.TOLERANCES", 0.0)
+    again = wg.pack(scene, threads=1)
+    assert 0.0 < again.energy <= 0.5 * rest.energy
+    assert again.steps > rest.steps
+
+
 @pytest.mark.parametrize("mass", [(1e-6, 1e3), (1e3, 1e-6)])
 def test_grains_of_any_masses_rest(mass: tuple[float, float]) -> None:
     """Two grains in a drum touch, with their center of mass below its center."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from math import hypot
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,14 @@ from warpgrains.files import require_writable_path, table_text, write_atomically
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene, SceneLike, as_scene
+from warpgrains.scene.state import State
 from warpgrains.shown import Shown
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.service import exact_solver
 
 ENERGY = 1e-9  # largest mean kinetic energy of a grain at rest, in m g d
 TESTED = 10  # steps with the scene's settings, after each of which the grains must rest
+MOST_TESTS = 3  # of settled grains; those that do not rest fall again
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,40 +145,61 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
     _require_rest_is_possible(scene)
     with progress_bar(steps, shown=progress) as bar:
         settling = Settling(scene, steps, threads, bar)
-        settling.settle()
-    state = settling.state()
-    scene = scene.replace(position=state.position, velocity=state.velocity)
-    simulation = Simulation(scene, threads=threads)
-    simulation.restore(state)
-    weight = scene.mass * settling.gravity
-    energy, overlap, iterations = 0.0, 0.0, settling.iterations
-    for _ in range(TESTED):
-        report = simulation.step()
-        square = (simulation.velocity**2).sum(axis=1)
-        energy = max(energy, 0.5 * float(scene.mass @ square / weight.sum()) / settling.diameter)
-        overlap, iterations = max(overlap, report.overlap), iterations + report.iterations
-    most = max(ENERGY, 0.5 * (TOLERANCES * scene.tolerance) ** 2 / (settling.gravity * settling.diameter))
-    if not energy <= most:
-        raise SimulationError(
-            f"with the settings of the scene, grains have a kinetic energy of {energy:.1e} m g d, above"
-            f" {most:.1e}: reduce solver.tolerance, {scene.tolerance:g} m/s, or raise solver.max_iterations"
-        )
-    now = snapshot(simulation)
-    net = _net_forces(now) / weight
+        most = max(ENERGY, 0.5 * (TOLERANCES * scene.tolerance) ** 2 / (settling.gravity * settling.diameter))
+        tests: list[_Test] = []
+        while not (tests and tests[-1].energy <= most):
+            if len(tests) == MOST_TESTS:
+                raise SimulationError(
+                    f"with the settings of the scene, grains have a kinetic energy of {tests[-1].energy:.1e}"
+                    f" m g d, above {most:.1e}: reduce solver.tolerance, {scene.tolerance:g} m/s, or raise"
+                    " solver.max_iterations"
+                )
+            settling.settle()
+            tests.append(_test(scene, settling, threads))
+    test = tests[-1]
+    now = snapshot(test.simulation)
+    net = _net_forces(now) / (scene.mass * settling.gravity)
     contacts, rattlers = carrying_contacts(now)
-    simulation.restore(state)
+    test.simulation.restore(test.start)
     return Rest(
-        simulation=simulation,
-        energy=energy,
+        simulation=test.simulation,
+        energy=test.energy,
         largest_force=float(net.max()),
         rms_force=float(np.sqrt((net**2).mean())),
         contacts=contacts,
         rattlers=rattlers,
-        overlap=overlap,
-        steps=settling.steps + TESTED,
-        iterations=iterations,
+        overlap=test.overlap,
+        steps=settling.steps + len(tests) * TESTED,
+        iterations=settling.iterations + sum(test.iterations for test in tests),
         seconds=perf_counter() - start,
     )
+
+
+class _Test(NamedTuple):
+    """Steps of a packing with the settings of its scene."""
+
+    start: State
+    simulation: Simulation
+    """After the steps."""
+    energy: float
+    """Largest mean kinetic energy of a grain, in m g d."""
+    overlap: float
+    """Largest overlap [m]."""
+    iterations: int
+
+
+def _test(scene: Scene, settling: Settling, threads: int | None) -> _Test:
+    """Take steps of the settled grains with the settings of the scene."""
+    start = settling.state()
+    simulation = Simulation(scene.replace(position=start.position, velocity=start.velocity), threads=threads)
+    simulation.restore(start)
+    energy, overlap, iterations = 0.0, 0.0, 0
+    for _ in range(TESTED):
+        report = simulation.step()
+        kinetic = 0.5 * float(scene.mass @ (simulation.velocity**2).sum(axis=1))
+        energy = max(energy, kinetic / (scene.mass.sum() * settling.gravity * settling.diameter))
+        overlap, iterations = max(overlap, report.overlap), iterations + report.iterations
+    return _Test(start, simulation, energy, overlap, iterations)
 
 
 def _require_rest_is_possible(scene: Scene) -> None:

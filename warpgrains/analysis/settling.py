@@ -101,8 +101,11 @@ class Settling:
         return sqrt(self.diameter / self.gravity)
 
     def settle(self) -> None:
-        """Let grains fall until they hardly sink any further, and their forces balance."""
-        for fall in FALLS:
+        """Let grains fall until they hardly sink any further, and their forces balance.
+
+        Grains that have settled before fall again, as they do if their forces do not balance.
+        """
+        for fall in FALLS[-1:] if self.steps else FALLS:
             self._fall(fall)
         while not self._balance():
             self._fall(FALLS[-1])
