@@ -197,7 +197,7 @@ def _test(scene: Scene, settling: Settling, threads: int | None) -> _Test:
     for _ in range(TESTED):
         report = simulation.step()
         kinetic = 0.5 * float(scene.mass @ (simulation.velocity**2).sum(axis=1))
-        energy = max(energy, kinetic / (scene.mass.sum() * settling.gravity * settling.diameter))
+        energy = max(energy, kinetic / (float(scene.mass.sum()) * settling.gravity * settling.diameter))
         overlap, iterations = max(overlap, report.overlap), iterations + report.iterations
     return _Test(start, simulation, energy, overlap, iterations)
 
