@@ -55,11 +55,22 @@ def is_power_of_two(number: int) -> bool:
 
 @wp.func
 def has_iterations_left(s: Scene) -> bool:
-    """Return whether to iterate on, by the number of iterations and by zeta if the tolerance is on that."""
-    left = s.step.iterations < s.stopping.max_iterations and s.control.cancelled == 0
-    if s.stopping.on_residual == 0 and s.control.rejected == 0:
-        left = left and s.step.zeta > s.stopping.tolerance
-    return left
+    """Return whether max_iterations allows another iteration, and nobody has cancelled the step."""
+    return s.step.iterations < s.stopping.max_iterations and s.control.cancelled == 0
+
+
+@wp.func
+def meets_tolerance(s: Scene) -> bool:
+    """Return whether the last residual, or zeta of a sweep over all contacts, meets the tolerance."""
+    if s.stopping.on_residual != 0:
+        return s.step.residual <= s.stopping.tolerance
+    return s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
+
+
+@wp.func
+def is_last_iteration(s: Scene) -> bool:
+    """Return whether the sweeps end here; a residual decides that later, where it is measured."""
+    return not has_iterations_left(s) or (s.stopping.on_residual == 0 and meets_tolerance(s))
 
 
 @wp.func
@@ -155,7 +166,7 @@ def phase_after_sweep(s: Scene) -> int:
 @wp.func
 def stop_or_sweep(s: Scene):
     """Stop after the last sweep; a scan has found what zeta is of all contacts."""
-    s.control.stopped = 0 if s.step.iterations == 0 or has_iterations_left(s) else 1
+    s.control.stopped = 1 if s.step.iterations > 0 and is_last_iteration(s) else 0
     s.control.phase = phase_of_next_sweep(s)
 
 
@@ -167,7 +178,7 @@ def count_iteration(s: Scene, zeta: f64):
     s.step.zeta = zeta
     if iterations <= s.history.zeta.shape[0]:
         put(s.history.zeta, iterations - 1, zeta)
-    s.control.stopped = 0 if has_iterations_left(s) else 1
+    s.control.stopped = 1 if is_last_iteration(s) else 0
 
 
 @wp.func
@@ -188,7 +199,7 @@ def end_measurement(s: Scene):
     if s.step.iterations <= s.history.residual.shape[0]:
         put(s.history.residual, s.step.iterations - 1, residual)
     decides = s.stopping.on_residual != 0 and s.control.phase == Phase.MEASURE
-    stopping = decides and residual <= s.stopping.tolerance
+    stopping = decides and meets_tolerance(s)
     if is_trend_due(s):
         stopping = stopping or is_too_slow(s)
         s.momentum.state.residual = residual
@@ -208,9 +219,8 @@ def end_correction(s: Scene):
     s.step.residual = reduce_max(s.partial.residual)
     s.step.measured = s.step.iterations
     s.momentum.state.residual = s.step.residual
-    left = s.step.residual > s.stopping.tolerance and s.step.iterations < s.stopping.max_iterations
     s.control.rejected = 0
-    s.control.stopped = 0 if left and s.control.cancelled == 0 else 1
+    s.control.stopped = 1 if meets_tolerance(s) or not has_iterations_left(s) else 0
     s.control.phase = Phase.VERIFY if s.control.stopped != 0 else Phase.CHECK_LIST
 
 
@@ -287,9 +297,7 @@ def is_circle_closed(s: Scene) -> bool:
 def judge(s: Scene):
     """Accept the step, repeat it with a new list, or refuse it."""
     check_all(s, s.tuning.rounding)
-    converged = s.step.zeta <= s.stopping.tolerance and s.control.rejected == 0
-    if s.stopping.on_residual != 0:
-        converged = s.step.residual <= s.stopping.tolerance
+    converged = meets_tolerance(s)
     outcome = outcome_of_check(s)
     if outcome == SOLVED and not converged:
         if s.step.patience > 0:

@@ -41,7 +41,7 @@ def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
     """Return the point nearest to x of a wall without thickness, which grains touch there [m]."""
     if shape[0] == straight_wall.KIND:
         return straight_wall.nearest(x, shape)
-    return arc.nearest(x, shape)
+    return arc.nearest(x, shape)  # the kind left, 3
 
 
 @wp.func

@@ -41,6 +41,31 @@ def test_same_simulation_goes_back(scene: Scene) -> None:
     assert contents(simulation.state()) == contents(first)
 
 
+@pytest.mark.parametrize(
+    "changes", [{}, {"scheme": "leapfrog"}, {"pressure": 500.0, "wall_mass": 3.0, "wall": "tangent"}]
+)
+def test_contacts_of_a_restored_state(scene: Scene, changes: dict) -> None:
+    """They are those of the state: their gaps and normals belong to the start of its last step."""
+    scene = scene.replace(**changes)
+    simulation, fresh = Simulation(scene), Simulation(scene)
+    simulation.run(steps=100)
+    fresh.restore(simulation.state())
+    start = simulation.last_start().position
+    for ours, theirs in zip(contacts_of(simulation), contacts_of(fresh), strict=True):
+        assert len(ours.gap) > 0
+        assert contents(ours) == contents(theirs)
+    i, j = simulation.contacts().pair.T
+    # x - dt v differs from the start by one rounding of x
+    assert simulation.contacts().gap == pytest.approx(
+        np.linalg.norm(start[j] - start[i], axis=1) - scene.radius[i] - scene.radius[j],
+        abs=8 * np.finfo(float).eps * scene.radius_out,
+    )
+
+
+def contacts_of(simulation: Simulation) -> tuple:
+    return simulation.contacts(), simulation.wall_contacts()
+
+
 def test_state_is_a_copy(scene: Scene) -> None:
     simulation = Simulation(scene)
     simulation.run(steps=100)

@@ -126,7 +126,7 @@ class SceneFields:
     )
     walls: Walls = _key(
         'Walls inside the annulus, such as ``[{"kind": "disc", "center": (0, -1), "radius": 0.2}]``, or'
-        " `Disc(center, radius)` and `Segment(start, end)`.",
+        " `Disc`, `Segment` and `Arc`.",
         check=checked_walls,
         default=(),
     )

@@ -159,10 +159,12 @@ class Engine:
         """Return coordinates [m] and speeds [m/s] of the walls of scene k, if a force drives one."""
         return self._pulled(k).driven()
 
-    def scene_at(self, k: int, name: str) -> Scene:
-        """Return scene k with its driven walls where they are in "position", or were in "last_position"."""
+    def scene_at(self, k: int) -> Scene:
+        """Return scene k with its driven walls where they are."""
         scene = self.scenes[k]
-        return scene.with_walls_at(self._pulled(k).coordinates(name)) if scene.has_driven_walls else scene
+        return (
+            scene.with_walls_at(self._pulled(k).coordinates("position")) if scene.has_driven_walls else scene
+        )
 
     def last_staggered(self, k: int) -> bool:
         """Return True if the velocities of scene k were half a step behind before its last good step."""
@@ -173,7 +175,7 @@ class Engine:
 
         They cover the steps since `submit`.
         """
-        scenes = [self.scene_at(k, "position") for k in which.tolist()]
+        scenes = [self.scene_at(k) for k in which.tolist()]
         ends = FinalStates.of(scenes, self._records, which)
         return ends._replace(done={**ends.done, "seconds": self.seconds[which]})
 

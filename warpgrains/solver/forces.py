@@ -13,7 +13,7 @@ from warpgrains.tables import Tabular
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
-    from warpgrains.scene.state import Corrections
+    from warpgrains.scene.state import Corrections, State
 
 _ROUNDING = 4.0 * np.finfo(np.float64).eps
 """Relative error of the dv_t of a contact that slides.
@@ -79,6 +79,20 @@ class WallContacts(Tabular):
     """M_i dv_t / dt, against the tangent (-n_y, n_x) on the grain [N], shape (m,); 0 without friction."""
     slides: BoolArray
     """Whether the tangential force is as large as friction allows, shape (m,): True without friction."""
+
+
+def start_of_step(scene: Scene, state: State) -> tuple[FloatArray, Scene]:
+    """Return where the contacts of the last step were taken.
+
+    Returns
+    -------
+    Centers of the grains [m], shape (n, 2), and the scene with its driven walls where they were.
+    """
+    walls = None
+    if state.driven is not None:
+        way, speed = state.driven.T
+        walls = way - scene.dt * speed
+    return state.position - scene.dt * state.velocity, scene.with_walls_at(walls)
 
 
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:

@@ -9,7 +9,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.solver.engine import Engine
-from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, wall_contacts
+from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, start_of_step, wall_contacts
 
 
 class PresentState:
@@ -69,18 +69,19 @@ class PresentState:
     @property
     def present_scene(self) -> Scene:
         """The scene with walls that forces drive where they are; without such walls `scene` itself."""
-        return self._engine.scene_at(self._index, "position")
+        return self._engine.scene_at(self._index)
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""
-        last_position = self._engine.grains(self._index, "last_position")
-        return pair_contacts(self.scene, last_position, self._engine.corrections(self._index))
+        state = self._engine.state(self._index)
+        start, _ = start_of_step(self.scene, state)
+        return pair_contacts(self.scene, start, state.corrections)
 
     def wall_contacts(self) -> WallContacts:
         """Return the wall contacts of the last step that carry a correction."""
-        last_position = self._engine.grains(self._index, "last_position")
-        scene = self._engine.scene_at(self._index, "last_position")
-        return wall_contacts(scene, last_position, self._engine.corrections(self._index), self.time)
+        state = self._engine.state(self._index)
+        start, scene = start_of_step(self.scene, state)
+        return wall_contacts(scene, start, state.corrections, self.time)
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""
