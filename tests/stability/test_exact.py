@@ -172,7 +172,7 @@ def test_contacts_that_change_lead_where_the_interior_point_method_does(
 ) -> None:
     """Contacts join and let go by dozens, beside one matrix or with new factors after every third change."""
     monkeypatch.setattr(bordered, "MOST", kept)
-    monkeypatch.setattr(active_set, "most_changes", lambda _: 2000)
+    monkeypatch.setattr(active_set, "most_solutions", lambda _: 2000)
     asked = asked_of_the_host(SCENES[name]().replace(**SOON), monkeypatch)
     for problem, swept, tolerance in asked[-3:]:
         q = {"nothing": np.zeros_like(swept), "all": problem.unit, "sweeps": swept}[start]
@@ -190,7 +190,7 @@ def test_contacts_that_change_lead_where_the_interior_point_method_does(
 def test_where_too_many_contacts_change_the_interior_point_method_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(active_set, "most_changes", lambda _: -1)
+    monkeypatch.setattr(active_set, "most_solutions", lambda _: 0)
     simulation = Simulation(heap(60, spacing=2.0, **SOON))
     for _ in range(5):
         assert simulation.step().factorizations > 1

@@ -14,6 +14,8 @@ After sweeps, few of thousands of contacts are in the wrong set. One matrix is f
 changes of W border it (bordered.py).
 """
 
+from math import sqrt
+
 import numpy as np
 from scipy import sparse
 
@@ -28,9 +30,9 @@ MET = 0.1  # largest error of the bounds that are met, in tolerances
 NEGLIGIBLE = 1e-12  # [m/s]: contacts with smaller corrections leave W
 
 
-def most_changes(grains: int) -> int:
-    """Return the number of contacts to add or remove that costs half as much as the interior point method."""
-    return max(20, grains // 40)
+def most_solutions(grains: int) -> int:
+    """Return how many solutions of the equations cost about as much as the interior point method."""
+    return 20 + round(5.0 * sqrt(grains))
 
 
 class _Dual:
@@ -122,21 +124,20 @@ class _Equations:
 def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance: float) -> Solution:
     """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
 
-    If too many contacts would have to change, the last corrections are returned.
+    If too many solutions of the equations would be needed, the last corrections are returned.
     """
     unit, carrying = problem.unit, q > 0.0
     dual = _Dual(problem, q)
     equations = _Equations(problem.rows, matrix, dual)
-    changes = centres = 0
-    most = most_changes(len(problem.free) // 2)
-    while changes <= most:
+    centres = 0
+    for _ in range(most_solutions(len(problem.free) // 2)):
         z = equations.solve()
         leaving = carrying & (z < -NEGLIGIBLE * unit)
         if leaving.any():
             dual.descend(z, float((dual.q[leaving] / (dual.q - z)[leaving]).min()))
             leaving &= dual.q <= NEGLIGIBLE * unit
             dual.q[leaving] = 0.0
-            changes, carrying = changes + int(leaving.sum()), carrying & ~leaving
+            carrying = carrying & ~leaving
             equations.change(carrying)
             continue
         dual.move(np.maximum(z, 0.0))
@@ -147,7 +148,7 @@ def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance:
             joining = ~carrying & (slack < -tolerance)
             if not joining.any():
                 break
-            changes, centres, carrying = changes + int(joining.sum()), 0, carrying | joining
+            centres, carrying = 0, carrying | joining
             equations.change(carrying)
         equations.centre(dual.q, dual.slack)
     return Solution(dual.q, problem.residual(dual.q), equations.factorizations)
