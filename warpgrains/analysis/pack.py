@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.compress import TOLERANCES, carrying_contacts
-from warpgrains.analysis.settling import Settling
+from warpgrains.analysis.compress import carrying_contacts
+from warpgrains.analysis.settling import TESTED, Settling
 from warpgrains.analysis.snapshot import Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.console import progress_bar
@@ -25,8 +25,6 @@ from warpgrains.shown import Shown
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.service import exact_solver
 
-ENERGY = 1e-9  # largest mean kinetic energy of a grain at rest, in m g d
-TESTED = 10  # steps with the scene's settings, after each of which the grains must rest
 MOST_TESTS = 3  # of settled grains; those that do not rest fall again
 
 
@@ -145,14 +143,13 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
     _require_rest_is_possible(scene)
     with progress_bar(steps, shown=progress) as bar:
         settling = Settling(scene, steps, threads, bar)
-        most = max(ENERGY, 0.5 * (TOLERANCES * scene.tolerance) ** 2 / (settling.gravity * settling.diameter))
         tests: list[_Test] = []
-        while not (tests and tests[-1].energy <= most):
+        while not (tests and tests[-1].energy <= settling.most_energy):
             if len(tests) == MOST_TESTS:
                 raise SimulationError(
                     f"with the settings of the scene, grains have a kinetic energy of {tests[-1].energy:.1e}"
-                    f" m g d, above {most:.1e}: reduce solver.tolerance, {scene.tolerance:g} m/s, or raise"
-                    " solver.max_iterations"
+                    f" m g d, above {settling.most_energy:.1e}: reduce solver.tolerance, {scene.tolerance:g}"
+                    " m/s, or raise solver.max_iterations"
                 )
             settling.settle()
             tests.append(_test(scene, settling, threads))

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from warpgrains.analysis.compress import TOLERANCES
 from warpgrains.arrays import FloatArray
 from warpgrains.console import Progress
 from warpgrains.errors import SimulationError
@@ -39,7 +40,8 @@ TRIED = 20  # such steps at most
 NEAR, FAR = 1e-3, 1e-2  # largest displacements [d] below which the next dt is longer, and above which shorter
 LONGER = 1.5  # factor by which it is
 SHORTER = 3.0  # factor by which each of the last steps is shorter, down to the time step of the scene
-ENOUGH = 1e-4  # unbalanced acceleration [g] after these; grains that still rearrange have a larger one
+ENERGY = 1e-9  # largest mean kinetic energy of a grain at rest, in m g d
+TESTED = 10  # steps with the scene's settings, after each of which the grains must rest
 
 
 class Fall(NamedTuple):
@@ -73,12 +75,16 @@ class Settling:
     ----------
     diameter, gravity : float
         Mean diameter d [m], and g [m/s2].
+    most_energy : float
+        Largest mean kinetic energy of a grain at rest, in m g d: 1e-9, or that at 30 tolerances if larger.
     steps, iterations : int
         Steps done, and their iterations.
     """
 
     def __init__(self, scene: Scene, most_steps: int, threads: int | None, bar: Progress):
         self.gravity, self.diameter = hypot(*scene.gravity), 2.0 * float(scene.radius.mean())
+        at_tolerance = 0.5 * (TOLERANCES * scene.tolerance) ** 2 / (self.gravity * self.diameter)
+        self.most_energy = max(ENERGY, at_tolerance)
         self.steps = self.iterations = 0
         self._scene, self._most_steps, self._bar = scene, most_steps, bar
         self._tolerance, dt = FALLS[0].tolerance, FALLS[0].dt * self._time
@@ -125,7 +131,10 @@ class Settling:
             self._show(f"grains sank by {sunk / self.diameter:.1e} diameters", steps)
 
     def _balance(self) -> bool:
-        """Let the forces balance, and return whether they do with the time step of the scene."""
+        """Let the forces balance, and return whether they do with the time step of the scene.
+
+        What is left then accelerates grains so little that they rest after `TESTED` steps.
+        """
         first, longest = FIRST * self._time, SLIDING * sqrt(self._scene.radius_out / self.gravity)
         dt = first
         for _ in range(TRIED):
@@ -137,12 +146,14 @@ class Settling:
                 dt = max(dt, min(LONGER * dt, longest))
             elif furthest > FAR:
                 dt = max(dt / LONGER, first)
-        while True:
+        slow = sqrt(2.0 * self.most_energy * self.gravity * self.diameter) / TESTED
+        for _ in range(TRIED):
             dt = max(dt / SHORTER, self._scene.dt)
             self._change(dt, EXACT, "exact")
             unbalanced, _ = self._step()
-            if dt == self._scene.dt:
-                return unbalanced <= ENOUGH
+            if dt == self._scene.dt and unbalanced * self.gravity * dt <= slow:
+                return True
+        return False
 
     def state(self) -> State:
         """Return the state of the grains at rest, at time 0, for the settings of the scene."""
