@@ -137,7 +137,7 @@ def solve(problem: Projection, matrix: BorderedMatrix, q: FloatArray, tolerance:
             dual.descend(z, float((dual.q[leaving] / (dual.q - z)[leaving]).min()))
             leaving &= dual.q <= NEGLIGIBLE * unit
             dual.q[leaving] = 0.0
-            carrying = carrying & ~leaving
+            carrying = carrying & ~leaving  # another array: equations keep the last
             equations.change(carrying)
             continue
         dual.move(np.maximum(z, 0.0))
