@@ -145,7 +145,7 @@ def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
     if not is_finite(x + s.dt * at(s.grains.next_velocity, i)):
-        s.verlet.flags.bad_grain = 0
+        s.verlet.flags.bad_grain = 0  # a grain, found later, is not finite
     elif not (used + least <= at(s.verlet.skin, i)):
         s.verlet.flags.list_expired = 1
 

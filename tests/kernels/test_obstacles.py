@@ -10,7 +10,9 @@ from swept_order import follow_reference
 
 from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation
 from warpgrains.analysis.vtk import export
+from warpgrains.kernels import disc, straight_wall
 from warpgrains.scene.obstacle import Obstacle
+from warpgrains.scene.wall_kinds import WALL_KINDS
 from warpgrains.usd.check import report_on_recording
 
 DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
@@ -188,3 +190,10 @@ def test_bad_walls(walls: object, message: str) -> None:
     with pytest.raises(InputError) as error:
         Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=walls)  # type: ignore[arg-type]
     assert str(error.value).startswith(message)
+
+
+def test_kernels_know_every_kind_of_wall():
+    numbered = {kind.kind_number for kind in WALL_KINDS.values()}
+    # the last branch of kernels/walls.py takes arcs, and must take no other kind
+    assert numbered == {disc.KIND, straight_wall.KIND, Arc.kind_number}
+    assert len(numbered) == len(WALL_KINDS)

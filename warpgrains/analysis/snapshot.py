@@ -14,7 +14,7 @@ from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.drawing.chains import contact_normals, with_walls
 from warpgrains.scene import checks
 from warpgrains.solver.final_states import StackedGrains
-from warpgrains.solver.forces import pair_contacts, start_of_step, wall_contacts
+from warpgrains.solver.forces import contacts_of, start_of_step
 from warpgrains.tables import library
 
 if TYPE_CHECKING:
@@ -204,9 +204,8 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         return of
     scene, state = (of.scene, of.state()) if state is None else (of, state)
     start, start_scene = start_of_step(scene, state)
+    contacts, walls = contacts_of(scene, state)
     scene = scene.with_walls_at(None if state.driven is None else state.driven[:, 0])
-    contacts = pair_contacts(scene, start, state.corrections)
-    walls = wall_contacts(start_scene, start, state.corrections, state.steps * scene.dt)
     return Snapshot(
         scene=scene,
         steps=state.steps,

@@ -53,6 +53,8 @@ class SetSteps(NamedTuple):
     @property
     def errors(self) -> dict[int, str]:
         """Reasons why scenes stopped early."""
+        if self.counted:
+            return {k: done.error for k, done in self.counted.items() if done.error is not None}
         return {numbers[k]: error for last, numbers in self.engines for k, error in last.errors.items()}
 
     @property

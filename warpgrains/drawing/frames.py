@@ -44,7 +44,7 @@ class Frame:
     @classmethod
     def of(cls, now: PresentState, has_contacts: bool) -> Self:
         """Return the present state of a scene, with or without contacts."""
-        contacts, walls = (now.contacts(), now.wall_contacts()) if has_contacts else (None, None)
+        contacts, walls = now.forces() if has_contacts else (None, None)
         return cls(now.position, now.velocity, contacts, walls, now.spin, now.angle, now.time, now.driven)
 
     @property

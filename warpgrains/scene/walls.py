@@ -159,6 +159,13 @@ def side_of(wall: IntArray, two_circles: bool) -> FloatArray:
     return np.where((wall == INNER) & (not two_circles), -1.0, 1.0)
 
 
+def carried_by_walls(
+    body: IntArray, correction: FloatArray, two_circles: bool
+) -> tuple[IntArray, FloatArray]:
+    """Return the walls that carry the corrections [m/s] of the device's walls, and the corrections, >= 0."""
+    return wall_of(body, correction, two_circles), np.abs(correction)
+
+
 def wall_of(body: IntArray, correction: FloatArray, two_circles: bool) -> IntArray:
     """Return the walls that carry the corrections [m/s] of the device's walls.
 

@@ -28,7 +28,7 @@ from warpgrains.kernels.record import (
 )
 from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import fused_step, step
-from warpgrains.scene.state import Corrections, State
+from warpgrains.scene.state import State
 from warpgrains.solver import tuning
 from warpgrains.solver.crew import Crew
 from warpgrains.solver.final_states import FinalStates
@@ -179,10 +179,6 @@ class Engine:
         ends = FinalStates.of(scenes, self._records, which)
         return ends._replace(done={**ends.done, "seconds": self.seconds[which]})
 
-    def corrections(self, k: int) -> Corrections:
-        """Return the corrections of the contacts of scene k after its last good step."""
-        return self._pulled(k).corrections()
-
     def keep_history(self, k: int, keep: bool) -> None:
         """Switch the history in reports of scene k on or off, see `SceneRecords.keep_history`."""
         self._records.keep_history(k, self.scenes[k].max_iterations if keep else 0)
@@ -235,10 +231,11 @@ class Engine:
                     graph = self._graph(k)
                 start = perf_counter()
                 wp.capture_launch(graph)
-                self._records.pull(k)
+                self._records.pull_records()
                 self.seconds[k] += perf_counter() - start
                 self.left[k] -= self._memory[k].record["control"]["phase"] == Phase.ACCEPTED
                 self._outcome[k] = self._memory[k].record["step"]["outcome"]
+            self._records.pull(k)
 
     def _graph(self, k: int) -> wp.Graph:
         """Return the CUDA graph of one step of scene k."""

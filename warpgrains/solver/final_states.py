@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.scene.walls import Annulus
+from warpgrains.solver.forces import force_of
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -95,7 +96,8 @@ class FinalStates(NamedTuple):
         dt = host["dt"][which]
         names = ("position", "velocity", "contact_mass", *(("spin",) if records.sizes.friction else ()))
         position, velocity, contact_mass, *spin = (records.stacked(f"grains.{name}", which) for name in names)
-        wall_force = contact_mass[..., None] * records.wall_corrections(which) / dt[:, None, None]
+        corrections = records.wall_corrections(which)
+        wall_force = force_of(contact_mass[..., None], corrections, dt[:, None, None])
         times = (host["steps"][which] * dt).tolist()
         spins = spin[0] if spin else np.zeros(contact_mass.shape)
         grains = StackedGrains.of(scenes, times, position, velocity, spins, wall_force)

@@ -95,6 +95,18 @@ def start_of_step(scene: Scene, state: State) -> tuple[FloatArray, Scene]:
     return state.position - scene.dt * state.velocity, scene.with_walls_at(walls)
 
 
+def contacts_of(scene: Scene, state: State) -> tuple[PairContacts, WallContacts]:
+    """Return the contacts between grains and with walls that carry a correction after the last step."""
+    start, start_scene = start_of_step(scene, state)
+    pairs = pair_contacts(scene, start, state.corrections)
+    return pairs, wall_contacts(start_scene, start, state.corrections, state.steps * scene.dt)
+
+
+def force_of(mass: FloatArray, correction: FloatArray, dt: float | FloatArray) -> FloatArray:
+    """Return M dv / dt [N] for contact masses M [kg] and corrections dv [m/s]."""
+    return mass * correction / dt
+
+
 def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) -> PairContacts:
     """Return the contacts between grains, whose centers were at `position` [m], shape (n, 2)."""
     i, j = corrections.pair.T
@@ -107,8 +119,8 @@ def pair_contacts(scene: Scene, position: FloatArray, corrections: Corrections) 
         normal=pair_normals(position, i, j),
         gap=pair_gaps(position, scene.radius, i, j),
         correction=dv,
-        force=mass_c * dv / scene.dt,
-        tangential_force=mass_c * dvt / scene.dt,
+        force=force_of(mass_c, dv, scene.dt),
+        tangential_force=force_of(mass_c, dvt, scene.dt),
         slides=_slides(scene.friction, dv, dvt),
     )
 
@@ -128,8 +140,8 @@ def wall_contacts(
         normal=normal,
         gap=gap,
         correction=dv,
-        force=mass * dv / scene.dt,
-        tangential_force=mass * dvt / scene.dt,
+        force=force_of(mass, dv, scene.dt),
+        tangential_force=force_of(mass, dvt, scene.dt),
         slides=_slides(np.array(scene.wall_frictions)[corrections.wall[:, 1]], dv, dvt),
     )
 

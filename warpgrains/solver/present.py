@@ -9,7 +9,7 @@ from warpgrains.scene import checks
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.solver.engine import Engine
-from warpgrains.solver.forces import PairContacts, WallContacts, pair_contacts, start_of_step, wall_contacts
+from warpgrains.solver.forces import PairContacts, WallContacts, contacts_of
 
 
 class PresentState:
@@ -73,15 +73,15 @@ class PresentState:
 
     def contacts(self) -> PairContacts:
         """Return the contacts between grains that carry a correction after the last step."""
-        state = self._engine.state(self._index)
-        start, _ = start_of_step(self.scene, state)
-        return pair_contacts(self.scene, start, state.corrections)
+        return self.forces()[0]
 
     def wall_contacts(self) -> WallContacts:
         """Return the wall contacts of the last step that carry a correction."""
-        state = self._engine.state(self._index)
-        start, scene = start_of_step(self.scene, state)
-        return wall_contacts(scene, start, state.corrections, self.time)
+        return self.forces()[1]
+
+    def forces(self) -> tuple[PairContacts, WallContacts]:
+        """Return both, at the cost of one of them."""
+        return contacts_of(self.scene, self.state())
 
     def state(self) -> State:
         """Return the exact state. After `restore`, a simulation continues from it with the same bits."""

@@ -16,7 +16,7 @@ from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
 from warpgrains.kernels.types import VerletNumbers
-from warpgrains.scene.walls import wall_of
+from warpgrains.scene.walls import carried_by_walls
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
@@ -201,9 +201,9 @@ class SceneRecords:
         carried, count = np.zeros((len(which), n, walls)), self.host["contacts"]["count"][which]
         index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
         row, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
-        own = dv[row, place]
-        wall = wall_of(contact["j"][row, place] - n, own, scene.has_two_circles)
-        carried[row, contact["i"][row, place], wall] = np.abs(own)
+        body = contact["j"][row, place] - n
+        wall, correction = carried_by_walls(body, dv[row, place], scene.has_two_circles)
+        carried[row, contact["i"][row, place], wall] = correction
         return carried
 
     def _block(self, k: int) -> Block:
@@ -255,10 +255,15 @@ class SceneRecords:
             moved[: len(array)] = array[: len(moved)]
         self.push(k)
 
-    def pull(self, k: int) -> None:
-        """Copy the record and block of scene k from the device."""
+    def pull_records(self) -> None:
+        """Copy the records of all scenes from the device, without their blocks."""
         if not self._device.is_cpu:
             self.host[:] = self.device.numpy()
+
+    def pull(self, k: int) -> None:
+        """Copy the record and block of scene k from the device."""
+        self.pull_records()
+        if not self._device.is_cpu:
             self._block(k).pull()
 
     def push(self, k: int) -> None:

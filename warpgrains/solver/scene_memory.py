@@ -9,7 +9,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.record import Phase
 from warpgrains.scene.state import Corrections, State, VerletList
-from warpgrains.scene.walls import OUTER, body_of, side_of, wall_of
+from warpgrains.scene.walls import OUTER, body_of, carried_by_walls, side_of, wall_of
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import StepHistory
 
@@ -102,8 +102,8 @@ class SceneMemory:
         (pair, at_pair), (wall, at_wall) = self.listed_pairs(), self.listed_walls()
         dv, dv_wall = (self.array("contacts.dv")[index] for index in (at_pair, at_wall))
         active, at_side = dv != 0.0, dv_wall != 0.0
-        wall[:, 1] = wall_of(wall[:, 1], dv_wall, self._scene.has_two_circles)
-        carried = pair[active], dv[active], wall[at_side], np.abs(dv_wall[at_side])
+        wall[:, 1], carried_at_wall = carried_by_walls(wall[:, 1], dv_wall, self._scene.has_two_circles)
+        carried = pair[active], dv[active], wall[at_side], carried_at_wall[at_side]
         if not self._scene.has_friction:
             return Corrections(*carried)
         dvt = self.array("contacts.dvt")
