@@ -55,9 +55,16 @@ def missing_correction(s: Scene, velocity: Vectors, c: int):
     """Return the change that the correction of a contact still needs [m/s], and K (eq. 30)."""
     contact = s.contacts.contact
     i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
-    vn, compliance = closing_speed(s, velocity, i, j, n), compliance_of(s, i, j, n)
-    change = law.driven_correction(vn, at(s.contacts.dv, c), gap_rate_of(contact, c), compliance)
-    return change, compliance
+    excess = closing_speed(s, velocity, i, j, n) - gap_rate_of(contact, c)
+    compliance = compliance_of(s, i, j, n)
+    return law.driven_correction(excess, at(s.contacts.dv, c), compliance), compliance
+
+
+@wp.func
+def change_speed(s: Scene, velocity: Vectors, i: int, j: int, n: wp.vec2d, dv: f64):
+    """Add the correction dv [m/s] of a contact of grain i to the speed of wall j."""
+    speed = at(velocity, j)[0] + dv * share_of_wall(s, i, j, n)
+    put(velocity, j, wp.vec2d(speed, f64(0.0)))
 
 
 @wp.func
@@ -70,23 +77,35 @@ def correct_wall(
     that for `factor` times this excess.
     """
     excess, compliance = closing_speed(s, velocity, i, j, n) - gap_rate, compliance_of(s, i, j, n)
-    change = law.driven_correction(factor * excess, dv, f64(0.0), compliance)
-    speed = at(velocity, j)[0] + change * share_of_wall(s, i, j, n)
-    put(velocity, j, wp.vec2d(speed, f64(0.0)))
+    change = law.driven_correction(factor * excess, dv, compliance)
+    change_speed(s, velocity, i, j, n, change)
     return wp.vec3d(change, compliance, excess)
 
 
 @wp.func
 def push_wall(s: Scene, velocity: Vectors, c: int, dv: f64):
     """Add the correction dv [m/s] of a contact to the speed of its wall."""
-    i, j = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c)
-    speed = at(velocity, j)[0] + dv * share_of_wall(s, i, j, normal_of(s.contacts.contact, c))
-    put(velocity, j, wp.vec2d(speed, f64(0.0)))
+    contact = s.contacts.contact
+    change_speed(s, velocity, first_of(contact, c), second_of(contact, c), normal_of(contact, c), dv)
+
+
+@wp.func
+def place_driven_walls(s: Scene):
+    """Place driven walls inside the annulus where they are now; a step freezes its contacts there."""
+    for b in range(1, s.walls.drive.shape[0]):
+        drive = at(s.walls.drive, b)
+        if drive[0] > f64(0.0):
+            path = at(s.grains.position, grain_count(s) + b)[0]
+            pose = Pose()
+            pose[0] = f64(1.0)
+            pose[2] = path * drive[3]
+            pose[3] = path * drive[4]
+            put(s.walls.pose, b - 1, pose)
 
 
 @wp.func
 def begin_driven_walls(s: Scene):
-    """Find the speeds of the walls without contacts (eq. 27), and place those inside the annulus.
+    """Find the speeds of the walls without contacts (eq. 27), and place the driven walls.
 
     The surface of a circle that turns has the speed of its present radius (eq. 23).
     """
@@ -102,17 +121,12 @@ def begin_driven_walls(s: Scene):
         force = drive[1] - drive[2] * (TURN * s.walls.annulus.radius_out)
         speed = at(s.grains.velocity, first + b)[0] + kick * (force * drive[0])
         put(s.grains.free_velocity, first + b, wp.vec2d(speed, f64(0.0)))
-        if b > 0 and drive[0] > f64(0.0):
-            path = at(s.grains.position, first + b)[0]
-            pose = Pose()
-            pose[0] = f64(1.0)
-            pose[2] = path * drive[3]
-            pose[3] = path * drive[4]
-            put(s.walls.pose, b - 1, pose)
+    place_driven_walls(s)
 
 
 @wp.func
 def end_driven_walls(s: Scene):
-    """Give the outer circle the radius to which it has moved."""
+    """Give the outer circle the radius to which it has moved, and the other driven walls their places."""
     if is_driven(s):
         s.walls.annulus.radius_out = at(s.grains.position, grain_count(s))[0]
+    place_driven_walls(s)

@@ -53,7 +53,10 @@ def pair_gap(distance: f64, radius_i: f64, radius_j: f64) -> f64:
 
 @wp.func
 def pair_correction(vn: f64, dvc: f64, gap_rate: f64) -> f64:
-    """Change dv of a pair's correction dv_c [m/s] (eq. 6); gap_rate = gap / dt closes the gap in a step."""
+    """Change dv of the correction dv_c of a pair, or of a side of a wall [m/s] (eq. 6).
+
+    gap_rate = gap / dt closes the gap in a step.
+    """
     return wp.max(f64(0.0), vn + dvc - gap_rate) - dvc
 
 
@@ -67,12 +70,12 @@ def projection(vn: f64, dv: f64, gap_rate: f64, back_rate: f64) -> f64:
 
 
 @wp.func
-def driven_correction(vn: f64, dv: f64, gap_rate: f64, compliance: f64) -> f64:
-    """Change of the correction of a contact with a driven wall [m/s] (eq. 29).
+def driven_correction(excess: f64, dv: f64, compliance: f64) -> f64:
+    """Change of the correction of a contact with a driven wall [m/s] (eq. 29); the excess is vn - gap / dt.
 
     A correction of 1 m/s changes vn, in which the speed of the wall counts, by the compliance.
     """
-    return wp.max(f64(0.0), dv + (vn - gap_rate) / compliance) - dv
+    return wp.max(f64(0.0), dv + excess / compliance) - dv
 
 
 @wp.func
@@ -137,7 +140,7 @@ def mass_share(mass_i: f64, mass_j: f64) -> f64:
 @wp.func
 def natural_residual(vn: f64, dv: f64, gap_rate: f64) -> f64:
     """Return the natural residual of one contact [m/s] (eq. 12)."""
-    return wp.abs(wp.max(f64(0.0), dv + vn - gap_rate) - dv)
+    return wp.abs(pair_correction(vn, dv, gap_rate))
 
 
 @wp.func

@@ -13,8 +13,9 @@ Motion = wp.types.vector(length=8, dtype=f64)
 """How a wall moves: pivot before it moves [m], velocity [m/s], angular velocity [rad/s], the times at which
 it begins and ends [s], and the largest speed of a point that changes its place [m/s]."""
 Pose = wp.types.vector(length=7, dtype=f64)
-"""Where a wall is at the end of a step: cosine and sine of its angle, and its shift [m]. Then the velocity
-that a point of it at the origin would have in the step [m/s], and the angular velocity [rad/s]."""
+"""Where a wall is: cosine and sine of its angle, and its shift [m]. Then the velocity that a point of it at
+the origin would have in the step [m/s], and the angular velocity [rad/s]. During a step, a driven wall is
+where it is at the start, and any other where it is at the end."""
 
 Drive = wp.types.vector(length=5, dtype=f64)
 """What drives a wall (driven.py): 1 / mass [1/kg], 0 where no force acts on it; force [N]; pressure [N/m];

@@ -3,8 +3,9 @@
 Body 0 is the annulus (annulus.py), whose circles are the two sides of one wall; then come the walls inside
 it, each with a `Shape`. A kind of wall is one file. Of a wall without thickness it has the nearest point, of
 another one the gap of a grain and the normal into the wall. Functions here choose by shape[0]. Everything
-else treats contacts with walls and with grains alike (contacts.py). For a step, a wall is its tangent, at the
-place where it is at the end of the step if it moves (motion.py).
+else treats contacts with walls and with grains alike (contacts.py). For a step, a wall is its tangent. A wall
+that moves as given in advance is where it is at the end of the step (motion.py), and a driven one where it is
+at its start (driven.py).
 """
 
 import warp as wp
@@ -25,7 +26,7 @@ class Walls:
     annulus: Annulus
     shape: wp.array(dtype=Shape)  # of the walls inside it
     motion: wp.array(dtype=Motion)  # of these, and
-    pose: wp.array(dtype=Pose)  # where they are at the end of the step; both empty if none is mobile
+    pose: wp.array(dtype=Pose)  # where they are; both empty if none is mobile
     drive: wp.array(dtype=Drive)  # of all walls; empty if none is driven
     surface: wp.array(dtype=wp.vec2d)  # friction, and speed along the tangent [m/s]; empty without friction
 
@@ -89,12 +90,6 @@ def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
     if are_mobile(walls):
         return to_frame(at(walls.pose, b - 1), x)
     return x
-
-
-@wp.func
-def gap_inside(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
-    """Return the free distance between a grain at x and wall b > 0 [m]."""
-    return shape_gap(place_at(b, x, walls), radius, at(walls.shape, b - 1))
 
 
 IS_NEAR = """
@@ -162,14 +157,14 @@ def surface_speed(b: int, x: wp.vec2d, n: wp.vec2d, walls: Walls) -> f64:
 def wall_overlap(b: int, x: wp.vec2d, radius: f64, walls: Walls) -> f64:
     """Return how far a grain at x overlaps wall b [m]; negative where it does not."""
     if b > 0:
-        return -gap_inside(b, x, radius, walls)
+        return -shape_gap(place_at(b, x, walls), radius, at(walls.shape, b - 1))
     return annulus.overlap(x, radius, walls.annulus)
 
 
 @wp.func
 def worst_overlap(x: wp.vec2d, radius: f64, walls: Walls) -> f64:
     """Return the largest overlap of a grain at x with any wall [m]."""
-    worst = annulus.overlap(x, radius, walls.annulus)
+    worst = wall_overlap(0, x, radius, walls)
     for b in range(1, wall_body_count(walls)):
         worst = wp.max(worst, wall_overlap(b, x, radius, walls))
     return worst

@@ -223,6 +223,22 @@ def test_no_overlap_exceeds_dt_eta(method: str, wall_mass: float | None, rough: 
     assert converged > (30 if rough else 50)
 
 
+@pytest.mark.parametrize("scheme", ["text", "leapfrog"])
+def test_the_reported_overlap_is_that_after_walls_moved(scheme: str) -> None:
+    """A few sweeps leave grains in a fast piston and in a circle that shrinks."""
+    piston = replace(PISTON, force=-200.0, mass=20.0)
+    scene = pressed(60, max_iterations=2, walls=[piston], wall_mass=5.0, scheme=scheme)
+    simulation, at_piston = Simulation(scene), 0
+    for _ in range(60):
+        report, now, x = simulation.step(), simulation.present_scene, simulation.position
+        distance = np.hypot(*(x[:, None] - x[None]).T) - np.add.outer(scene.radius, scene.radius)
+        walls = [-now.side(wall, x, scene.radius).gap.min() for wall in (0, 2)]
+        worst = max(*walls, -distance[np.triu_indices(scene.n, 1)].min(), 0.0)
+        assert report.overlap == pytest.approx(worst, rel=1e-9, abs=1e-15)
+        at_piston += worst == walls[1]
+    assert at_piston > 0
+
+
 def test_accelerated_sweeps_have_the_same_bits_for_any_number_of_threads() -> None:
     scene = pressed(method="accelerated", max_iterations=5000, walls=[PISTON])
     one, several = Simulation(scene, threads=1), Simulation(scene, threads=3)
