@@ -20,7 +20,8 @@ from .friction import THIRD, rim_weights
 from .lanes import lanes
 from .momentum import back_off, take_t_on
 from .record import Scene, pair_count
-from .stopping import count_iteration, phase_after_sweep, reduce_max
+from .stopping import end_iteration
+from .threads import reduce_max
 
 f64 = wp.float64
 GROWTH = wp.constant(f64(1.2))  # of that change, above which momentum stops
@@ -239,5 +240,4 @@ def end_capped_sweep(s: Scene):
         take_t_on(s, zeta)
         cap = CAP * wp.min(f64(1.0), FADE / f64(s.step.iterations + 1))
         s.momentum.state.beta = wp.min(cap, s.momentum.state.beta)
-    count_iteration(s, zeta)
-    s.control.phase = phase_after_sweep(s)
+    end_iteration(s, zeta)

@@ -14,11 +14,11 @@ velocities do not violate is satisfied without a correction (MODEL.md, eq. 10). 
 import warp as wp
 
 from .access import at, put
-from .record import Scene
+from .record import Phase, Scene
 
 
 @wp.func
 def take_corrected_velocity(s: Scene, i: int):
     """Start from the velocity that the host's corrections make, if they are better than those before."""
-    if s.control.resuming == 0:
+    if s.control.phase == Phase.CORRECTED:
         put(s.grains.next_velocity, i, at(s.grains.rebuilt_velocity, i))

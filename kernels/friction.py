@@ -21,7 +21,7 @@ from .access import (
 )
 from .contacts import apply, contacts_of, gap_rates_now, is_wall_set, surface_of
 from .driven import missing_correction, push_wall
-from .gauss_seidel import correct_driven_wall, correcting_sets, in_blocks, note_moment
+from .gauss_seidel import correct_driven_wall, correcting_sets, in_blocks, keep_velocities
 from .record import Scene, grain_count, is_accelerated, is_driven, pair_count
 from .residual import keeping_worst
 from .threads import Team
@@ -174,7 +174,7 @@ def sweeping_pairs(weighted: bool) -> wp.Function:
         dvts = s.contacts.dvt
         weights = s.contacts.weights
         rim_weights = s.contacts.rim_weights
-        moments = s.partial.moments
+        kept = s.partial.kept_velocity
         friction = f64(s.friction)
         large = least_monitored_correction(s)
         weight = wp.vec2d(f64(0.5), f64(0.5))
@@ -203,7 +203,7 @@ def sweeping_pairs(weighted: bool) -> wp.Function:
             put(rim, j, uj - dvt * rim_weight[2])
             put(dvs, c, dv_after)
             put(dvts, c, dvt_before + dvt)
-            note_moment(moments, k + 2 * (c - begin), vi, vj)
+            keep_velocities(kept, k + 2 * (c - begin), vi, vj)
             change = larger(wp.abs(dv), wp.abs(dvt))
             zeta = larger(zeta, change)
             bits = (bits << wp.uint64(1)) | wp.where(change > large, wp.uint64(1), wp.uint64(0))

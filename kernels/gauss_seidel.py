@@ -22,24 +22,26 @@ from .access import (
 from .contacts import contacts_of, gap_rates_now, is_wall_set
 from .driven import correct_wall
 from .record import Scene, is_driven
-from .stopping import count_iteration, phase_after_sweep, reduce_max
-from .threads import BLOCK, MOMENTS, Team, partial_index, update_max
+from .stopping import end_iteration
+from .threads import Team, partial_index, reduce_max, update_max
 from .types import Contacts, Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
 
 f64 = wp.float64
+BLOCK = wp.constant(64)  # pairs that a thread corrects before it monitors the grains of large corrections
+KEPT = wp.constant(2 * BLOCK + 8)  # velocities of a thread: two a pair, and a gap that no cache line bridges
 NONE, ONE = wp.constant(wp.uint64(0)), wp.constant(wp.uint64(1))
 
 
 @wp.func_native(
     checked("""
 #if !defined(__CUDA_ARCH__)
-    moments.data[k] = vi;
-    moments.data[k + 1] = vj;
+    kept.data[k] = vi;
+    kept.data[k + 1] = vj;
 #endif
 """)
 )
-def note_moment(moments: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
+def keep_velocities(kept: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
     """Keep the two velocities after a correction, because a later pair of the block may change them."""
     ...
 
@@ -49,11 +51,11 @@ def note_moment(moments: Vectors, k: int, vi: wp.vec2d, vj: wp.vec2d):
 #if defined(__CUDA_ARCH__)
     return velocity.data[i];
 #else
-    return moments.data[k];
+    return kept.data[k];
 #endif
 """)
 )
-def moment_at(moments: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
+def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
     """Return a kept velocity. A GPU reads that of grain i: the pairs of a launch are one independent set."""
     ...
 
@@ -83,7 +85,7 @@ def sweeping_pairs(weighted: bool) -> wp.Function:
     """
 
     @wp.func
-    def correct(velocity: Vectors, contacts: Contacts, moments: Vectors, c: int, k: int) -> f64:
+    def correct(velocity: Vectors, contacts: Contacts, kept: Vectors, c: int, k: int) -> f64:
         """Correct one pair; its grains take their shares of it. Returns |dv|."""
         i, j = first_of(contacts.contact, c), second_of(contacts.contact, c)
         n = normal_of(contacts.contact, c)
@@ -98,7 +100,7 @@ def sweeping_pairs(weighted: bool) -> wp.Function:
         put(velocity, i, vi)
         put(velocity, j, vj)
         put(contacts.dv, c, dv_before + dv)
-        note_moment(moments, k, vi, vj)
+        keep_velocities(kept, k, vi, vj)
         return wp.abs(dv)
 
     @wp.func(inline=False)
@@ -106,12 +108,12 @@ def sweeping_pairs(weighted: bool) -> wp.Function:
         """Correct a block of pairs. Returns the largest |dv|, and bits of the large ones."""
         velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
         contacts = s.contacts
-        moments = s.partial.moments
+        kept = s.partial.kept_velocity
         large = least_monitored_correction(s)
         zeta, bits = f64(0.0), wp.uint64(0)
         c = int(begin)
         while c < end:
-            change = correct(velocity, contacts, moments, c, k + 2 * (c - begin))
+            change = correct(velocity, contacts, kept, c, k + 2 * (c - begin))
             zeta = larger(zeta, change)
             bits = (bits << ONE) | wp.where(change > large, ONE, NONE)
             c += 1
@@ -123,15 +125,15 @@ def sweeping_pairs(weighted: bool) -> wp.Function:
 @wp.func
 def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
     """Monitor both grains of the pairs of a block that have a bit."""
-    velocity, contact, moments = s.grains.next_velocity, s.contacts.contact, s.partial.moments
+    velocity, contact, kept = s.grains.next_velocity, s.contacts.contact, s.partial.kept_velocity
     left = bits
     while left != NONE:
         c = end - 1 - lowest_bit(left)
         left = left & (left - ONE)
         i, j = first_of(contact, c), second_of(contact, c)
-        moment = k + 2 * (c - begin)
-        monitor(s, i, moment_at(moments, moment, velocity, i))
-        monitor(s, j, moment_at(moments, moment + 1, velocity, j))
+        place = k + 2 * (c - begin)
+        monitor(s, i, kept_velocity(kept, place, velocity, i))
+        monitor(s, j, kept_velocity(kept, place + 1, velocity, j))
 
 
 sweep_equal, sweep_weighted = sweeping_pairs(False), sweeping_pairs(True)
@@ -198,16 +200,16 @@ def correcting_sets(
     @named(name)
     def correct_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
-        moment = MOMENTS * partial_index(team, s.partial.zeta.shape[0])
+        first_kept = KEPT * partial_index(team, s.partial.zeta.shape[0])
         begin, end = contacts_of(team, s, k)
         if is_wall_set(s, k) and is_driven(s):
             zeta = driven_walls(s, begin, end)
         elif is_wall_set(s, k):
             zeta = walls(s, begin, end)
         elif s.contacts.weights.shape[0] > 0:
-            zeta = weighted(s, begin, end, moment)
+            zeta = weighted(s, begin, end, first_kept)
         else:
-            zeta = equal(s, begin, end, moment)
+            zeta = equal(s, begin, end, first_kept)
         update_max(team, s.partial.zeta, zeta)
 
     return correct_set
@@ -219,6 +221,5 @@ sweep = correcting_sets("sweep", sweep_equal, sweep_weighted, sweep_walls, sweep
 @wp.func
 def end_sweep(s: Scene):
     """Count a sweep, and choose what follows."""
-    count_iteration(s, reduce_max(s.partial.zeta))
+    end_iteration(s, reduce_max(s.partial.zeta))
     add_unmonitored(s)
-    s.control.phase = phase_after_sweep(s)

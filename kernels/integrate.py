@@ -13,10 +13,7 @@ f64 = wp.float64
 
 @wp.func
 def begin_step(s: Scene):
-    """Reset the counts of lists, attempts and factorizations; turn gravity, and place the walls that move."""
-    s.step.rebuilds = 0
-    s.step.restarts = 0
-    s.step.factorizations = 0
+    """Turn gravity, and place the walls that move."""
     if s.turning.rate != f64(0.0):
         s.gravity = law.turned_gravity(s.turning.start, s.turning.rate, f64(s.steps) * s.dt)
     place_walls(s.walls, f64(s.steps) * s.dt, f64(s.steps + wp.int64(1)) * s.dt)

@@ -19,8 +19,8 @@ from .accelerated import mass_in_phi
 from .access import at, put
 from .contacts import CHUNK, chunks_in, part_count
 from .record import Scene, body_count
-from .stopping import count_iteration, phase_after_sweep, reduce_max
-from .threads import Team, thread_range
+from .stopping import end_iteration
+from .threads import Team, reduce_max, thread_range
 
 f64 = wp.float64
 ROUNDING = wp.constant(f64(2.0e-15))
@@ -83,8 +83,7 @@ def end_sweep_ahead(s: Scene):
     """End a sweep from extrapolated velocities: count it, accept or reject it, and choose the next phase."""
     zeta = reduce_max(s.partial.zeta)
     accept_or_reject(s, zeta)
-    count_iteration(s, zeta)
-    s.control.phase = phase_after_sweep(s)
+    end_iteration(s, zeta)
 
 
 @wp.func

@@ -1,6 +1,9 @@
 """A scene as a record: its arrays, the numbers of a step, and parameters.
 
-The numbers change while a kernel runs, as the contents of the arrays do; lengths and parameters do not.
+The numbers change while a kernel runs, as the contents of the arrays do; lengths and parameters do not, but
+for those that follow from the time or from driven walls: `gravity`, the velocities belong to which time
+(`TimeScheme`), the speed of the outer circle in `walls.surface`, and its radius in `walls.annulus`, which is
+the coordinate of the wall's body as well (driven.py).
 """
 
 from enum import IntEnum
@@ -32,7 +35,10 @@ step, for which the host searches a proof that no velocities solve it. A SLOW on
 
 
 class Phase(IntEnum):
-    """The next part of a step. Serial stages choose it, mostly in stopping.py; conditions.py reads it."""
+    """The next part of a step. Serial stages choose it, mostly in stopping.py; conditions.py reads it.
+
+    Besides, the host answers steps that are FULL or SLOW, and `contact_list.keep_pair` repeats a search.
+    """
 
     ENDED = 0  # nothing: no step has begun, the last one was refused, or the host solves it
     ACCEPTED = 1  # nothing: the step is taken
@@ -42,13 +48,14 @@ class Phase(IntEnum):
     LISTED = 5  # sort them: their list fits in memory
     START = 6  # freeze contacts, and apply their corrections
     CORRECTED = 7  # take the velocities that the host's corrections make
-    SWEEP = 8
-    CHECK_LIST = 9  # check the list before all contacts are scanned (working_set.py)
-    MEASURE = 10  # measure the residual, which may stop the sweeps
-    RECORD = 11  # measure it for the history alone
-    SCAN = 12  # scan all contacts for the working set
-    VERIFY = 13  # verify the list and judge the step: the sweeps have stopped
-    EXPIRE = 14  # set aside the list, in which a contact may be missing
+    DECLINED = 8  # go on: the host has found no better corrections
+    SWEEP = 9
+    CHECK_LIST = 10  # check the list before all contacts are scanned (working_set.py)
+    MEASURE = 11  # measure the residual, which may stop the sweeps
+    RECORD = 12  # measure it for the history alone
+    SCAN = 13  # scan all contacts for the working set
+    VERIFY = 14  # verify the list and judge the step: the sweeps have stopped
+    EXPIRE = 15  # set aside the list, in which a contact may be missing
 
 
 @wp.struct
@@ -65,6 +72,7 @@ class StepState:
     factorizations: wp.int32  # by the host
     measured: wp.int32  # last iteration after which the residual was measured
     patience: wp.int32  # `StoppingCriterion.patience`; 0 once the host has found no better corrections
+    trend_residual: f64  # eta with which the next one is compared, by which it falls too slowly [m/s]
     converged: wp.int32  # whether it has met the tolerance
     outcome: wp.int32
 
@@ -77,7 +85,7 @@ class Control:
     cancelled: wp.int32  # whether the host wants the step given up
     unordered: wp.int32  # whether the list is not in sweeping order
     recoloring: wp.int32  # whether pairs have kept colors that do not follow from the list alone
-    resuming: wp.int32  # whether the attempt continues from its velocities, and does not start again
+    resuming: wp.int32  # whether sweeps continue from velocities, peaks and momentum that they have
     stopped: wp.int32  # whether no iterations are left to do
     rejected: wp.int32  # whether the last sweep was rolled back
     holds: wp.int32  # on a GPU: whether the condition tested last holds (gpu.py)
@@ -88,11 +96,11 @@ class Control:
 class Partial:
     """Partial maxima and sums, by thread."""
 
-    zeta: Floats
-    residual: Floats
-    overlap: Floats
+    zeta: Floats  # largest change of a correction by a sweep, or violation found by a scan [m/s]
+    residual: Floats  # [m/s]
+    overlap: Floats  # [m]
     active: Ints
-    moments: Vectors  # velocities of a block of pairs, as the corrections make them [m/s]
+    kept_velocity: Vectors  # velocities of a block of pairs, as the corrections make them [m/s]
 
 
 @wp.struct

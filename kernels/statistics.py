@@ -6,8 +6,7 @@ from . import law
 from .access import at, first_of, larger, put, second_of
 from .contacts import contact_count
 from .record import Scene, grain_count
-from .stopping import reduce_max
-from .threads import Team, partial_index, thread_range, update_max
+from .threads import Team, partial_index, reduce_max, thread_range, update_max
 from .walls import wall_overlap
 
 f64 = wp.float64

@@ -33,10 +33,10 @@ from . import (
 )
 from .conditions import (
     accepted,
+    answered,
     attempting,
     beginning,
     checking_list,
-    corrected,
     expired,
     iterating,
     listed,
@@ -199,7 +199,7 @@ SWEEP_WITH_FRICTION = [
 
 ACCELERATED = accelerated_sweeps(False)
 
-CORRECTED = [
+ANSWERED = [
     *REBUILD,
     Each(grain_count, exact.take_corrected_velocity),
     Serial(verlet.clear_check),
@@ -207,7 +207,7 @@ CORRECTED = [
     Serial(stopping.end_correction),
 ]
 
-EXACT = [If(corrected, CORRECTED), *ACCELERATED]
+EXACT = [If(answered, ANSWERED), *ACCELERATED]
 
 Kind = tuple[str, bool]
 """Method, and whether there is friction."""

@@ -1,7 +1,7 @@
 """Decisions of a step: which phase comes next, when the sweeps stop, and whether the step is taken.
 
 First come the rules, which read numbers and change nothing, then the stages that choose the phase by them.
-Sweeps and scans end in other files, by `phase_after_sweep` and `stop_or_sweep`; the phases of a new
+Sweeps and scans end in other files, by `end_iteration` and `stop_or_sweep`; the phases of a new
 list follow each other in neighbors.py and contact_list.py. Accelerated sweeps stop only on the residual, or
 after a scan of all contacts: zeta is of the working set, and says nothing of the others.
 """
@@ -25,7 +25,7 @@ from .record import (
     is_driven,
     pair_count,
 )
-from .types import Floats
+from .threads import reduce_max
 from .verlet import check_all, outcome_of_check, reserve
 
 f64 = wp.float64
@@ -35,16 +35,6 @@ REBUILD_EVERY = wp.constant(100)  # accelerated iterations between two times tha
 HALF_WAY = wp.constant(50)  # iteration after which the trend of the residual begins, half-way to a rebuild
 SCAN_EVERY = wp.constant(10)  # accelerated sweeps between two scans, and
 FIRST_SCANS = wp.constant(8)  # sweeps within which powers of two are followed by one
-
-
-@wp.func
-def reduce_max(partial: Floats) -> f64:
-    """Return the maximum of the partial maxima, and clear these."""
-    largest = f64(0.0)
-    for k in range(partial.shape[0]):
-        largest = wp.max(largest, at(partial, k))
-        put(partial, k, f64(0.0))
-    return largest
 
 
 @wp.func
@@ -93,17 +83,26 @@ def is_rebuild_due(s: Scene) -> bool:
 
 
 @wp.func
+def is_half_way(s: Scene) -> bool:
+    """Return whether the trend of the residual begins, by which a step is handed to the host."""
+    return s.step.patience > 0 and s.step.iterations == HALF_WAY
+
+
+@wp.func
 def is_trend_due(s: Scene) -> bool:
-    """Return whether the decay of the residual is checked: half-way to the first rebuild, and at each."""
-    iterations = s.step.iterations
-    return s.step.patience > 0 and (iterations == HALF_WAY or iterations % REBUILD_EVERY == 0)
+    """Return whether the decay of the residual is checked: half-way to the first rebuild, and at each.
+
+    A residual that is measured for the history alone decides nothing.
+    """
+    if s.step.patience == 0 or s.control.phase != Phase.MEASURE:
+        return False
+    return is_half_way(s) or s.step.iterations % REBUILD_EVERY == 0
 
 
 @wp.func
 def is_measurement_due(s: Scene) -> bool:
     """Return whether the residual is measured: always after the last iteration, also with another list."""
-    half_way = s.stopping.patience > 0 and s.step.iterations == HALF_WAY
-    half_way = half_way and s.step.measured < s.step.iterations
+    half_way = is_half_way(s) and s.step.measured < s.step.iterations
     return s.control.stopped != 0 or half_way or is_rebuild_due(s)
 
 
@@ -128,10 +127,14 @@ def is_pause_due(s: Scene) -> bool:
 
 @wp.func
 def is_too_slow(s: Scene) -> bool:
-    """Extrapolate the decay of the residual; return whether the sweeps left cost more than the host."""
+    """Extrapolate the decay of the residual; return whether the sweeps left cost more than the host.
+
+    The decay counts as that of REBUILD_EVERY sweeps at most. It is that of more where the residual was not
+    measured in between, because a sweep was rejected; then the host is asked later.
+    """
     if s.step.iterations <= HALF_WAY:
         return False
-    fallen = wp.log(s.momentum.state.residual / s.step.residual)
+    fallen = wp.log(s.step.trend_residual / s.step.residual)
     left = wp.log(s.step.residual / s.stopping.tolerance)
     sweeps = wp.min(s.step.iterations - HALF_WAY, REBUILD_EVERY)
     return left * f64(sweeps) > fallen * f64(s.step.patience)
@@ -171,14 +174,15 @@ def stop_or_sweep(s: Scene):
 
 
 @wp.func
-def count_iteration(s: Scene, zeta: f64):
-    """Count an iteration of this zeta [m/s], which may be the last."""
+def end_iteration(s: Scene, zeta: f64):
+    """Count an iteration of this zeta [m/s], which may be the last, and choose what follows."""
     iterations = s.step.iterations + 1
     s.step.iterations = iterations
     s.step.zeta = zeta
     if iterations <= s.history.zeta.shape[0]:
         put(s.history.zeta, iterations - 1, zeta)
     s.control.stopped = 1 if is_last_iteration(s) else 0
+    s.control.phase = phase_after_sweep(s)
 
 
 @wp.func
@@ -192,7 +196,7 @@ def end_list_check(s: Scene):
 
 @wp.func
 def end_measurement(s: Scene):
-    """Stop if the residual meets the tolerance, unless it is for the history alone, or falls too slowly."""
+    """Stop if the residual meets the tolerance or falls too slowly, unless it is for the history alone."""
     residual = reduce_max(s.partial.residual)
     s.step.residual = residual
     s.step.measured = s.step.iterations
@@ -202,7 +206,7 @@ def end_measurement(s: Scene):
     stopping = decides and meets_tolerance(s)
     if is_trend_due(s):
         stopping = stopping or is_too_slow(s)
-        s.momentum.state.residual = residual
+        s.step.trend_residual = residual
     scanning = s.control.phase == Phase.MEASURE or is_scan_due(s.step.iterations)
     if stopping:
         s.control.stopped = 1
@@ -218,7 +222,7 @@ def end_correction(s: Scene):
     """Continue with sweeps unless the solution of the step by the host (CPU) meets the tolerance."""
     s.step.residual = reduce_max(s.partial.residual)
     s.step.measured = s.step.iterations
-    s.momentum.state.residual = s.step.residual
+    s.step.trend_residual = s.step.residual
     s.control.rejected = 0
     s.control.stopped = 1 if meets_tolerance(s) or not has_iterations_left(s) else 0
     s.control.phase = Phase.VERIFY if s.control.stopped != 0 else Phase.CHECK_LIST
@@ -226,13 +230,23 @@ def end_correction(s: Scene):
 
 @wp.func
 def begin(s: Scene):
-    """Begin a step, or continue one that waited for the host."""
+    """Begin a step, or continue one that waited for the host.
+
+    Sweeps resume where they were if the host has declined to solve the step.
+    """
     if s.control.phase == Phase.FULL:
         s.control.phase = Phase.SEARCH
-    elif s.control.phase != Phase.CORRECTED:
+    elif s.control.phase == Phase.CORRECTED:
+        s.control.resuming = 0
+    elif s.control.phase == Phase.DECLINED:
+        s.control.resuming = 1
+    else:
         s.control.phase = Phase.BEGIN
         s.control.resuming = 0
         s.step.patience = s.stopping.patience
+        s.step.rebuilds = 0
+        s.step.restarts = 0
+        s.step.factorizations = 0
 
 
 @wp.func

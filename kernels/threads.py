@@ -8,12 +8,10 @@ threads gain (pace.py).
 
 import warp as wp
 
-from .access import at, raise_to
+from .access import at, put, raise_to
 from .types import Floats
 
 GPU_PARTIALS = 64  # over which a GPU's threads spread their parts of a maximum
-BLOCK = wp.constant(64)  # pairs that a thread corrects before it looks at the grains of large corrections
-MOMENTS = wp.constant(2 * BLOCK + 8)  # of a thread: two a pair, and a gap that no cache line bridges
 
 
 @wp.struct
@@ -86,3 +84,13 @@ def update_max(team: Team, parts: Floats, value: wp.float64):
     k = partial_index(team, parts.shape[0])
     if value > at(parts, k):
         raise_to(parts, k, value)
+
+
+@wp.func
+def reduce_max(partial: Floats) -> wp.float64:
+    """Return the maximum of the partial maxima, and clear these."""
+    largest = wp.float64(0.0)
+    for k in range(partial.shape[0]):
+        largest = wp.max(largest, at(partial, k))
+        put(partial, k, wp.float64(0.0))
+    return largest

@@ -185,7 +185,6 @@ class MomentumState:
     relaxation: f64  # by how much a sweep goes too far at beta = 1
     first_zeta: f64  # of the step's first sweep [m/s]
     change: f64  # of the last sweep with friction, squared and summed in the mass metric [kg m2/s2]
-    residual: f64  # with which its trend is compared [m/s] (stopping.py)
 
 
 @wp.struct

@@ -27,8 +27,8 @@ from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
 from .record import Scene, is_driven, pair_count
-from .stopping import reduce_max, stop_or_sweep
-from .threads import Team, thread_range, update_max
+from .stopping import stop_or_sweep
+from .threads import Team, reduce_max, thread_range, update_max
 from .verlet import keep_peak
 
 f64 = wp.float64

@@ -239,3 +239,29 @@ def test_last_scan(
     assert (control["phase"], control["stopped"]) == (Phase.SWEEP if left else Phase.VERIFY, 1 - left)
     assert record["history.zeta"][iterations - 1] == zeta
     assert record["partial.zeta"][0] == 0.0
+
+
+MEASURED = [
+    # phase, iterations, rejected, whether the trend ends the sweeps
+    (Phase.MEASURE, 100, 0, True),
+    (Phase.RECORD, 100, 1, False),
+    (Phase.MEASURE, 70, 0, False),
+    (Phase.RECORD, 70, 0, False),
+]
+
+
+@pytest.mark.parametrize(("phase", "iterations", "rejected", "ends"), MEASURED)
+def test_the_history_leaves_the_trend_of_the_residual_alone(
+    phase: Phase, iterations: int, rejected: int, ends: bool
+) -> None:
+    """A plain step does not measure after a rejected sweep, so that nothing may follow from its residual."""
+    record = Accelerated().record
+    whole, step = record.record, record.record["step"]
+    whole["stopping"]["on_residual"], whole["stopping"]["max_iterations"] = 1, 1000
+    whole["stopping"]["patience"], step["patience"] = 750, 750
+    step["iterations"], whole["control"]["rejected"], whole["control"]["phase"] = iterations, rejected, phase
+    step["trend_residual"], record["partial.residual"][0] = 1.0, 0.99
+    record.run(Serial(stopping.end_measurement))
+    assert (whole["control"]["phase"] == Phase.VERIFY) == ends
+    assert step["trend_residual"] == (0.99 if ends else 1.0)
+    assert step["residual"] == 0.99

@@ -37,8 +37,8 @@ def swept(pairs: IntArray) -> OneRecord:
     record.record["contacts"]["count"] = len(pairs), 1, n, 1
     for name in ("grains.next_velocity", "verlet.reference_velocity"):
         record[name][:] = rng.normal(0.0, 1.0, record[name].shape)
-    record["verlet.peak_deviation"][:], record["verlet.peak_limit"][:] = 0.0, np.inf
-    record["partial.zeta"][:], record["partial.moments"][:] = 0.0, np.nan
+    record["verlet.peak_square"][:], record["verlet.peak_limit"][:] = 0.0, np.inf
+    record["partial.zeta"][:], record["partial.kept_velocity"][:] = 0.0, np.nan
     numbers = record.record["verlet"]["numbers"]
     numbers["frame_velocity"], numbers["base_skin"], numbers["max_row_sum"] = (0.1, -0.2), 1.0, 4.0
     record.record["tuning"]["monitor_threshold"] = 4.0 * LARGE

@@ -86,7 +86,7 @@ class ExactSolver:
         else:
             record["to_search"] = 0  # a proof that no velocities solve the step
             record["step"]["patience"] = 0
-        record["control"]["phase"], record["control"]["resuming"] = Phase.CORRECTED, not is_better
+        record["control"]["phase"] = Phase.CORRECTED if is_better else Phase.DECLINED
 
 
 class FrozenContacts:

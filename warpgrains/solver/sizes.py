@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
-from warpgrains.kernels.threads import GPU_PARTIALS, MOMENTS
+from warpgrains.kernels.gauss_seidel import KEPT
+from warpgrains.kernels.threads import GPU_PARTIALS
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -43,14 +44,14 @@ class Sizes:
         1 if a force drives a wall, else 0.
     weighted : ndarray
         0 if grains take equal shares of corrections (`Scene.has_equal_shares`), else 1.
+    history : ndarray
+        Iterations of a step of which zeta and residual are kept.
     accelerated, friction : int
         1 if sweeps are accelerated, or if there is friction, else 0.
     team : int
         CPU threads that share a scene.
     partials : int
         Number of partial maxima and sums, one per thread.
-    history : int
-        Iterations of a step of which zeta and residual are kept.
     """
 
     grains: Counts
@@ -168,7 +169,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
         },
         "partial": {
             **dict.fromkeys(("zeta", "residual", "overlap", "active"), size.partials),
-            "moments": MOMENTS * size.team * (1 - ahead),
+            "kept_velocity": KEPT * size.team * (1 - ahead),
         },
         "history": dict.fromkeys(("zeta", "residual"), size.history),
     }
