@@ -51,7 +51,7 @@ def clear_cell(s: Scene, b: int):
 
 @wp.func
 def count_in_cell(s: Scene, i: int):
-    """Count a grain in its bucket, in cell_start, and reset its numbers of contacts."""
+    """Count a grain in its bucket, in cell_start, and reset its numbers of contacts for the search."""
     x, inverse_size = at(s.grains.position, i), s.grid.inverse_size
     bucket = bucket_of(cell_of(x[0], inverse_size), cell_of(x[1], inverse_size), s.grid.width)
     put(s.grid.bucket, i, bucket)
@@ -62,7 +62,7 @@ def count_in_cell(s: Scene, i: int):
 
 @wp.func
 def end_cells(s: Scene):
-    """Find the end of every bucket, and reset the number of contacts found."""
+    """Find the end of every bucket, and reset the numbers of contacts, all and those of walls."""
     prefix_sum(s.grid.cell_start, s.grid.cell_start)
     put(s.neighbors.total, 0, 0)
     for b in range(grain_count(s), s.neighbors.seconds.shape[0]):

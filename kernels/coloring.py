@@ -217,14 +217,15 @@ def place_walls(s: Scene):
                 place += 1
         put(s.contacts.set_start, first_set + 1, place)
         sets = wp.where(place > pair_count(s), 1, 0)
-    while place < listed:
-        for i in range(grain_count(s)):
-            k = pair_end(rows, i) + sets
-            if k < at(rows.start, i + 1):
-                put(s.workspace.sweep_index, k, place)
-                place += 1
-        sets += 1
-        put(s.contacts.set_start, first_set + sets, place)
+    else:
+        while place < listed:
+            for i in range(grain_count(s)):
+                k = pair_end(rows, i) + sets
+                if k < at(rows.start, i + 1):
+                    put(s.workspace.sweep_index, k, place)
+                    place += 1
+            sets += 1
+            put(s.contacts.set_start, first_set + sets, place)
     s.contacts.count.walls = listed - pair_count(s)
     s.contacts.count.wall_sets = sets
 

@@ -43,22 +43,24 @@ def renew_skin(s: Scene, i: int):
         needed = wp.max(needed, seen)
         if is_accelerated(s):
             margin = STILL_TO_COME
-            put(s.verlet.peak_deviation, i, f64(0.0))
+            put(s.verlet.peak_square, i, f64(0.0))
         else:
             margin = FOUND_OUT
             w = at(s.verlet.reference_velocity, i) + s.verlet.numbers.frame_velocity
             put(s.verlet.recent_deviation, i, needed)  # so that skins only grow as long as the step goes on
-            put(s.verlet.peak_deviation, i, seen * seen)
+            put(s.verlet.peak_square, i, seen * seen)
     put(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
     put(s.verlet.reference_position, i, at(s.grains.position, i))
     put(s.verlet.reference_velocity, i, w)
 
 
 @wp.func
-def find_lifetime(s: Scene):
-    """Choose the lifetime: the steps in which no grain moves further than `Tuning.room` from the mean.
+def renew_numbers(s: Scene):
+    """Renew the numbers of the list, so that its paths and its time begin now.
 
-    The frame's skin allows for a free fall of that duration.
+    The lifetime is that of the steps in which no grain moves further than `Tuning.room` from the mean. The
+    frame's skin allows for a free fall of that duration. `unmonitored_change` is 0 from now on, because the
+    peaks of `renew_skin` hold it: `stayed_silent` adds it to them, before the next attempt clears the check.
     """
     n = body_count(s)
     mean = wp.vec2d(f64(0.0), f64(0.0))

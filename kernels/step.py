@@ -253,7 +253,7 @@ def expire(has_friction: bool) -> list[Stage]:
         Serial(contact_list.expire),
         Serial(skins.adapt_base_skin),
         Each(body_count, skins.renew_skin),
-        Serial(skins.find_lifetime),
+        Serial(skins.renew_numbers),
     ]
 
 

@@ -319,11 +319,11 @@ def judge(s: Scene):
         elif s.stopping.raise_on_unconverged != 0:
             outcome = NOT_CONVERGED
     if outcome == SOLVED and converged and s.walls.annulus.round != 0:
-        s.verlet.flags.bad_grain = grain_beyond_wall(s)
-        if s.verlet.flags.bad_grain >= 0:
+        s.verlet.flags.bad_body = grain_beyond_wall(s)
+        if s.verlet.flags.bad_body >= 0:
             outcome = BEYOND_WALL
     if outcome == SOLVED and is_driven(s) and is_circle_closed(s):
-        s.verlet.flags.bad_grain = grain_count(s)
+        s.verlet.flags.bad_body = grain_count(s)
         outcome = BEYOND_WALL
     if s.control.cancelled != 0 and not converged:
         outcome = CANCELLED

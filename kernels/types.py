@@ -159,14 +159,14 @@ class VerletFlags:
 
     list_expired: wp.int32  # whether a contact may be missing
     missed: wp.int32  # whether one that was missing may have acted
-    bad_grain: wp.int32  # a grain that is no longer finite, or leaves a round wall, or -1
+    bad_body: wp.int32  # a grain or wall that is no longer finite, or leaves a round wall or no room; or -1
 
 
 @wp.struct
 class Verlet:
     """The numbers that prove that no contact is missing from the list (verlet.py)."""
 
-    peak_deviation: Floats  # per grain, largest p_i^2 of the step so far [m2/s2]
+    peak_square: Floats  # per grain, largest p_i^2 of the step so far [m2/s2]
     peak_limit: Floats  # the p_i that its skin allows [m/s]
     recent_deviation: Floats  # p_i of the last step [m/s]
     skin: Floats  # how far it may stray without meeting an absent contact [m]

@@ -71,8 +71,8 @@ def least_monitored_correction(s: Scene) -> f64:
 @wp.func
 def keep_peak(s: Scene, i: int, velocity: wp.vec2d) -> f64:
     """Update the peak deviation of grain i, which has this velocity now. Returns its square."""
-    peak = larger(at(s.verlet.peak_deviation, i), wp.length_sq(deviation(s, velocity, i)))
-    put(s.verlet.peak_deviation, i, peak)
+    peak = larger(at(s.verlet.peak_square, i), wp.length_sq(deviation(s, velocity, i)))
+    put(s.verlet.peak_square, i, peak)
     return peak
 
 
@@ -87,7 +87,7 @@ def monitor(s: Scene, i: int, velocity: wp.vec2d):
 @wp.func
 def peak_of(s: Scene, i: int) -> f64:
     """Return p_i [m/s], with the changes that were not monitored since."""
-    return wp.sqrt(at(s.verlet.peak_deviation, i)) + s.verlet.numbers.unmonitored_change
+    return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.numbers.unmonitored_change
 
 
 @wp.func
@@ -110,7 +110,7 @@ def sample(s: Scene, i: int):
     """Raise the peak of grain i to the most that it may have reached unmonitored."""
     v = at(s.grains.next_velocity, i)
     peak = wp.length(deviation(s, v, i)) + s.verlet.numbers.sampled_change
-    put(s.verlet.peak_deviation, i, larger(at(s.verlet.peak_deviation, i), peak * peak))
+    put(s.verlet.peak_square, i, larger(at(s.verlet.peak_square, i), peak * peak))
 
 
 @wp.func
@@ -118,7 +118,7 @@ def clear_check(s: Scene):
     """Reset the findings of the check."""
     s.verlet.numbers.unmonitored_change = f64(0.0)
     s.verlet.flags.list_expired = 0
-    s.verlet.flags.bad_grain = -1
+    s.verlet.flags.bad_body = -1
 
 
 @wp.func
@@ -145,7 +145,7 @@ def check_skin(s: Scene, i: int, least: f64, foreseen: f64):
     peak = wp.max(peak_of(s, i), foreseen * at(s.verlet.recent_deviation, i))
     used = displacement(s, x, i) + s.dt * peak
     if not is_finite(x + s.dt * at(s.grains.next_velocity, i)):
-        s.verlet.flags.bad_grain = 0  # a grain, found later, is not finite
+        s.verlet.flags.bad_body = i  # check_all finds the last one
     elif not (used + least <= at(s.verlet.skin, i)):
         s.verlet.flags.list_expired = 1
 
@@ -161,8 +161,8 @@ def begin_peak(s: Scene, i: int):
     """Begin with a grain's deviation now, or its peak so far; find the peak that its skin allows."""
     peak = wp.length_sq(deviation(s, at(s.grains.next_velocity, i), i))
     if s.control.resuming != 0:
-        peak = wp.max(peak, at(s.verlet.peak_deviation, i))
-    put(s.verlet.peak_deviation, i, peak)
+        peak = wp.max(peak, at(s.verlet.peak_square, i))
+    put(s.verlet.peak_square, i, peak)
     path = displacement(s, at(s.grains.position, i), i)
     allowed = (at(s.verlet.skin, i) - path) / s.dt
     put(s.verlet.peak_limit, i, wp.max(f64(0.0), allowed))
@@ -183,23 +183,23 @@ def verify(s: Scene, i: int):
 
 @wp.func
 def check_all(s: Scene, least: f64):
-    """Check the frame's skin and the list's lifetime; find the last grain that is not finite."""
+    """Check the frame's skin and the list's lifetime; find the last body that is not finite."""
     numbers = s.verlet.numbers
     path = wp.length(numbers.frame_shift) + s.dt * wp.length(numbers.frame_velocity)
     if not (path + least <= numbers.frame_skin):
         s.verlet.flags.list_expired = 1
     if not (numbers.elapsed + f64(0.5) * s.dt <= numbers.lifetime):  # a whole number of steps, rounded
         s.verlet.flags.list_expired = 1
-    if s.verlet.flags.bad_grain >= 0:
+    if s.verlet.flags.bad_body >= 0:
         for i in range(body_count(s)):
             if not is_finite(at(s.grains.position, i) + s.dt * at(s.grains.next_velocity, i)):
-                s.verlet.flags.bad_grain = i
+                s.verlet.flags.bad_body = i
 
 
 @wp.func
 def outcome_of_check(s: Scene) -> int:
     """Return SOLVED if no contact was missing and every number is finite, or what was found."""
-    if s.verlet.flags.bad_grain >= 0:
+    if s.verlet.flags.bad_body >= 0:
         return NOT_FINITE
     if s.verlet.flags.list_expired != 0:
         return EXPIRED

@@ -192,14 +192,14 @@ def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> 
     """p_i + h, with h = 1/8 of what is nearly violated, is what the skin must allow."""
     ahead = Accelerated()
     record, flags = ahead.record, ahead.record.record["verlet"]["flags"]
-    for name in ("reference_velocity", "peak_deviation"):
+    for name in ("reference_velocity", "peak_square"):
         record[f"verlet.{name}"][:] = 0.0
     record["verlet.peak_limit"][:] = 1e3
     record["verlet.peak_limit"][7], flags["list_expired"] = limit, 0
     record["grains.next_velocity"][:] = 0.0
     record.verlet_numbers["frame_velocity"] = 0.0, 0.0
     if kept:
-        record["verlet.peak_deviation"][7] = peak**2
+        record["verlet.peak_square"][7] = peak**2
     else:
         record["grains.next_velocity"][7, 1] = peak
     control = record.record["control"]
@@ -208,7 +208,7 @@ def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> 
     record.run(Each(grain_count, working_set.check_peak), Serial(stopping.end_list_check))
     assert flags["list_expired"] == expired
     assert (control["phase"], control["stopped"]) == (Phase.VERIFY if expired else Phase.SCAN, 0)
-    assert record["verlet.peak_deviation"][7] == peak**2
+    assert record["verlet.peak_square"][7] == peak**2
 
 
 DONE = [

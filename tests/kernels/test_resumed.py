@@ -18,7 +18,7 @@ def may_have_missed(position: list[list[float]], other: int = 1, accelerated: bo
     record = record_with(accelerated)
     record.record["control"]["resuming"] = 1
     record["grains.position"][:], record["grains.radius"][:] = position, (1.0, 2.0)
-    record["verlet.peak_deviation"][:] = (3.0 - UNMONITORED) ** 2, (5.0 - UNMONITORED) ** 2
+    record["verlet.peak_square"][:] = (3.0 - UNMONITORED) ** 2, (5.0 - UNMONITORED) ** 2
     record["verlet.reference_velocity"][:] = [[2.0, 7.0], [-1.0, 9.0]]
     record["neighbors.start"][:], record["neighbors.neighbor"][0] = (0, 1, 1), other
     record["workspace.sweep_index"][0], record["workspace.old_place"][0] = 0, -1
@@ -68,14 +68,14 @@ def test_new_list_keeps_what_11b_needs(how: str) -> None:
     """A Gauss-Seidel step that goes on keeps its w_i, with u in them, and the peaks that belong to these."""
     record = record_with(accelerated=how == "goes on, accelerated", unmonitored_change=UNMONITORED)
     record.record["control"]["resuming"] = int(how != "step begins")
-    record["verlet.peak_deviation"][:] = 4.0, 9.0
-    record.run(Each(grain_count, skins.renew_skin), Serial(skins.find_lifetime))
+    record["verlet.peak_square"][:] = 4.0, 9.0
+    record.run(Each(grain_count, skins.renew_skin), Serial(skins.renew_numbers))
     velocity = W + U if how == "goes on" else W + U + np.array([3.0, 4.0])
     assert (record["verlet.reference_velocity"] == velocity).all()
     assert (record["verlet.reference_position"] == STRAIGHT + np.array([3.0, 4.0]) / 8.0).all()
     assert (record["verlet.skin"] > 0.0).all()
     if how == "goes on":
-        assert record["verlet.peak_deviation"].tolist() == [9.0, 16.0]
+        assert record["verlet.peak_square"].tolist() == [9.0, 16.0]
     numbers = record.verlet_numbers
     assert numbers["frame_shift"].tolist() == [0.0, 0.0]
     assert (numbers["elapsed"], numbers["unmonitored_change"]) == (0.0, 0.0)
@@ -86,5 +86,5 @@ def test_list_serves_one_step_at_least() -> None:
     """However fast its grains are: one that served none would be built anew for ever."""
     record = record_with()
     record["verlet.reference_velocity"][:] = [[1e6, 0.0], [-1e6, 0.0]]
-    record.run(Serial(skins.find_lifetime))
+    record.run(Serial(skins.renew_numbers))
     assert record.verlet_numbers["lifetime"] == DT

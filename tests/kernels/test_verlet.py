@@ -61,11 +61,11 @@ def test_skin(case: str, grain: int) -> None:
     for skin, expired in ((enough, 0), (np.nextafter(enough, 0.0), 1), (np.nan, 1)):
         record = record_with()
         record.record["control"]["resuming"] = resuming
-        record["verlet.peak_deviation"][grain], record["verlet.recent_deviation"][grain] = seen**2, last
+        record["verlet.peak_square"][grain], record["verlet.recent_deviation"][grain] = seen**2, last
         record["verlet.skin"][grain] = skin
         record.run(EACH[stage])
         assert flag(record, "list_expired") == expired
-        assert flag(record, "bad_grain") == -1
+        assert flag(record, "bad_body") == -1
 
 
 @pytest.mark.parametrize(("skin", "limit"), [(2.625, 8.0), (0.625, 0.0), (0.5, 0.0)])
@@ -82,7 +82,7 @@ def test_grain_that_is_no_longer_finite_is_named(name: str, grain: int) -> None:
     record = record_with()
     record[f"grains.{name}"][grain, 1] = np.inf
     record.run(EACH["verify"], Serial(check_all), Serial(find_outcome))
-    assert flag(record, "bad_grain") == grain
+    assert flag(record, "bad_body") == grain
     set_flags(record, list_expired=1)  # what is not finite is refused, not solved again with another list
     record.run(Serial(find_outcome))
     assert record.record["step"]["outcome"] == NOT_FINITE
@@ -113,9 +113,9 @@ def test_lifetime(steps: int) -> None:
 
 def test_check_is_cleared() -> None:
     record = record_with()
-    set_flags(record, list_expired=1, bad_grain=1)
+    set_flags(record, list_expired=1, bad_body=1)
     record.run(Serial(verlet.clear_check))
-    assert (flag(record, "list_expired"), flag(record, "bad_grain")) == (0, -1)
+    assert (flag(record, "list_expired"), flag(record, "bad_body")) == (0, -1)
     assert record.verlet_numbers["unmonitored_change"] == 0.0
 
 
@@ -136,9 +136,9 @@ def test_frame_is_the_mean_and_moves_on() -> None:
 def test_sample(seen: float, peak: float) -> None:
     """A grain may have been further from its velocity now by what was not monitored."""
     record = record_with(sampled_change=1.5)
-    record["verlet.peak_deviation"][:] = seen**2
+    record["verlet.peak_square"][:] = seen**2
     record.run(Each(grain_count, verlet.sample))
-    assert record["verlet.peak_deviation"].tolist() == [peak**2, peak**2]
+    assert record["verlet.peak_square"].tolist() == [peak**2, peak**2]
 
 
 MOST, ROW_SUM = 2.0, 3.0
@@ -160,6 +160,6 @@ def test_changes_that_are_not_monitored_add_up(zeta: float, change: float, sampl
 
 def test_step_leaves_its_peaks_for_the_next_list() -> None:
     record = record_with()
-    record["verlet.peak_deviation"][:] = 4.0, 9.0
+    record["verlet.peak_square"][:] = 4.0, 9.0
     record.run(Each(grain_count, verlet.remember))
     assert record["verlet.recent_deviation"].tolist() == [2.0 + UNMONITORED, 3.0 + UNMONITORED]

@@ -21,7 +21,7 @@ def record_with(accelerated: bool = False, **numbers: Any) -> OneRecord:
     record["verlet.reference_velocity"][:], record["verlet.reference_position"][:] = W, X0
     record["grains.position"][:] = STRAIGHT + np.array([3.0, 4.0]) / 8.0
     record["grains.next_velocity"][:] = W + U + np.array([3.0, 4.0])
-    for name in ("peak_deviation", "recent_deviation", "peak_limit"):
+    for name in ("peak_square", "recent_deviation", "peak_limit"):
         record[f"verlet.{name}"][:] = 0.0
     record["verlet.skin"][:] = 1e3
     record.record["tuning"]["rounding"], record.record["tuning"]["reserve"] = ROUNDING, RESERVE
@@ -36,7 +36,7 @@ def record_with(accelerated: bool = False, **numbers: Any) -> OneRecord:
     }
     for name, value in (known | numbers).items():
         record.verlet_numbers[name] = value
-    set_flags(record, list_expired=0, missed=0, bad_grain=-1)
+    set_flags(record, list_expired=0, missed=0, bad_body=-1)
     return record
 
 

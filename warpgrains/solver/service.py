@@ -108,7 +108,7 @@ def _reason(scene: Scene, memory: SceneMemory, outcome: int) -> str:
     """Return the message for the outcome of a failed step."""
     if outcome == NOT_CONVERGED:
         return _not_converged(scene, memory)
-    grain = int(memory.record["verlet"]["flags"]["bad_grain"])
+    grain = int(memory.record["verlet"]["flags"]["bad_body"])
     if grain >= scene.n:
         speed, at = (memory.coordinates(name)[grain - scene.n] for name in ("next_velocity", "position"))
         return (

@@ -134,7 +134,7 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "surface": friction * size.walls,
         },
         "verlet": {
-            **dict.fromkeys(("peak_deviation", "peak_limit", "recent_deviation", "skin"), bodies),
+            **dict.fromkeys(("peak_square", "peak_limit", "recent_deviation", "skin"), bodies),
             **dict.fromkeys(("reference_position", "reference_velocity"), bodies),
         },
         "momentum": {
