@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import warp as wp
+from stages import grains_apart
 
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.solver.buffers import ALIGNMENT, Layout, bytes_needed, fields
+from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.sizes import Sizes
 
 CONTACTS = 11
@@ -24,6 +27,7 @@ def sizes(request: pytest.FixtureRequest) -> Sizes:
         np.array([0, 1, 0, 1]),
         np.array([0, 0, 1, 0]),
         np.array([0, 1, 0, 1]),
+        np.array([0, 5, 0, 0]),
         accelerated,
         friction,
         team,
@@ -52,3 +56,11 @@ def test_every_array_has_a_length(sizes: Sizes) -> None:
     assert (length["grains.spin"] == GRAINS * sizes.friction).all()
     assert (length["contacts.rim_weights"] == CONTACTS * sizes.weighted * sizes.friction).all()
     assert (length["walls.motion"] == [0, 2, 0, 0]).all()
+
+
+def test_every_scene_has_a_history_of_its_own() -> None:
+    records = SceneRecords([grains_apart(3), grains_apart(3)], 1, wp.get_device("cpu"))
+    records.keep_history(1, 7)
+    assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [0, 7]
+    records.keep_history(0, 7)
+    assert [len(records.array(k, "history.zeta")) for k in (0, 1)] == [7, 7]

@@ -106,13 +106,12 @@ def _require_friction(scene: Scene) -> None:
         if not isfinite(scene.surface_speed(wall)):
             raise InputError(f"{name} is {getattr(scene, name)} rad/s: the speed of the wall is not finite")
     if scene.has_friction:
-        inertia = 0.5 * scene.mass * scene.radius**2
-        lost = scene.spin_drag * scene.dt / inertia
+        lost = scene.spin_drag * scene.dt / scene.inertia
         if scene.scheme == "text" and (lost >= 1.0).any():
             raise InputError(
                 f"spin_drag is {scene.spin_drag} kg m2/s: in a step of {scene.dt} s it would reverse the"
                 f" rotation of grain {int(lost.argmax())}; dt must be less than"
-                f' {float(inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
+                f' {float(scene.inertia.min()) / scene.spin_drag} s, or scheme "leapfrog"'
             )
         with np.errstate(over="ignore"):
             too_fast = ~np.isfinite(scene.spin_at_start * scene.radius)

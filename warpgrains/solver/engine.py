@@ -205,7 +205,8 @@ class Engine:
     def tasks(self, threads: int) -> list[Callable[[], None]]:
         """Return one task per thread. A task advances free scenes until none is left.
 
-        The number of tasks of a team is the number of threads that pay off now (pace.py).
+        `threads` counts for scenes that no team shares. A team has a task for each thread that pays off now
+        (pace.py).
         """
         if self._device.is_cuda:
             return [self._work_on_gpu]

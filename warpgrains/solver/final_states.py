@@ -28,7 +28,8 @@ COUNTED = (
     "seconds",
 )
 """Fields of `RunStatistics` that `FinalStates.done` always holds: those that the device counts, and the
-wall time."""
+wall time. The names are those of `last_steps.SUMS`, which commands that only read results do not import: it
+imports Warp."""
 
 
 class StackedGrains(NamedTuple):

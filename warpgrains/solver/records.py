@@ -240,9 +240,11 @@ class SceneRecords:
         SimulationError
             There is not so much memory.
         """
-        if iterations != self.sizes.history:
+        if iterations != self.sizes.history[k]:
             self.pull(k)
-            self._resize(k, replace(self.sizes, history=iterations))
+            history = self.sizes.history.copy()
+            history[k] = iterations
+            self._resize(k, replace(self.sizes, history=history))
 
     def _resize(self, k: int, sizes: Sizes) -> None:
         """Move scene k to a memory block for other sizes."""

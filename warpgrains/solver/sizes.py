@@ -60,11 +60,11 @@ class Sizes:
     mobile: Counts
     driven: Counts
     weighted: Counts
+    history: Counts
     accelerated: int
     friction: int
     team: int
     partials: int
-    history: int = 0
 
     @classmethod
     def first(cls, scenes: Sequence[Scene], team: int, device: wp.Device) -> Sizes:
@@ -80,6 +80,7 @@ class Sizes:
             np.array([any(wall.is_mobile for wall in scene.walls) for scene in scenes], np.int64),
             np.array([scene.has_driven_walls for scene in scenes], np.int64),
             weighted,
+            np.zeros_like(n),
             int(scenes[0].method != "gauss-seidel"),
             int(scenes[0].has_friction),
             team,
@@ -89,7 +90,7 @@ class Sizes:
     def of(self, k: int) -> Sizes:
         """Return the sizes of scene k alone."""
         one = slice(k, k + 1)
-        names = ("grains", "contacts", "walls", "mobile", "driven", "weighted")
+        names = ("grains", "contacts", "walls", "mobile", "driven", "weighted", "history")
         one_of = {name: getattr(self, name)[one] for name in names}
         return replace(self, **one_of)
 
@@ -142,7 +143,8 @@ def lengths(size: Sizes) -> dict[str, Any]:
             "last_dvt": ahead * friction * contacts,
             "last_rim": ahead * friction * n,
             "contact_part": ahead * parts,
-            **dict.fromkeys(("last_velocity", "grain_part"), ahead * bodies),
+            "last_velocity": ahead * bodies,
+            "grain_part": ahead * -(-bodies // CHUNK),
         },
         "working": {
             **dict.fromkeys(("contact", "gap_rate", "index", "dv", "last_dv"), ahead * contacts),

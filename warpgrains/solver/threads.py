@@ -5,9 +5,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from threading import Condition
 
+from warpgrains.scene.checks import MOST_THREADS
+
 GLANCE = 0.1  # seconds between two polls
 GRACE = 0.5  # seconds that tasks have to end after an interrupt, before they are abandoned
-MOST = 1024  # threads at the same time
 
 
 def cores() -> int:
@@ -53,7 +54,7 @@ class _Workers:
 
     def renew(self) -> None:
         """Begin without threads."""
-        self._executor = ThreadPoolExecutor(MOST, "warpgrains")
+        self._executor = ThreadPoolExecutor(MOST_THREADS, "warpgrains")
 
     def submit(self, tasks: _Tasks, first: int = 0) -> list[Future[None]]:
         """Submit the tasks from number `first` on."""

@@ -14,6 +14,7 @@ import warp as wp
 
 from warpgrains.console import start_warp
 from warpgrains.errors import InputError
+from warpgrains.kernels.skins import NARROWEST
 from warpgrains.solver.threads import cores
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ BASE_SKIN = 0.12  # initial skin, in smallest radii: deviation after which a lis
 NO_SKIN = -1.0  # marks a scene without a list: the next step requests one
 RESERVE = 0.1  # in base skins: margin of a skin at the start of the iteration
 MONITOR_THRESHOLD = 0.3  # in base skins: largest deviation in a step without monitoring
-NEAREST = 0.01  # radii per step: half of the narrowest skin (kernels/skins.py)
+NEAREST = 0.5 * NARROWEST.value  # radii per step: half of the narrowest skin
 TILE = {"sequential": 32768, "color": 4096}  # interleaved pairs: many hide latency, few fit in the cache
 HOST_FEW, HOST_MANY = 750.0, 0.15  # the host's solution of a step costs a + b n sweeps
 WAITING = 1.0 / 3.0  # fraction of its time that a team's first thread may wait; above, the team shrinks
