@@ -15,6 +15,7 @@ from recordings import (
     record,
 )
 
+from warpgrains import Disc, Segment
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import (
     COLORMAPS,
@@ -26,6 +27,7 @@ from warpgrains.drawing.colors import (
     linear,
     pressure_scale,
     speed_scale,
+    spin_scale,
 )
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.loads import pressure
@@ -71,6 +73,25 @@ def test_scales_come_from_the_scene():
     thrown = make_scene(gravity=(0, 0), velocity=np.full((5, 2), 3.0))
     assert pressure_scale(thrown) == pytest.approx(3 * 2**0.5 / 0.01 / (2 * np.pi * RADIUS.mean()))
     assert pressure_scale(make_scene(gravity=(0, 0))) == pytest.approx(1 / 0.01**2 / (2 * np.pi))
+
+
+def test_scales_reach_what_walls_inside_give_to_grains_at_rest():
+    at_rest = {"gravity": (0, 0), "friction": 0.3}
+    piston = Segment((-1.0, 1.6), (1.0, 1.6), velocity=(0.3, -0.4))
+    blade = Segment((-1.5, 0.0), (-0.7, 0.0), angular_velocity=-2.0)
+    scene = make_scene(walls=[piston, blade], **at_rest)
+    assert speed_scale(scene) == pytest.approx(2.0 * 0.4)  # of the ends of the blade
+    assert spin_scale(scene) == pytest.approx(0.5 * 0.8 / 0.1)
+    roller = Disc((0.0, 1.6), 0.1, angular_velocity=7.0)
+    assert speed_scale(make_scene(walls=[piston, roller], **at_rest)) == pytest.approx(7.0 * 0.1)
+    smooth = make_scene(walls=[piston, roller], gravity=(0, 0))  # whose spin moves no grain
+    assert speed_scale(smooth) == pytest.approx(0.5)
+    lid = Segment((-1.0, 1.6), (1.0, 1.6), force=-60.0, mass=3.0, friction=0.0)
+    driven = make_scene(walls=[lid], **at_rest)
+    assert speed_scale(driven) == pytest.approx(np.sqrt(2 * 60.0 * 4.0 / (3.0 + 5.0)))
+    assert pressure_scale(driven) == pytest.approx(4 * 60.0 / 2.0)
+    assert ChainScale.of(driven).force == pytest.approx(120 * 2 * RADIUS.mean())
+    assert pressure_scale(driven.replace(gravity=(0, -1000))) == pytest.approx(5 * 1000 / 1.0)
 
 
 def test_neighbours_in_the_palette_differ():

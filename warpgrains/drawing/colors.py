@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -184,9 +185,10 @@ class GrainColors:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return a speed [m/s] that grains may reach: by a fall across the domain, by the pressure, or at a wall.
+    """Return a speed [m/s] that grains may reach: by a fall across the domain, by a force, or at a wall.
 
-    It is no less than that at the start.
+    It is no less than that at the start. A pressure or a force drives its wall across the domain, with all
+    grains.
     """
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
@@ -194,8 +196,16 @@ def speed_scale(scene: Scene) -> float:
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
     out, inside = (scene.surface_speed(wall) for wall in (OUTER, INNER))
-    pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / scene.mass.sum())
-    return max(thrown, float(falling), float(pressed), abs(out), abs(inside))
+    mass = float(scene.mass.sum())
+    pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / mass)
+    found = [thrown, float(falling), float(pressed), abs(out), abs(inside)]
+    for wall in scene.walls:
+        rim = wall.border.radius if wall.border is not None and scene.has_friction else 0.0
+        found.append(wall.motion.largest_speed(wall.farthest(wall.motion.pivot) + rim))
+        if wall.drive is not None:
+            inverse_mass, force, *_ = wall.drive
+            found.append(sqrt(2.0 * abs(force) * scene.annulus.diameter / (1.0 / inverse_mass + mass)))
+    return max(found)
 
 
 def spin_scale(scene: Scene) -> float:
@@ -206,12 +216,13 @@ def spin_scale(scene: Scene) -> float:
 def pressure_scale(scene: Scene) -> float:
     """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
 
-    It is at least four times the pressure on the outer wall. Without both, it is the pressure on a mean grain
-    that is stopped within one step from the scene's largest speed, or if that is zero, from a speed of one
-    radius per step.
+    It is at least four times the pressure on the outer wall, or on a wall that a force drives. Without these,
+    it is the pressure on a mean grain that is stopped within one step from the scene's largest speed, or if
+    that is zero, from a speed of one radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
-    given = 4.0 * abs(scene.pressure or 0.0)
+    driven = [abs(wall.drive[1]) / (2.0 * wall.circle[2]) for wall in scene.walls if wall.drive is not None]
+    given = 4.0 * max([abs(scene.pressure or 0.0), *driven])
     if weight > 0.0 or given > 0.0:
         return max(given, weight / (scene.annulus.depth / 2.0))
     radius = float(scene.radius.mean())
