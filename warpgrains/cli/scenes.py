@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from warpgrains.console import in_columns
 from warpgrains.errors import OutputError
 from warpgrains.files import require_writable_path, write_atomically
+from warpgrains.scene import checks
 from warpgrains.scene.document import Table, parse_toml, read_text, shipped, toml_value
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
@@ -56,10 +57,12 @@ def _first_remark(text: str) -> str:
 
 
 def _read(name: str) -> tuple[str, Table]:
-    """Return the text of a scene's file and its sections, which are known ones with known keys."""
+    """Return the text of a scene's file and its sections, which scene files may have."""
     text = read_text(Path(name), "scene")
     document = parse_toml(text, name)
     section_fields(document)
+    if "layout" in (grains := document.get("grains", {})):
+        checks.one_of("grains.layout", grains["layout"], LAYOUTS)
     return text, document
 
 

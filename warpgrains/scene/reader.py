@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -85,7 +86,7 @@ def section_fields(document: Table) -> Table:
     Raises
     ------
     InputError
-        A section, a key or the layout is unknown, a section is none, or a wall is invalid.
+        A section or a key is unknown, a section is none, or a wall is invalid.
     """
     fields: Table = {"walls": checked_walls("walls", document.get("walls", []))}
     for section, table in document.items():
@@ -97,8 +98,6 @@ def section_fields(document: Table) -> Table:
         if section in SECTIONS:
             _refuse_unknown_keys(section, table, SECTIONS[section])
             fields |= table
-        elif "layout" in table:
-            checks.one_of("grains.layout", table["layout"], LAYOUTS)
     return fields
 
 
@@ -129,9 +128,9 @@ def _grains(table: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...], fol
     return grains
 
 
-def _lay_out(layout: str, parameters: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...]) -> Placement:
+def _lay_out(layout: Any, parameters: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...]) -> Placement:
     """Call a layout with those keys that are its parameters."""
-    function = LAYOUTS[layout]
+    function = LAYOUTS[checks.one_of("grains.layout", layout, LAYOUTS)]
     own = keyword_parameters(function)
     _refuse_unknown_keys("grains", parameters, own, PROPERTIES)
     for name, parameter in own.items():
