@@ -18,9 +18,9 @@ from recordings import (
 from warpgrains import Disc, Segment
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import (
-    COLORMAPS,
     LEVELS,
     PALETTE,
+    QUANTITIES,
     GrainColors,
     colormap,
     encoded,
@@ -38,7 +38,7 @@ FORCES = "/World/Forces"
 HALF_STEP = 0.5 / (LEVELS - 1)  # of a scale
 
 
-@pytest.mark.parametrize("name", sorted(set(COLORMAPS.values())))
+@pytest.mark.parametrize("name", sorted(own.colormap for own in QUANTITIES.values()))
 def test_colormaps_are_those_of_matplotlib(name):
     share = np.linspace(0.0, 1.0, 1001)
     assert np.allclose(colormap(name, share), matplotlib.colormaps[name](share)[:, :3], atol=0.025)
@@ -108,7 +108,9 @@ def test_colors_run_from_nothing_to_the_scale_and_no_further(color_by):
     frame = Frame(scene.position, velocity, *no_contacts(wall))
     colors = GrainColors(scene, color_by)
     assert colors.levels(frame).tolist() == [0, 21, 63, 63, 0]
-    expected = matplotlib.colormaps[COLORMAPS[color_by]](np.array([0.0, 1 / 3, 1.0, 1.0, 0.0]))[:, :3]
+    expected = matplotlib.colormaps[QUANTITIES[color_by].colormap](np.array([0.0, 1 / 3, 1.0, 1.0, 0.0]))[
+        :, :3
+    ]
     assert np.allclose(colors.of(frame), expected, atol=0.025 + HALF_STEP)
 
 

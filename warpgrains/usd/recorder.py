@@ -45,8 +45,7 @@ class Recorder:
     frames_per_second : float
         Requested frames per second of simulated time [1/s], see `FrameTimes`.
     color_by : str
-        Color of the grains: "speed", "pressure", "radius", "palette" or, with friction, "spin" or
-        "mobilized", see `GrainColors`.
+        Color of the grains, see `GrainColors`.
     forces : bool
         Whether to draw force chains, see `ForceChains`.
     draw_as : str
