@@ -13,12 +13,14 @@ from warpgrains.drawing.colors import QUANTITIES, GrainColors, linear
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.stage import PROTOTYPES, bind_material, covering_extent, define_mesh, set_kind, triples
+from warpgrains.usd.stage import bind_material, covering_extent, define_mesh, set_kind, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 GRAINS = Sdf.Path("/World/Grains")
+PROTOTYPES = Sdf.Path("/World/Prototypes")
+"""Prototypes of instanced grains, in a class prim, which is not drawn itself."""
 COLOR_INDICES = "primvars:displayColor:indices"
 
 ORIENTATIONS = "orientations"

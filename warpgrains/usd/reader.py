@@ -19,7 +19,7 @@ from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS
 from warpgrains.usd.output import RECORDED_BY
-from warpgrains.usd.stage import read_walls
+from warpgrains.usd.walls import read_walls
 
 Values = NDArray[Any]
 

@@ -20,7 +20,8 @@ from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.output import lock_output
-from warpgrains.usd.stage import Drawing, MobileWalls, static_layer
+from warpgrains.usd.stage import Drawing, static_layer
+from warpgrains.usd.walls import Walls
 from warpgrains.usd.writer import identity, reopen_log, write_recording
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ class Recorder:
         self.needs_contacts = forces or colors.needs_contacts
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
-        self._drawings: list[Drawing] = [grains, MobileWalls(scene)]
+        self._drawings: list[Drawing] = [grains, Walls(scene)]
         data: dict[str, Any] = {"draw_as": draw_as} | ({"first_step": first_step} if first_step else {})
         if colors.scale is not None:
             data["colors"] = colors.scale.described()
