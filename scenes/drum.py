@@ -13,7 +13,7 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains import analysis
-from warpgrains.drawing.colors import COLORMAPS
+from warpgrains.drawing.colors import QUANTITIES
 from warpgrains.scenes.style import STYLE, WIDTH
 
 DRAGS = (0.05, 0.1, 0.2, 0.4)
@@ -61,7 +61,7 @@ def draw(settled: Sequence[wg.Simulation], path: str) -> None:
         units="xy",
         offsets=first.position,
         offset_transform=drum.transData,
-        cmap=COLORMAPS["pressure"],
+        cmap=QUANTITIES["pressure"].colormap,
     )
     grains.set_array(pressure)
     drum.add_collection(grains)

@@ -9,7 +9,7 @@ little-endian, in the order of the names. The log ends at the first truncated or
 import json
 import os
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 from zlib import crc32
@@ -69,16 +69,18 @@ class FrameLog:
                 " 'warpgrains recover', or delete it"
             )
 
-    def reopen(self, frames: int) -> None:
+    def reopen(self, frames: int, identity: Callable[[str], str]) -> None:
         """Continue an existing log after its first `frames` frames; later frames are dropped.
+
+        `identity` returns the part of the constants that must be the same.
 
         Raises
         ------
         InputError
-            The log has other constants or fewer frames.
+            The log has constants of another identity, or fewer frames.
         """
         reader = LogReader(self.path)
-        if reader.constants != self._constants:
+        if identity(reader.constants) != identity(self._constants):
             raise InputError(
                 f"'{self.path}' holds frames of another scene or of other drawing"
                 " options: use those of the first run, or delete it"

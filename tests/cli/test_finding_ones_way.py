@@ -100,6 +100,28 @@ def test_bad_start_is_one_line(tmp_path, capfd):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("grains = 3", "grains is 3: it must be a section"),
+        ("grains = [{layout = 'rows'}]", "grains is [{'layout': 'rows'}]: it must be a section"),
+        ("grains.layout = [1]", "unknown grains.layout [1]"),
+        ("grains.layout = {}", "unknown grains.layout {}"),
+        ("domain = 3", "domain is 3: it must be a section"),
+        ("domain.radius = 3", "unknown key in [domain] 'radius'"),
+        ("domains.radius = 3", "unknown section 'domains'"),
+        ("walls = 3", "walls is 3: it must be a list of walls"),
+        ("walls = [3]", "walls[0] is 3: it must be a wall"),
+    ],
+)
+def test_a_bad_scene_is_neither_explained_nor_begun_from(tmp_path, capfd, text, message):
+    bad = tmp_path / "bad.toml"
+    bad.write_text(text)
+    for arguments in (["scenes", bad], ["init", tmp_path / "x.toml", "--from", bad]):
+        assert exit_code(*arguments) == 2
+        require_refusal(capfd, message)
+
+
 def test_a_log_has_a_line_now_and_then(capfd, monkeypatch):
     monkeypatch.setattr(console, "BETWEEN_LINES", 0.0)
     with console.progress_bar(100, 20) as bar:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pages import PAGES, ROOT
 
-from warpgrains.drawing.colors import COLORMAPS, colormap
+from warpgrains.drawing.colors import QUANTITIES, colormap
 from warpgrains.pictures.still import FrameArtists
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.scenes import gallery
@@ -83,8 +83,8 @@ def test_a_quantity_has_one_colormap(name, monkeypatch, tmp_path):
     for bar, mapped in bars:
         quantity = bar.ax.get_ylabel().partition(" [")[0]
         shown = mapped.cmap(np.linspace(0.0, 1.0, 5))[:, :3]
-        for other, of in COLORMAPS.items():
-            is_its = np.abs(shown - colormap(of, np.linspace(0.0, 1.0, 5))).max() < 0.03
+        for other, of in QUANTITIES.items():
+            is_its = np.abs(shown - colormap(of.colormap, np.linspace(0.0, 1.0, 5))).max() < 0.03
             assert is_its == (other == quantity), (quantity, other)
 
 

@@ -158,11 +158,20 @@ def test_radii_from_a_file(tmp_path):
         path = tmp_path / "mine.toml"
         path.write_text(SCENE + f'radius = {{file = "{name}"}}\n')
         assert Scene.load(path).radius.tolist() == [0.05, 0.01, 0.02]
-    for bad, complaint in (("no.csv", "cannot be read"), ("x.csv", "has no radii")):
-        (tmp_path / "x.csv").write_text("mass\n1.0\n")
+    (tmp_path / "x.csv").write_text("mass\n1.0\n")
+    (tmp_path / "empty.csv").write_text("radius\n")
+    complaints = {"no.csv": "cannot be read", "x.csv": "has no radii", "empty.csv": "radius is an empty list"}
+    for bad, complaint in complaints.items():
         path.write_text(SCENE + f'radius = {{file = "{bad}"}}\n')
         with pytest.raises(InputError, match=complaint):
             Scene.load(path)
+
+
+@pytest.mark.parametrize("radii", [[0.05], [0.05, 0.01], [0.01, 0.05]])
+def test_a_file_of_few_radii_is_no_range(tmp_path, radii):
+    (tmp_path / "radii.csv").write_text("radius\n" + "\n".join(map(str, radii)) + "\n")
+    (tmp_path / "mine.toml").write_text(SCENE + 'radius = {file = "radii.csv"}\n')
+    assert Scene.load(tmp_path / "mine.toml").radius.tolist() == radii
 
 
 def test_a_sweep_reads_radii_of_a_file(tmp_path):
@@ -173,6 +182,9 @@ def test_a_sweep_reads_radii_of_a_file(tmp_path):
     (tmp_path / "sweep.toml").write_text('scene = "mine.toml"\n[axes]\ngrains.seed = [1, 2]\n')
     for run in Sweep.load(tmp_path / "sweep.toml").runs:
         assert "radius = [0.05, 0.01, 0.02]" in run.text("copies")
+    (tmp_path / "radii.csv").write_text("radius\n0.01\n0.05\n")  # in a run's scene file it would be a range
+    with pytest.raises(InputError, match=r"grains.radius: file 'radii.csv' has two radii"):
+        Sweep.load(tmp_path / "sweep.toml")
 
 
 def test_what_does_not_fit_says_what_would():
@@ -194,6 +206,10 @@ def test_what_does_not_fit_says_what_would():
         ({"radius": 0.1, "count": 3, "packing_fraction": 0.3}, "needs one of"),
         ({"radius": [0.1, 0.1, 0.1], "count": 4}, "is a list of 3"),
         ({"radius": [0.1, 0.1, -0.1]}, "grains.radius of grain 2 is -0.1"),
+        ({"radius": [[0.1], [0.1, 0.2]], "count": 3}, r"grains.radius\[0\] is \[0.1\]: it must be"),
+        ({"radius": [[0.1], [0.1, 0.2], [0.1]]}, "grains.radius is ragged"),
+        ({"radius": []}, "grains.radius is an empty list"),
+        ({"radius": (), "count": 3}, "grains.radius is an empty list"),
         ({"radius": 0.1, "packing_fraction": -0.1}, "packing_fraction is -0.1"),
         ({"radius": 0.1, "packing_fraction": 1e-6}, "one grain of radius 0.1 m fills more"),
         ({"radius": {"distribution": "gamma"}, "count": 3}, "unknown grains.radius.distribution 'gamma'"),

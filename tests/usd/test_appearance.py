@@ -15,17 +15,19 @@ from recordings import (
     record,
 )
 
+from warpgrains import Disc, Segment
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
 from warpgrains.drawing.colors import (
-    COLORMAPS,
     LEVELS,
     PALETTE,
+    QUANTITIES,
     GrainColors,
     colormap,
     encoded,
     linear,
     pressure_scale,
     speed_scale,
+    spin_scale,
 )
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.loads import pressure
@@ -36,7 +38,7 @@ FORCES = "/World/Forces"
 HALF_STEP = 0.5 / (LEVELS - 1)  # of a scale
 
 
-@pytest.mark.parametrize("name", sorted(set(COLORMAPS.values())))
+@pytest.mark.parametrize("name", sorted(own.colormap for own in QUANTITIES.values()))
 def test_colormaps_are_those_of_matplotlib(name):
     share = np.linspace(0.0, 1.0, 1001)
     assert np.allclose(colormap(name, share), matplotlib.colormaps[name](share)[:, :3], atol=0.025)
@@ -73,6 +75,25 @@ def test_scales_come_from_the_scene():
     assert pressure_scale(make_scene(gravity=(0, 0))) == pytest.approx(1 / 0.01**2 / (2 * np.pi))
 
 
+def test_scales_reach_what_walls_inside_give_to_grains_at_rest():
+    at_rest = {"gravity": (0, 0), "friction": 0.3}
+    piston = Segment((-1.0, 1.6), (1.0, 1.6), velocity=(0.3, -0.4))
+    blade = Segment((-1.5, 0.0), (-0.7, 0.0), angular_velocity=-2.0)
+    scene = make_scene(walls=[piston, blade], **at_rest)
+    assert speed_scale(scene) == pytest.approx(2.0 * 0.4)  # of the ends of the blade
+    assert spin_scale(scene) == pytest.approx(0.5 * 0.8 / 0.1)
+    roller = Disc((0.0, 1.6), 0.1, angular_velocity=7.0)
+    assert speed_scale(make_scene(walls=[piston, roller], **at_rest)) == pytest.approx(7.0 * 0.1)
+    smooth = make_scene(walls=[piston, roller], gravity=(0, 0))  # whose spin moves no grain
+    assert speed_scale(smooth) == pytest.approx(0.5)
+    lid = Segment((-1.0, 1.6), (1.0, 1.6), force=-60.0, mass=3.0, friction=0.0)
+    driven = make_scene(walls=[lid], **at_rest)
+    assert speed_scale(driven) == pytest.approx(np.sqrt(2 * 60.0 * 4.0 / (3.0 + 5.0)))
+    assert pressure_scale(driven) == pytest.approx(4 * 60.0 / 2.0)
+    assert ChainScale.of(driven).force == pytest.approx(120 * 2 * RADIUS.mean())
+    assert pressure_scale(driven.replace(gravity=(0, -1000))) == pytest.approx(5 * 1000 / 1.0)
+
+
 def test_neighbours_in_the_palette_differ():
     colors = GrainColors(make_scene(), "palette")
     assert colors.scale is None
@@ -87,7 +108,9 @@ def test_colors_run_from_nothing_to_the_scale_and_no_further(color_by):
     frame = Frame(scene.position, velocity, *no_contacts(wall))
     colors = GrainColors(scene, color_by)
     assert colors.levels(frame).tolist() == [0, 21, 63, 63, 0]
-    expected = matplotlib.colormaps[COLORMAPS[color_by]](np.array([0.0, 1 / 3, 1.0, 1.0, 0.0]))[:, :3]
+    expected = matplotlib.colormaps[QUANTITIES[color_by].colormap](np.array([0.0, 1 / 3, 1.0, 1.0, 0.0]))[
+        :, :3
+    ]
     assert np.allclose(colors.of(frame), expected, atol=0.025 + HALF_STEP)
 
 

@@ -4,14 +4,15 @@ from zipfile import ZipFile
 import numpy as np
 import pytest
 from pxr import Sdf, Usd
-from recordings import grains_of, make_frames, make_scene, points_recorder, record
+from recordings import RADIUS, grains_of, make_frames, make_scene, points_recorder, record
 
+import warpgrains
 from warpgrains import files
 from warpgrains.drawing.frames import Frame
 from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.usd.check import inspect_recording
-from warpgrains.usd.recorder import log_of, recover
+from warpgrains.usd.recorder import Recorder, log_of, recover
 from warpgrains.usd.writer import reopen_log
 
 SUFFIXES = (".usdc", ".usda", ".usdz")
@@ -231,11 +232,47 @@ class TestResume:
         with pytest.raises(InputError, match="holds 6 of the 7 frames"):
             points_recorder(tmp_path / "run.usdc", make_scene(), resume_at=7)
 
-    def test_refuses_a_log_of_another_scene_or_drawing(self, tmp_path):
+    @pytest.mark.parametrize("is_finished", [False, True])
+    def test_continues_what_another_release_began(self, tmp_path, monkeypatch, is_finished):
+        frames, path = make_frames(9), tmp_path / "run.usdc"
+        with monkeypatch.context() as patch:
+            patch.setattr(warpgrains, "__version__", "0.1.9")
+            patch.setattr("warpgrains.usd.stage._SKY", 0.3)  # what is drawn around the grains may change, too
+            if is_finished:
+                record(path, frames[:6], draw_as="discs")
+            else:
+                cut_short(path, frames[:6], draw_as="discs")
+        with points_recorder(path, make_scene(), draw_as="discs", resume_at=5) as recorder:
+            for frame in frames[5:]:
+                recorder.record(Frame(*frame))
+        assert inspect_recording(path) == []
+        assert Usd.Stage.Open(str(path)).GetEndTimeCode() == 8.0
+
+    @pytest.mark.parametrize(
+        ("fields", "options"),
+        [
+            ({"text": "other"}, {}),
+            ({"radius": 1.5 * RADIUS}, {}),
+            ({"mass": 2.0}, {}),
+            ({"drag": 0.1}, {}),
+            ({}, {"color_by": "radius"}),
+            ({}, {"color_by": "palette"}),
+            ({}, {"forces": True}),
+            ({}, {"first_step": 3}),
+            ({}, {"draw_as": "points"}),
+            ({}, {"draw_as": "spheres"}),
+        ],
+    )
+    def test_refuses_a_log_of_another_scene_or_drawing(self, tmp_path, fields, options):
+        cut_short(tmp_path / "run.usdc", make_frames(4), draw_as="discs")
+        options = {"draw_as": "discs"} | options
+        with pytest.raises(InputError, match="holds frames of another scene"):
+            points_recorder(tmp_path / "run.usdc", make_scene(**fields), resume_at=4, **options)
+
+    def test_refuses_a_log_of_another_frame_rate(self, tmp_path):
         cut_short(tmp_path / "run.usdc", make_frames(4))
-        for scene, options in ((make_scene(text="other"), {}), (make_scene(), {"color_by": "radius"})):
-            with pytest.raises(InputError, match="holds frames of another scene"):
-                points_recorder(tmp_path / "run.usdc", scene, resume_at=4, **options)
+        with pytest.raises(InputError, match="holds frames of another scene"):
+            Recorder(tmp_path / "run.usdc", make_scene(), 25, resume_at=4)
 
     def test_refuses_what_is_not_there(self, tmp_path):
         with pytest.raises(InputError, match="does not exist"):

@@ -105,7 +105,8 @@ class TestIndependentReader:
             "high": speed_scale(scene),
         }
         assert read_parameters(kept.pop("parameters"))["dt"] == scene.dt
-        assert kept == {"version": warpgrains.__version__, "name": "example", "scene": scene.text}
+        texts = {"version": warpgrains.__version__, "name": "example", "scene": scene.text}
+        assert kept == {**texts, "draw_as": "points"}
         assert scene.text in stage.doc
 
 

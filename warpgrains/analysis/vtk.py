@@ -11,7 +11,7 @@ import numpy as np
 
 from warpgrains.analysis.recording import Recording
 from warpgrains.arrays import FloatArray
-from warpgrains.drawing.chains import contact_ends, with_walls
+from warpgrains.drawing.chains import contact_ends, contact_normals, with_walls
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
 
@@ -124,7 +124,8 @@ def _polydata(source: Recording, k: int) -> Any:
     pair = with_walls(frame.pair, frame.wall)
     n, between = frame.n, pair[:, 1] >= 0
     wall = pair[~between, 0]
-    touched = contact_ends(frame.scene, frame.position, pair[~between], frame.time)[:, 1]
+    normal = contact_normals(frame.scene, frame.position, pair[~between], frame.time)
+    touched = contact_ends(frame.scene, frame.position, pair[~between], normal)[:, 1]
     pair[~between, 1] = n + np.arange(len(wall))
     points, data = vtkPoints(), vtkPolyData()
     points.SetData(numpy_to_vtk(_in_space(np.concatenate([frame.position, touched])), deep=True))

@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 from warpgrains.console import in_columns
 from warpgrains.errors import OutputError
 from warpgrains.files import require_writable_path, write_atomically
-from warpgrains.scene.document import Table, parse_toml, read_document, read_text, shipped, toml_value
+from warpgrains.scene import checks
+from warpgrains.scene.document import Table, parse_toml, read_text, shipped, toml_value
 from warpgrains.scene.fields import FIELDS, SECTIONS
 from warpgrains.scene.layouts import COMMON, LAYOUTS
-from warpgrains.scene.reader import PROPERTIES, SOURCES, keyword_parameters
+from warpgrains.scene.reader import PROPERTIES, SOURCES, keyword_parameters, section_fields
 from warpgrains.scene.wall_kinds import WALL_KINDS
 
 REQUIRED = object()
@@ -38,7 +39,7 @@ def init(arguments: Namespace) -> bool:
         raise OutputError(f"refusing to overwrite '{path}': choose another name, or delete it")
     require_writable_path("scene", path, ".toml")
     text = f"# A scene to start from, made from {arguments.base}. Try: warpgrains run {path}\n"
-    write_atomically(path, (text + commented(read_document(arguments.base))).encode())
+    write_atomically(path, (text + commented(_read(arguments.base)[1])).encode())
     print(path)
     return False
 
@@ -55,10 +56,19 @@ def _first_remark(text: str) -> str:
     return text.partition("\n")[0].lstrip("# ")
 
 
-def _explained(name: str) -> str:
-    """Return the text of a scene's file and a table of all keys."""
+def _read(name: str) -> tuple[str, Table]:
+    """Return the text of a scene's file and its sections, which scene files may have."""
     text = read_text(Path(name), "scene")
     document = parse_toml(text, name)
+    section_fields(document)
+    if "layout" in (grains := document.get("grains", {})):
+        checks.one_of("grains.layout", grains["layout"], LAYOUTS)
+    return text, document
+
+
+def _explained(name: str) -> str:
+    """Return the text of a scene's file and a table of all keys."""
+    text, document = _read(name)
     width = max(NARROWEST, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
     lines = [text.rstrip(), "", f"{'key':<24}{'unit':<12}{'default':<22}meaning"]
     for key in [*keys(document.get("grains", {}).get("layout")), *wall_keys()]:

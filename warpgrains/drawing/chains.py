@@ -11,7 +11,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.drawing.colors import pressure_scale
 from warpgrains.drawing.frames import Frame
-from warpgrains.scene.geometry import pair_normals
+from warpgrains.scene.geometry import left_of, pair_normals
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -41,7 +41,7 @@ class Chains:
         start, end = self.ends[:, 0], self.ends[:, 1]
         along = end - start
         length = np.hypot(*along.T)[:, np.newaxis]
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.where(length > 0.0, length, 1.0)
+        across = left_of(along) / np.where(length > 0.0, length, 1.0)
         side = 0.5 * self.width[:, np.newaxis] * across
         return np.stack([start - side, end - side, end + side, start + side], axis=1)
 
@@ -80,25 +80,25 @@ def chains_of(scene: Scene, scale: ChainScale, frame: Frame) -> Chains:
     pushes = contacts.force > 0.0
     pair = with_walls(contacts.pair[pushes], wall_contacts.wall)
     force = np.concatenate([contacts.force[pushes], wall_contacts.force])
-    ends = contact_ends(scene, frame.position, pair, frame.time)
+    normal = contact_normals(scene, frame.position, pair, frame.time)
+    ends = contact_ends(scene, frame.position, pair, normal)
     total, tangential = force, np.zeros_like(force)
     if scene.has_friction:
         tangential = np.concatenate([contacts.tangential_force[pushes], wall_contacts.tangential_force])
         total = np.hypot(force, tangential)
-        ends = _turned(scene, frame, pair, ends, np.stack([force, tangential], axis=1))
+        ends = _turned(scene.radius[pair[:, 0]], normal, ends, np.stack([force, tangential], axis=1))
     return Chains(ends, np.minimum(total / scale.force, 1.0) * scale.width, force, tangential, pair)
 
 
-def _turned(scene: Scene, frame: Frame, pair: IntArray, ends: FloatArray, force: FloatArray) -> FloatArray:
+def _turned(radius: FloatArray, normal: FloatArray, ends: FloatArray, force: FloatArray) -> FloatArray:
     """Return segments turned about the contact points into the direction of the forces, (m, 2, 2).
 
-    The forces have a normal and a tangential component [N], shape (m, 2), the first one > 0.
+    `radius` is that of the grains at their starts [m]. The forces have a normal and a tangential component
+    [N], shape (m, 2), the first one > 0.
     """
-    normal = contact_normals(scene, frame.position, pair, frame.time)
-    radius = scene.radius[pair[:, 0], np.newaxis]
-    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    radius = radius[:, np.newaxis]
     along, across = (force / np.hypot(*force.T)[:, np.newaxis]).T[:, :, np.newaxis]
-    direction = along * normal + across * tangent
+    direction = along * normal + across * left_of(normal)
     contact = ends[:, 0] + radius * normal
     beyond = ((ends[:, 1] - contact) * normal).sum(axis=1, keepdims=True)
     return np.stack([contact - radius * direction, contact + beyond * direction], axis=1)
@@ -120,11 +120,11 @@ def contact_normals(scene: Scene, position: FloatArray, pair: IntArray, time: fl
     return normal
 
 
-def contact_ends(scene: Scene, position: FloatArray, pair: IntArray, time: float) -> FloatArray:
+def contact_ends(scene: Scene, position: FloatArray, pair: IntArray, normal: FloatArray) -> FloatArray:
     """Return the ends of contacts [m], (m, 2, 2): a grain's center, and the other center or wall point.
 
-    Walls are where they are at a time [s].
+    `normal` is what `contact_normals` returns.
     """
     i, j = pair.T
-    foot = position[i] + scene.radius[i, np.newaxis] * contact_normals(scene, position, pair, time)
+    foot = position[i] + scene.radius[i, np.newaxis] * normal
     return np.stack([position[i], np.where(j[:, np.newaxis] >= 0, position[np.maximum(j, 0)], foot)], axis=1)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from math import sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,20 +21,6 @@ from warpgrains.scene.walls import INNER, OUTER
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-UNITS = {"radius": "m", "speed": "m/s", "pressure": "N/m", "spin": "rad/s", "mobilized": ""}
-"""Quantities by which grains are colored, and their units."""
-COLORMAPS = {
-    "radius": "plasma",
-    "speed": "viridis",
-    "pressure": "cividis",
-    "spin": "managua",
-    "mobilized": "magma",
-}
-COLORINGS = ("palette", *UNITS)
-OF_FRICTION = ("spin", "mobilized")
-"""Colorings of scenes with friction only."""
-OF_CONTACTS = ("pressure", "mobilized")
-"""Colorings that need the contacts of a frame."""
 LEVELS = 64
 """Number of colors of a scale."""
 
@@ -55,12 +42,32 @@ PALETTE: FloatArray = np.array(
 )
 
 
+class Quantity(NamedTuple):
+    """A quantity by which grains are colored, which recordings also hold as numbers."""
+
+    unit: str
+    """Empty for a pure number."""
+    colormap: str
+    extends: str
+    """Matplotlib's name of the ends of the scale that values may exceed."""
+    ends: Callable[[Scene], tuple[float, float]]
+    """Function that returns the values of the first and last color in a scene."""
+    values: Callable[[Scene, Frame], FloatArray]
+    """Function that returns the value of each grain in a frame, shape (n,)."""
+    changes: bool = True
+    """Whether frames differ in it."""
+    needs_friction: bool = False
+    """Whether only scenes with friction have it."""
+    needs_contacts: bool = False
+    """Whether it follows from the contacts of a frame."""
+
+
 @dataclass(frozen=True)
 class ColorScale:
     """Colors of a quantity, with the same colormap in recordings, pictures, films and windows."""
 
     quantity: str
-    """One of `UNITS`."""
+    """One of `QUANTITIES`."""
     low: float
     """Value of the first color; smaller values have it too."""
     high: float
@@ -69,23 +76,13 @@ class ColorScale:
     @property
     def label(self) -> str:
         """Name and unit of the quantity; a pure number has none."""
-        unit = UNITS[self.quantity]
+        unit = QUANTITIES[self.quantity].unit
         return f"{self.quantity} [{unit}]" if unit else self.quantity
-
-    @property
-    def extends(self) -> str:
-        """Matplotlib's name of the ends of the scale that values may exceed."""
-        return {"radius": "neither", "mobilized": "neither", "spin": "both"}.get(self.quantity, "max")
-
-    @property
-    def colormap(self) -> str:
-        """Name of its colormap."""
-        return COLORMAPS[self.quantity]
 
     def described(self) -> dict[str, str | float]:
         """Return the scale as a recording stores it."""
-        unit = {"unit": UNITS[self.quantity], "colormap": self.colormap}
-        return {"quantity": self.quantity, **unit, "low": self.low, "high": self.high}
+        unit, name, *_ = QUANTITIES[self.quantity]
+        return {"quantity": self.quantity, "unit": unit, "colormap": name, "low": self.low, "high": self.high}
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Self:
@@ -100,28 +97,26 @@ class ColorScale:
 
     def colors(self) -> FloatArray:
         """Colors from low to high (sRGB), shape (64, 3)."""
-        return colormap(self.colormap, np.linspace(0.0, 1.0, LEVELS))
+        return colormap(QUANTITIES[self.quantity].colormap, np.linspace(0.0, 1.0, LEVELS))
 
 
 def colorings(scene: Scene) -> tuple[str, ...]:
     """Return the colorings that a scene has."""
-    return tuple(name for name in COLORINGS if scene.has_friction or name not in OF_FRICTION)
+    found = (name for name, own in QUANTITIES.items() if scene.has_friction or not own.needs_friction)
+    return "palette", *found
 
 
 class GrainColors:
     """Colors of the grains of a scene by a quantity.
 
-    Scales depend only on the scene, so that a color means the same in every frame and after a restart. The
-    largest value is `speed_scale` or `pressure_scale`; radii range from the smallest to the largest, spins
-    from minus to plus `spin_scale`, and mobilized friction (see `mobilized`) from 0 to 1.
+    Scales depend only on the scene, so that a color means the same in every frame and after a restart.
 
     Parameters
     ----------
     scene : Scene
         The scene that is drawn.
     color_by : str
-        "speed", "pressure", "radius"; with friction "spin", "mobilized"; or "palette": arbitrary colors that
-        distinguish neighbors.
+        One of `QUANTITIES`, or "palette": arbitrary colors that distinguish neighbors.
 
     Attributes
     ----------
@@ -141,42 +136,29 @@ class GrainColors:
     """
 
     def __init__(self, scene: Scene, color_by: str) -> None:
-        if isinstance(color_by, str) and color_by in OF_FRICTION and not scene.has_friction:
+        quantity = QUANTITIES.get(color_by) if isinstance(color_by, str) else None
+        if quantity is not None and quantity.needs_friction and not scene.has_friction:
             raise InputError(f"color_by is {color_by!r}: it needs a scene with friction")
         checks.one_of("color_by", color_by, colorings(scene))
-        self._scene, radius = scene, scene.radius
-        self.needs_contacts = color_by in OF_CONTACTS
+        self._scene = scene
+        self.needs_contacts = False
         self.scale: ColorScale | None = None
         self.still: IndexArray | None = None
-        if color_by == "palette":
-            self.still, self.colors = np.arange(len(radius)) % len(PALETTE), PALETTE
+        if quantity is None:
+            self.still, self.colors = np.arange(scene.n) % len(PALETTE), PALETTE
             return
-        if color_by == "radius":
-            self.scale = ColorScale(color_by, float(radius.min()), float(radius.max()))
-            self.still = self.scale.levels(radius)
-        else:
-            largest = _LARGEST[color_by](scene)
-            self.scale = ColorScale(color_by, -largest if color_by == "spin" else 0.0, largest)
+        self.needs_contacts = quantity.needs_contacts
+        self.scale = ColorScale(color_by, *quantity.ends(scene))
         self.colors = self.scale.colors()
+        if not quantity.changes:
+            self.still = self.levels(Frame(scene.position, scene.velocity))
 
     def levels(self, frame: Frame) -> IndexArray:
         """Return the index of the color of each grain in a frame, shape (n,)."""
-        if self.scale is None or self.still is not None:
-            assert self.still is not None
+        if self.still is not None:
             return self.still
-        return self.scale.levels(self._values(frame))
-
-    def _values(self, frame: Frame) -> FloatArray:
-        """Return the quantity of the scale of each grain, shape (n,)."""
         assert self.scale is not None
-        match self.scale.quantity:
-            case "speed":
-                return np.hypot(*frame.velocity.T)
-            case "spin":
-                return frame.rotation()[0]
-            case "mobilized":
-                return mobilized(self._scene, *frame.forces())
-        return pressure(frame, self._scene.radius)
+        return self.scale.levels(QUANTITIES[self.scale.quantity].values(self._scene, frame))
 
     def of(self, frame: Frame) -> FloatArray:
         """Return the colors of the grains in a frame (sRGB), shape (n, 3)."""
@@ -184,9 +166,10 @@ class GrainColors:
 
 
 def speed_scale(scene: Scene) -> float:
-    """Return a speed [m/s] that grains may reach: by a fall across the domain, by the pressure, or at a wall.
+    """Return a speed [m/s] that grains may reach: by a fall across the domain, by a force, or at a wall.
 
-    It is no less than that at the start.
+    It is no less than that at the start. A pressure or a force drives its wall across the domain, with all
+    grains.
     """
     thrown = float(np.hypot(*scene.velocity.T).max())
     gravity = float(np.hypot(*scene.gravity))
@@ -194,8 +177,16 @@ def speed_scale(scene: Scene) -> float:
     if scene.drag > 0.0:
         falling = min(falling, gravity * float(scene.mass.max()) / scene.drag)
     out, inside = (scene.surface_speed(wall) for wall in (OUTER, INNER))
-    pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / scene.mass.sum())
-    return max(thrown, float(falling), float(pressed), abs(out), abs(inside))
+    mass = float(scene.mass.sum())
+    pressed = np.sqrt(2.0 * abs(scene.pressure or 0.0) * scene.area / mass)
+    found = [thrown, float(falling), float(pressed), abs(out), abs(inside)]
+    for wall in scene.walls:
+        rim = wall.border.radius if wall.border is not None and scene.has_friction else 0.0
+        found.append(wall.motion.largest_speed(wall.farthest(wall.motion.pivot) + rim))
+        if wall.drive is not None:
+            inverse_mass, force, *_ = wall.drive
+            found.append(sqrt(2.0 * abs(force) * scene.annulus.diameter / (1.0 / inverse_mass + mass)))
+    return max(found)
 
 
 def spin_scale(scene: Scene) -> float:
@@ -206,12 +197,13 @@ def spin_scale(scene: Scene) -> float:
 def pressure_scale(scene: Scene) -> float:
     """Return a large pressure [N/m]: the weight of all grains on a quarter of the outer diameter.
 
-    It is at least four times the pressure on the outer wall. Without both, it is the pressure on a mean grain
-    that is stopped within one step from the scene's largest speed, or if that is zero, from a speed of one
-    radius per step.
+    It is at least four times the pressure on the outer wall, or on a wall that a force drives. Without these,
+    it is the pressure on a mean grain that is stopped within one step from the scene's largest speed, or if
+    that is zero, from a speed of one radius per step.
     """
     weight = float(scene.mass.sum() * np.hypot(*scene.gravity))
-    given = 4.0 * abs(scene.pressure or 0.0)
+    driven = [abs(wall.drive[1]) / (2.0 * wall.circle[2]) for wall in scene.walls if wall.drive is not None]
+    given = 4.0 * max([abs(scene.pressure or 0.0), *driven])
     if weight > 0.0 or given > 0.0:
         return max(given, weight / (scene.annulus.depth / 2.0))
     radius = float(scene.radius.mean())
@@ -219,12 +211,49 @@ def pressure_scale(scene: Scene) -> float:
     return stopping / (2.0 * np.pi * radius)
 
 
-_LARGEST: dict[str, Callable[[Scene], float]] = {
-    "speed": speed_scale,
-    "pressure": pressure_scale,
-    "spin": spin_scale,
-    "mobilized": lambda scene: 1.0,
+QUANTITIES = {
+    "radius": Quantity(
+        "m",
+        "plasma",
+        "neither",
+        lambda scene: (float(scene.radius.min()), float(scene.radius.max())),
+        lambda scene, frame: scene.radius,
+        changes=False,
+    ),
+    "speed": Quantity(
+        "m/s",
+        "viridis",
+        "max",
+        lambda scene: (0.0, speed_scale(scene)),
+        lambda scene, frame: np.hypot(*frame.velocity.T),
+    ),
+    "pressure": Quantity(
+        "N/m",
+        "cividis",
+        "max",
+        lambda scene: (0.0, pressure_scale(scene)),
+        lambda scene, frame: pressure(frame, scene.radius),
+        needs_contacts=True,
+    ),
+    "spin": Quantity(
+        "rad/s",
+        "managua",
+        "both",
+        lambda scene: (-spin_scale(scene), spin_scale(scene)),
+        lambda scene, frame: frame.rotation()[0],
+        needs_friction=True,
+    ),
+    "mobilized": Quantity(
+        "",
+        "magma",
+        "neither",
+        lambda scene: (0.0, 1.0),
+        lambda scene, frame: mobilized(scene, *frame.forces()),
+        needs_friction=True,
+        needs_contacts=True,
+    ),
 }
+"""The quantities by name."""
 
 
 def colormap(name: str, share: FloatArray) -> FloatArray:

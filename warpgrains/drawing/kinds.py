@@ -6,10 +6,35 @@ from typing import NamedTuple
 from warpgrains.errors import missing_extra
 
 RECORDINGS = (".usdc", ".usda", ".usdz")
-FILMS = (".mp4", ".gif", ".webp")
 STILLS = (".png", ".pdf", ".svg")
 DRAWN_AS = ("points", "discs", "spheres")
 """Forms of the grains in a recording."""
+
+
+class FilmFormat(NamedTuple):
+    """How ffmpeg writes a film, or a file on the way to one."""
+
+    container: str
+    """ffmpeg's name of the file format; without one, it takes %d in a file name for a sequence of images."""
+    encoding: tuple[str, ...] = ()
+    """Codec, format of the pixels, and options; empty if the film needs a palette of all its frames first."""
+    height: int = 400
+    """Of a frame [pixels]."""
+    fastest: float = 50.0
+    """Largest frame rate that browsers play [1/s]."""
+
+
+FILMS = {
+    ".mp4": FilmFormat(
+        "mp4",
+        ("libx264", "yuv420p", "-crf", "18", "-preset", "fast", "-movflags", "+faststart"),
+        height=720,
+        fastest=inf,
+    ),
+    ".gif": FilmFormat("gif"),
+    ".webp": FilmFormat("webp", ("libwebp_anim", "yuv420p", "-lossless", "0", "-q:v", "80", "-loop", "0")),
+}
+"""Formats of films by suffix."""
 
 
 class Kind(NamedTuple):
@@ -31,12 +56,10 @@ class Kind(NamedTuple):
 
 
 RECORDING = Kind("recording", RECORDINGS, continues=True)
-FILM = Kind("film", FILMS, lacks=("draw_as",))
+FILM = Kind("film", tuple(FILMS), lacks=("draw_as",))
 STILL = Kind("still", STILLS, has_frames=False, lacks=("draw_as", "fps"))
 KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.suffixes}
 """Kinds by suffix."""
-FASTEST = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
-"""Largest frame rate that browsers play, by suffix [1/s]."""
 
 
 def require_drawing(what: str, is_film: bool = False) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpgrains.drawing.frames import Frame
-from warpgrains.drawing.kinds import FASTEST, FILMS
+from warpgrains.drawing.kinds import FILMS, FilmFormat
 from warpgrains.files import draft_of, require_writable_path
 from warpgrains.locks import Lock
 from warpgrains.pictures.shots import DrawnOutput, Painter, Setting, Shot, setting_of, shot_of
@@ -27,15 +27,12 @@ from warpgrains.pictures.still import Canvas
 if TYPE_CHECKING:
     from warpgrains.usd.reader import RecordingReader
 
-_FORMATS = {".mp4": "mp4", ".webp": "webp", ".gif": "gif", ".mkv": "matroska", ".png": "image2"}
-"""ffmpeg's names of the file formats; without one, it takes %d in a file name for a sequence of images."""
-_CODECS = {
-    ".mp4": ("libx264", "yuv420p", ["-crf", "18", "-preset", "fast", "-movflags", "+faststart"]),
-    ".webp": ("libwebp_anim", "yuv420p", ["-lossless", "0", "-q:v", "80", "-loop", "0"]),
-    ".mkv": ("libx264rgb", "rgb24", ["-crf", "0", "-preset", "ultrafast"]),
+_FORMATS = FILMS | {
+    ".mkv": FilmFormat("matroska", ("libx264rgb", "rgb24", "-crf", "0", "-preset", "ultrafast")),
+    ".png": FilmFormat("image2"),
 }
+"""Formats of films, and of the lossless film and the palette that precede one with a palette."""
 _SOURCE = re.compile(r"^(\[[^]]*\] )+")  # prefix of an error message: the part of ffmpeg that reports it
-_HEIGHTS = {".mp4": 720, ".gif": 400, ".webp": 400}  # pixels
 _PALETTE = "palettegen=stats_mode=full"
 _WITH_PALETTE = "paletteuse=dither=none:diff_mode=rectangle"
 
@@ -55,7 +52,7 @@ class Encoding:
         self._complaints = TemporaryFile()  # noqa: SIM115  # open until the process ends
         program = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error"]
         self._process = subprocess.Popen(
-            [*program, *arguments, "-f", _FORMATS[output.suffix], f"file:{output}"],
+            [*program, *arguments, "-f", _FORMATS[output.suffix].container, f"file:{output}"],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._complaints,
@@ -105,7 +102,7 @@ class Encoding:
 
 def encoding_of_frames(output: Path, shape: tuple[int, ...], rate: float) -> Encoding:
     """Return an encoding of frames of shape (height, width, 3); `rate` is in frames per second [1/s]."""
-    codec, colors, options = _CODECS[output.suffix]
+    codec, colors, *options = _FORMATS[output.suffix].encoding
     height, width = shape[:2]
     frames = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}"]
     # codecs require even widths and heights
@@ -129,10 +126,10 @@ class FilmWriter:
 
     def __init__(self, path: Path, setting: Setting, rate: float) -> None:
         self._path, self._rate = path, rate
-        self._canvas = Canvas(setting, _HEIGHTS[path.suffix])
+        self._canvas = Canvas(setting, FILMS[path.suffix].height)
         self._folder = TemporaryDirectory(dir=path.parent, prefix=".film.")
-        is_gif = path.suffix == ".gif"  # its palette depends on all frames
-        self._encoded = Path(self._folder.name) / "film.mkv" if is_gif else path
+        has_palette = not FILMS[path.suffix].encoding
+        self._encoded = Path(self._folder.name) / "film.mkv" if has_palette else path
         self._encoder: Encoding | None = None
         self.frames = 0
 
@@ -173,7 +170,7 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
         It cannot be written there. It is an `OutputError` if another process writes it.
     """
     require_writable_path("film", output, *FILMS)
-    frames = range(0, len(reader.time), max(1, ceil(reader.rate / FASTEST[output.suffix])))
+    frames = range(0, len(reader.time), max(1, ceil(reader.rate / FILMS[output.suffix].fastest)))
     with (
         Lock(output),
         draft_of(output) as draft,

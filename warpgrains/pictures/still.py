@@ -18,7 +18,7 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale
-from warpgrains.drawing.colors import ColorScale, mark_color
+from warpgrains.drawing.colors import QUANTITIES, ColorScale, mark_color
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.kinds import STILLS
 from warpgrains.drawing.shapes import WALL_COLOR, marks
@@ -103,7 +103,7 @@ def _outline(wall: Band) -> Path:
 def add_color_bar(figure: Figure | SubFigure, axes: Any, scale: ColorScale) -> None:
     """Draw the colors of a scale next to axes, with its unit and range."""
     mapped = ScalarMappable(Normalize(scale.low, scale.high), ListedColormap(scale.colors()))
-    bar = figure.colorbar(mapped, ax=axes, extend=scale.extends, **_BAR)
+    bar = figure.colorbar(mapped, ax=axes, extend=QUANTITIES[scale.quantity].extends, **_BAR)
     bar.set_label(scale.label)
     bar.outline.set_linewidth(0.5)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.geometry import Circle
+from warpgrains.scene.geometry import Circle, left_of
 from warpgrains.scene.motion import Pose
 
 _WALL_SEGMENTS = 256
@@ -50,11 +50,6 @@ def ring(border: Circle, thickness: float) -> Band:
     return Band(first, second, is_closed=True)
 
 
-def bar(start: tuple[float, float], end: tuple[float, float], thickness: float) -> Band:
-    """Return the band of this thickness [m] about a segment, with round ends."""
-    return strip(np.array([start, end]), thickness)
-
-
 def strip(line: FloatArray, thickness: float) -> Band:
     """Return the band of this thickness [m] about a line of points [m], shape (k, 2), with round ends."""
     along = np.diff(line, axis=0)
@@ -65,5 +60,5 @@ def strip(line: FloatArray, thickness: float) -> Band:
     ahead, aside = np.sin(angle), np.cos(angle)
     middle = np.concatenate([line[:1] - ahead[::-1] * along[0], line[1:-1], line[-1:] + ahead * along[-1]])
     along = np.concatenate([aside[::-1] * along[0], along[1:-1], aside * along[-1]])
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    across = left_of(along)
     return Band(middle + across, middle - across, is_closed=False)

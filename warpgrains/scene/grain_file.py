@@ -41,8 +41,8 @@ def is_file_of_radii(radius: Any) -> bool:
     return isinstance(radius, dict) and "file" in radius
 
 
-def read_radii(folder: Path, table: dict[str, Any]) -> list[float]:
-    """Read the radii of the file that ``{file = NAME}`` names; its other columns are ignored.
+def read_radii(folder: Path, table: dict[str, Any]) -> FloatArray:
+    """Read the radii [m] of the file that ``{file = NAME}`` names; its other columns are ignored.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def read_radii(folder: Path, table: dict[str, Any]) -> list[float]:
     grains = _read(folder, table["file"])
     if "radius" not in grains:
         raise InputError(f"grains.radius: file {table['file']!r} has no radii")
-    return checks.positive_per_grain("radius", grains["radius"], np.size(grains["radius"])).tolist()
+    return checks.positive_per_grain("radius", grains["radius"], np.size(grains["radius"]))
 
 
 def _read(folder: Path, name: Any) -> dict[str, FloatArray]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrains.arrays import FloatArray
+from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.obstacle import Obstacle
@@ -235,8 +235,8 @@ def _spacing(value: Any) -> float:
     return spacing
 
 
-def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> Any:
-    """Yield the number of grains per row until `count` are placed.
+def _fitting_widths(count: int, reach: float, lowest: float, pitch: float) -> IndexArray:
+    """Return the numbers of grains of the rows that place `count` grains.
 
     Rows are `pitch` apart, with centers within `reach` of the origin.
     """

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
+from warpgrains.scene.geometry import left_of
 
 Vector = tuple[float, float]
 
@@ -69,7 +70,7 @@ class Motion(NamedTuple):
         if self.duration(time) - self.duration(time - dt) <= 0.5 * dt:
             return np.zeros_like(points)
         arm = points - np.add(self.pivot, np.multiply(self.velocity, self.duration(time)))
-        return np.array(self.velocity) + self.angular_velocity * np.stack([-arm[:, 1], arm[:, 0]], axis=1)
+        return np.array(self.velocity) + self.angular_velocity * left_of(arm)
 
     def largest_speed(self, distance: float) -> float:
         """Return the largest speed of points within a distance [m] of the pivot [m/s]."""

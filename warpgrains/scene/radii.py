@@ -30,9 +30,12 @@ LEAST_KEPT = 1e-3  # smallest accepted fraction of draws between the bounds
 
 
 def listed_radii(radius: Any) -> FloatArray | None:
-    """Return the radii [m] if they are listed, that is as a list of one or of more than two numbers."""
-    if not isinstance(radius, list | tuple | np.ndarray) or np.ndim(radius) == 0 or len(radius) == 2:
+    """Return the radii [m] if they are listed: as an array, or a list that is not a pair of bounds."""
+    is_array = isinstance(radius, np.ndarray) and radius.ndim > 0
+    if not is_array and (not isinstance(radius, list | tuple) or len(radius) == 2):
         return None
+    if len(radius) == 0:
+        raise InputError("grains.radius is an empty list: it must hold at least one radius")
     return checks.positive_per_grain("grains.radius", radius, len(radius))
 
 

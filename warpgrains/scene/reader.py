@@ -70,15 +70,7 @@ def document_fields(document: Table, folder: Path) -> Table:
     InputError
         A section or a key is unknown or missing, or the grains do not fit.
     """
-    document = dict(document)
-    fields: Table = {"walls": checked_walls("walls", document.pop("walls", []))}
-    for section, table in document.items():
-        _require_section(section)
-        if not isinstance(table, dict):
-            raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
-    for section, known in SECTIONS.items():
-        _refuse_unknown_keys(section, document.get(section, {}), known)
-        fields |= document.get(section, {})
+    fields = section_fields(document)
     if "radius_out" not in fields:
         raise InputError("domain.radius_out is missing")
     if "grains" not in document:
@@ -86,6 +78,27 @@ def document_fields(document: Table, folder: Path) -> Table:
     annulus = Annulus.checked(fields.get("radius_in", 0.0), fields["radius_out"])
     annulus.require_size()
     return fields | _grains(document["grains"], annulus, fields["walls"], folder)
+
+
+def section_fields(document: Table) -> Table:
+    """Return the fields of all sections of a document but `[grains]`, without their checks, and the walls.
+
+    Raises
+    ------
+    InputError
+        A section or a key is unknown, a section is none, or a wall is invalid.
+    """
+    fields: Table = {"walls": checked_walls("walls", document.get("walls", []))}
+    for section, table in document.items():
+        if section == "walls":
+            continue
+        _require_section(section)
+        if not isinstance(table, dict):
+            raise InputError(f"{section} is {table!r}: it must be a section, [{section}]")
+        if section in SECTIONS:
+            _refuse_unknown_keys(section, table, SECTIONS[section])
+            fields |= table
+    return fields
 
 
 def _grains(table: Table, annulus: Annulus, obstacles: tuple[Obstacle, ...], folder: Path) -> Table:

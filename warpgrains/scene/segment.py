@@ -10,7 +10,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
-from warpgrains.scene.band import Band, bar
+from warpgrains.scene.band import Band, strip
 from warpgrains.scene.obstacle import Obstacle, ThinWall, kind_of_wall
 
 
@@ -115,4 +115,4 @@ class Segment(ThinWall):
 
     def drawn(self, thickness: float) -> Band:
         """Return the drawing of the segment, half as thick as a circle, because grains touch both sides."""
-        return bar(self.start, self.end, 0.5 * thickness)
+        return strip(np.array([self.start, self.end]), 0.5 * thickness)

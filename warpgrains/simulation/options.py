@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from warpgrains.described import described, described_fields
-from warpgrains.drawing.kinds import DRAWN_AS, FASTEST, FILM, KINDS, RECORDING, STILL, Kind
+from warpgrains.drawing.kinds import DRAWN_AS, FILM, FILMS, KINDS, RECORDING, STILL, Kind
 from warpgrains.errors import InputError
 from warpgrains.files import resolve_link
 from warpgrains.scene import checks
@@ -139,7 +139,8 @@ class RunOptions:
     @property
     def rate(self) -> float:
         """Requested frames per second of simulated time [1/s], limited by what the file can store."""
-        return min(self.fps, FASTEST.get(Path(self.record or "").suffix, self.fps))
+        film = FILMS.get(Path(self.record or "").suffix)
+        return self.fps if film is None else min(self.fps, film.fastest)
 
     def _require_effect(self, kind: Kind) -> None:
         """Raise InputError for options that have no effect on this kind of output."""

@@ -192,7 +192,13 @@ def _bases(
         toml_value(path.stem)  # a cell of the tables: it must be text
         grains = _table("grains", sections.get("grains", {}))
         if is_file_of_radii(grains.get("radius")):
-            grains["radius"] = read_radii(path.parent, grains["radius"])
+            radii = read_radii(path.parent, grains["radius"]).tolist()
+            if len(radii) == 2:
+                raise InputError(
+                    f"grains.radius: file {grains['radius']['file']!r} has two radii, which runs of a sweep"
+                    " cannot list: in their scene files, two numbers are the bounds of a distribution"
+                )
+            grains["radius"] = radii
         name = grains.get("file")
         names = lists.get("grains.file", [] if name is None else [name])
         yield BaseScene(path.stem, sections, {name: _grain_file(path.parent, name) for name in names})

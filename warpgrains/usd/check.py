@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from warpgrains.usd.forces import FORCES, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, quaternions
 from warpgrains.usd.reader import Values, open_recording, refusing_untrusted_content, values_of
-from warpgrains.usd.stage import WALLS
+from warpgrains.usd.walls import WALLS
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
 

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.drawing.colors import GrainColors, linear
+from warpgrains.drawing.colors import QUANTITIES, GrainColors, linear
 from warpgrains.drawing.frames import Frame
-from warpgrains.drawing.loads import mobilized, pressure
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.stage import PROTOTYPES, bind_material, covering_extent, define_mesh, set_kind, triples
+from warpgrains.usd.stage import bind_material, covering_extent, define_mesh, set_kind, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 GRAINS = Sdf.Path("/World/Grains")
+PROTOTYPES = Sdf.Path("/World/Prototypes")
+"""Prototypes of instanced grains, in a class prim, which is not drawn itself."""
 COLOR_INDICES = "primvars:displayColor:indices"
-ROTATION = ("spin", "angle")
-"""Primvars of grains that rotate: angular velocity [rad/s], and angle since the start [rad]."""
 
 ORIENTATIONS = "orientations"
 """The attribute of instances that rotate: quaternions of half precision, the real part last in NumPy."""
@@ -34,8 +33,8 @@ class GrainPoints:
     """Grains as `UsdGeom.Points`; their `widths` are diameters.
 
     Attributes are ids, velocities and colors (an indexed primvar: a table, and an index per grain). Further
-    primvars hold mass [kg], speed [m/s], pressure [N/m] if frames have contacts, and the radius [m] if grains
-    are colored by it; with friction also `ROTATION`, and mobilized friction if frames have contacts.
+    primvars hold the mass [kg], the angle [rad] with friction, and all of `QUANTITIES` that frames have; the
+    radius [m] only if grains are colored by it.
 
     Parameters
     ----------
@@ -54,7 +53,14 @@ class GrainPoints:
         self._scene = scene
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
-        self._colors, self._has_contacts, self._rotates = colors, has_contacts, scene.has_friction
+        self._colors, self._rotates = colors, scene.has_friction
+        self._values = {
+            name: own.values
+            for name, own in QUANTITIES.items()
+            if own.changes
+            and (has_contacts or not own.needs_contacts)
+            and (self._rotates or not own.needs_friction)
+        }
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim and all attributes that are the same in all frames."""
@@ -71,33 +77,33 @@ class GrainPoints:
         color.CreateIndicesAttr()
         mass = primvars.CreatePrimvar("mass", types.DoubleArray, vertex)
         mass.Set(Vt.DoubleArray.FromNumpy(self._scene.mass))
-        carried = ["pressure"] + ["mobilized"] * self._rotates if self._has_contacts else []
-        for name in ["speed", *carried, *(ROTATION if self._rotates else ())]:
+        for name in [*self._values, *(["angle"] if self._rotates else [])]:
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
-        if self._colors.scale is not None and self._colors.scale.quantity == "radius":
-            radius = primvars.CreatePrimvar("radius", types.FloatArray, vertex)
-            radius.Set(self._scene.radius.astype(np.float32))
         if self._colors.still is not None:
+            if self._colors.scale is not None:
+                name, at_start = (
+                    self._colors.scale.quantity,
+                    Frame(self._scene.position, self._scene.velocity),
+                )
+                values = QUANTITIES[name].values(self._scene, at_start).astype(np.float32)
+                primvars.CreatePrimvar(name, types.FloatArray, vertex).Set(values)
             for name, value in self._color(self._colors.still).items():
                 prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(value))
 
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
-        shown = triples(frame.position)
-        values = {
+        shown, scale = triples(frame.position), self._colors.scale
+        found = {name: values(self._scene, frame) for name, values in self._values.items()}
+        values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width),
             "velocities": triples(frame.velocity),
-            "primvars:speed": np.hypot(*frame.velocity.T).astype(np.float32),
+            **{f"primvars:{name}": value.astype(np.float32) for name, value in found.items()},
         }
-        if self._has_contacts:
-            values["primvars:pressure"] = pressure(frame, self._scene.radius).astype(np.float32)
-            if self._rotates:
-                values["primvars:mobilized"] = mobilized(self._scene, *frame.forces()).astype(np.float32)
         if self._rotates:
-            values |= self._rotation(frame)
-        if self._colors.still is None:
-            values |= self._color(self._colors.levels(frame))
+            values |= self._rotation(frame.rotation()[1])
+        if scale is not None and scale.quantity in found:
+            values |= self._color(scale.levels(found[scale.quantity]))
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
     def _define_prim(self, stage: Usd.Stage) -> Usd.Prim:
@@ -110,10 +116,9 @@ class GrainPoints:
         bind_material(grains.GetPrim())
         return grains.GetPrim()
 
-    def _rotation(self, frame: Frame) -> dict[str, NDArray[np.float32]]:
-        """Return the attributes that give the rotation."""
-        values = zip(ROTATION, frame.rotation(), strict=True)
-        return {f"primvars:{name}": value.astype(np.float32) for name, value in values}
+    def _rotation(self, angle: FloatArray) -> dict[str, NDArray[np.float32]]:
+        """Return the attributes that hold the angles [rad]."""
+        return {"primvars:angle": angle.astype(np.float32)}
 
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
         """Return the attributes that hold the colors, int32, shape (n,)."""
@@ -151,8 +156,8 @@ class GrainInstances(GrainPoints):
             grains.CreateOrientationsAttr()
         return grains.GetPrim()
 
-    def _rotation(self, frame: Frame) -> dict[str, NDArray[np.float32]]:
-        return super()._rotation(frame) | {ORIENTATIONS: quaternions(frame.rotation()[1])}
+    def _rotation(self, angle: FloatArray) -> dict[str, NDArray[np.float32]]:
+        return super()._rotation(angle) | {ORIENTATIONS: quaternions(angle)}
 
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
         return super()._color(levels) | {"protoIndices": (levels // self._shared).astype(np.int32)}

@@ -17,11 +17,13 @@ from warpgrains.scene import checks
 from warpgrains.scene.band import Band
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
-from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ROTATION
+from warpgrains.usd.grains import COLOR_INDICES, GRAINS
 from warpgrains.usd.output import RECORDED_BY
-from warpgrains.usd.stage import read_walls
+from warpgrains.usd.walls import read_walls
 
 Values = NDArray[Any]
+
+_ROTATION = ("spin", "angle")
 
 
 class RecordingReader:
@@ -101,13 +103,13 @@ class RecordingReader:
     @property
     def has_rotation(self) -> bool:
         """True if spin and angle of the grains were recorded, as in every scene with friction."""
-        return all(self._prim.HasAttribute(f"primvars:{name}") for name in ROTATION)
+        return all(self._prim.HasAttribute(f"primvars:{name}") for name in _ROTATION)
 
     def rotation(self, frame: int) -> tuple[FloatArray, FloatArray]:
         """Return spin [rad/s] and angle [rad] of the grains, shape (n,) each; 0 without friction."""
         if not self.has_rotation:
             return np.zeros(len(self.radius)), np.zeros(len(self.radius))
-        spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in ROTATION)
+        spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in _ROTATION)
         return _values(spin, self._codes[frame]), _values(angle, self._codes[frame])
 
     def color(self, frame: int) -> FloatArray:

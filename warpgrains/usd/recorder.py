@@ -20,8 +20,9 @@ from warpgrains.scene import checks
 from warpgrains.usd.forces import ForceChains
 from warpgrains.usd.grains import GrainInstances, GrainPoints
 from warpgrains.usd.output import lock_output
-from warpgrains.usd.stage import Drawing, MobileWalls, static_layer
-from warpgrains.usd.writer import reopen_log, write_recording
+from warpgrains.usd.stage import Drawing, static_layer
+from warpgrains.usd.walls import Walls
+from warpgrains.usd.writer import identity, reopen_log, write_recording
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -45,8 +46,7 @@ class Recorder:
     frames_per_second : float
         Requested frames per second of simulated time [1/s], see `FrameTimes`.
     color_by : str
-        Color of the grains: "speed", "pressure", "radius", "palette" or, with friction, "spin" or
-        "mobilized", see `GrainColors`.
+        Color of the grains, see `GrainColors`.
     forces : bool
         Whether to draw force chains, see `ForceChains`.
     draw_as : str
@@ -93,8 +93,8 @@ class Recorder:
         self.needs_contacts = forces or colors.needs_contacts
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
-        self._drawings: list[Drawing] = [grains, MobileWalls(scene)]
-        data: dict[str, Any] = {"first_step": first_step} if first_step else {}
+        self._drawings: list[Drawing] = [grains, Walls(scene)]
+        data: dict[str, Any] = {"draw_as": draw_as} | ({"first_step": first_step} if first_step else {})
         if colors.scale is not None:
             data["colors"] = colors.scale.described()
         if forces:
@@ -194,7 +194,7 @@ class Recorder:
         if is_joined:
             reopen_log(self.path, self.log)
         try:
-            self._frames.reopen(frames)
+            self._frames.reopen(frames, identity)
         except InputError:
             if is_joined:
                 self.log.unlink()

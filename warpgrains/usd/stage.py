@@ -13,18 +13,14 @@ import warpgrains
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import linear, mark_color
 from warpgrains.drawing.frames import Frame
-from warpgrains.drawing.shapes import WALL_COLOR, Shape, drawn_walls, moved_walls, wall_mesh
+from warpgrains.drawing.shapes import Shape, drawn_walls
 from warpgrains.frame_log import Arrays
-from warpgrains.scene.band import Band
 from warpgrains.scene.document import parameters_text
 from warpgrains.usd.output import RECORDED_BY
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
-PROTOTYPES = Sdf.Path("/World/Prototypes")
-"""Prototypes of instanced grains, in a class prim, which is not drawn itself."""
-WALLS = Sdf.Path("/World/Walls")
 MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
 CAMERA = Sdf.Path("/World/main_cam")
 """Name by which usdview and usdrecord select the camera."""
@@ -162,46 +158,6 @@ def _define_camera(stage: Usd.Stage, shown: float) -> None:
     camera.CreateHorizontalApertureAttr(_APERTURE)
     camera.CreateVerticalApertureAttr(_APERTURE * (1.0 + 1e-6))
     camera.CreateClippingRangeAttr(Gf.Vec2f(0.01 * distance, 10.0 * distance))
-
-
-def _define_walls(stage: Usd.Stage, scene: Scene) -> None:
-    """Author the prims of the walls, which lie outside the space of the grains."""
-    set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
-    for name, wall in drawn_walls(scene).items():
-        define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
-
-
-class MobileWalls:
-    """The mobile walls: points and extents of their meshes."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene, self._names = scene, list(drawn_walls(scene))
-
-    def define(self, stage: Usd.Stage) -> None:
-        """Author the walls, completely if they are not mobile."""
-        _define_walls(stage, self._scene)
-
-    def samples(self, frame: Frame) -> Arrays:
-        """Return the values of the animated attributes for a frame."""
-        values: dict[str, NDArray[Any]] = {}
-        for k, wall in moved_walls(self._scene, frame.time, frame.places).items():
-            shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(self._names[k])
-            values[f"{path}.points"] = shown
-            values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))
-        return values
-
-
-def read_walls(stage: Usd.Stage, code: float = 0.0, *, only_mobile: bool = False) -> dict[int, Band]:
-    """Return the walls as drawn at a time code, or only the mobile ones, by their index among all."""
-    prims = enumerate(stage.GetPrimAtPath(WALLS).GetChildren())
-    mobile = (lambda prim: prim.GetAttribute("points").GetNumTimeSamples() > 0) if only_mobile else bool
-    return {k: _read_wall(prim, code) for k, prim in prims if mobile(prim)}
-
-
-def _read_wall(wall: Usd.Prim, code: float) -> Band:
-    points, counts = (np.array(wall.GetAttribute(name).Get(code)) for name in ("points", "faceVertexCounts"))
-    first, second = np.split(points[:, :2].astype(np.float64), 2)
-    return Band(first, second, is_closed=len(counts) == len(first))
 
 
 def triples(values: NDArray[Any]) -> NDArray[np.float32]:

@@ -16,6 +16,8 @@ from pxr import Sdf, Tf, UsdUtils, Work
 from warpgrains.errors import InputError
 from warpgrains.files import draft_of, draft_path, publish, resolve_link
 from warpgrains.frame_log import FrameLog, LogReader
+from warpgrains.usd.grains import GRAINS
+from warpgrains.usd.output import RECORDED_BY
 
 _SAVED_AT_ONCE = 28e6  # bytes of frames between two saves of the file
 _PACKED = time.mktime((1980, 1, 1, 0, 0, 0, 0, 1, -1))  # of every package, so that its bytes repeat
@@ -76,6 +78,23 @@ def reopen_log(recording: Path, log: Path) -> None:
         for code in flat.ListAllTimeSamples():
             frames.append({str(path): _sample(flat, path, code) for path in animated})
         frames.close()
+
+
+def identity(constants: str) -> str:
+    """Return the constants of a log that identify its recording.
+
+    They are the scene, the frame rate, and what the grains look like, but neither the release nor, for
+    example, the lights.
+    """
+    flat, own = (Sdf.Layer.CreateAnonymous(".usda") for _ in range(2))
+    flat.ImportFromString(constants)
+    data = dict(flat.customLayerData.get(RECORDED_BY, {}))
+    data.pop("version", None)
+    own.customLayerData, own.timeCodesPerSecond = data, flat.timeCodesPerSecond
+    if flat.GetPrimAtPath(GRAINS):
+        Sdf.CreatePrimInLayer(own, GRAINS)
+        Sdf.CopySpec(flat, GRAINS, own, GRAINS)
+    return str(own.ExportToString())
 
 
 def _sample(flat: Sdf.Layer, path: Sdf.Path, code: float) -> NDArray[Any]:

@@ -1,0 +1,54 @@
+"""Walls in a recording: meshes, some of which move, and their reader."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Sdf, Usd, UsdGeom
+
+from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.shapes import WALL_COLOR, drawn_walls, moved_walls, wall_mesh
+from warpgrains.frame_log import Arrays
+from warpgrains.scene.band import Band
+from warpgrains.usd.stage import covering_extent, define_mesh, set_kind
+
+if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
+
+WALLS = Sdf.Path("/World/Walls")
+
+
+class Walls:
+    """The walls, which lie outside the space of the grains. Frames hold points and extents of mobile ones."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self._drawn = scene, drawn_walls(scene)
+
+    def define(self, stage: Usd.Stage) -> None:
+        """Author the prims, completely if the walls are not mobile."""
+        set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
+        for name, wall in self._drawn.items():
+            define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
+
+    def samples(self, frame: Frame) -> Arrays:
+        """Return the values of the animated attributes for a frame."""
+        names, values = list(self._drawn), dict[str, NDArray[np.float32]]()
+        for k, wall in moved_walls(self._scene, frame.time, frame.places).items():
+            shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(names[k])
+            values[f"{path}.points"] = shown
+            values[f"{path}.extent"] = covering_extent(shown, np.zeros(len(shown)))
+        return values
+
+
+def read_walls(stage: Usd.Stage, code: float = 0.0, *, only_mobile: bool = False) -> dict[int, Band]:
+    """Return the walls as drawn at a time code, or only the mobile ones, by their index among all."""
+    found = {}
+    for k, wall in enumerate(stage.GetPrimAtPath(WALLS).GetChildren()):
+        points = wall.GetAttribute("points")
+        if not only_mobile or points.GetNumTimeSamples() > 0:
+            first, second = np.split(np.array(points.Get(code))[:, :2].astype(np.float64), 2)
+            quads = len(wall.GetAttribute("faceVertexCounts").Get(code))
+            found[k] = Band(first, second, is_closed=quads == len(first))
+    return found
