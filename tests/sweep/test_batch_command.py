@@ -113,7 +113,7 @@ class TestResults:
         assert kept.statistics.seconds > 0.0
         assert table(out / "timing.csv")[0]["seconds"] == f"{kept.statistics.seconds:.3f}"
 
-    @pytest.mark.parametrize("options", [(), ("--folders",)])
+    @pytest.mark.parametrize("options", [(), ("--folders",), ("--usd",)])
     def test_runs_that_do_not_fit_in_memory(self, tmp_path, done, monkeypatch, options):
         def require_memory(needed, grains, device):
             if grains == 15:
@@ -124,6 +124,7 @@ class TestResults:
         found, others = table(tmp_path / "out" / "results.csv"), table(done / "results.csv")
         assert [row["error"] for row in found if row["run"] in "15"] == ["15 grains are too many"] * 2
         assert found[::2] == others[::2]
+        assert not list(tmp_path.rglob("*.frames"))
 
     def test_summary(self, tmp_path, capfd):
         sweep = write(tmp_path, SMALL.replace("100.0, ", ""))

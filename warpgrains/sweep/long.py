@@ -101,9 +101,10 @@ class LongRun(OpenRun):
         self.folder.save_checkpoint(self.checkpoint(self.state))
 
     def complete(self) -> str | None:
-        """Complete the recording; return the reason if that fails."""
+        """Complete the recording, or discard one without frames; return the reason if that fails."""
+        failed = None if self.error is None or self.statistics.frames else SimulationError(self.error)
         try:
-            self._outputs.close()
+            self._outputs.__exit__(None if failed is None else type(failed), failed, None)
         except OSError as error:
             return str(error)
         return None
