@@ -1,5 +1,9 @@
 """`warpgrains batch`: every run as if done alone."""
 
+import pickle
+import subprocess
+import sys
+
 import lightusd
 import numpy as np
 import pytest
@@ -156,6 +160,34 @@ class TestResults:
         for name in places:
             (tmp_path / f"{name}.npz").unlink()
         assert Scene.load(tmp_path / "moved" / "runs" / "00001" / "scene.toml").n == 2
+
+    def test_workers_need_no_source_of_the_grains(self, tmp_path, monkeypatch):
+        """Paths are relative to the folder of the process that reads the sweep."""
+        (tmp_path / "scene.toml").write_text(
+            "domain = {radius_in = 0.1, radius_out = 1.0}\ntime = {duration = 0.1}\nphysics = {drag = 0.1}\n"
+            '[grains]\nfile = "a.npz"\nradius = 0.1\nmass = 0.1\n'
+        )
+        np.savez(tmp_path / "a.npz", position=np.array([[0.5, 0.0]]))
+        write(tmp_path, 'scene = "scene.toml"')
+        monkeypatch.chdir(tmp_path)
+        sweep = Sweep.load("sweep.toml")
+        folder = SweepFolder(tmp_path / "out", sweep.axes, RunSettings())
+        runs = folder.unfinished(sweep, sweep.runs, False)
+        folder.prepare(sweep)
+        content = pickle.dumps((folder, runs))
+        (tmp_path / "a.npz").unlink()
+        monkeypatch.chdir("/")
+        script = (
+            "import pickle, sys\n"
+            "from warpgrains.console import start_warp\n"
+            "start_warp()\n"
+            "from warpgrains.sweep.execution import ExecutionOptions\n"
+            "from warpgrains.sweep.runner import finish_runs\n"
+            "folder, runs = pickle.load(sys.stdin.buffer)\n"
+            "assert finish_runs(folder, runs, ExecutionOptions(), lambda _: None) == {}\n"
+        )
+        subprocess.run([sys.executable, "-c", script], input=content, check=True, timeout=60)
+        assert folder.write_tables(sweep).failed == {}
 
     def test_recordings(self, tmp_path, done):
         sweep = write(tmp_path)

@@ -21,7 +21,7 @@ from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.results import MET, SECONDS, value_columns
 from warpgrains.sweep.run_folder import RESULT, RunFolder
 from warpgrains.sweep.shards import ResultShards
-from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep, copy_name
+from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep
 
 RESULTS = "results.csv"
 HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
@@ -81,8 +81,8 @@ class SweepFolder:
         """Write the common part of the runs, unless it exists, see `unfinished`."""
         for base in sweep.bases:
             files = {self._scene_file(base): self._common(base)}
-            copies = base.grain_files.values()
-            files |= {self.path / GRAINS / copy_name(source): source.read_bytes() for source in copies}
+            for source, copy in base.grain_files.values():
+                files[self.path / GRAINS / copy] = source.read_bytes()
             for path, content in files.items():
                 if not path.exists():
                     path.parent.mkdir(parents=True, exist_ok=True)
