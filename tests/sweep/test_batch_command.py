@@ -107,7 +107,7 @@ class TestResults:
         )
         sweep, out = Sweep.load(write(tmp_path, text)), tmp_path / "out"
         folder = SweepFolder(out, sweep.axes, RunSettings())
-        folder.unfinished(sweep, sweep.runs, False)
+        folder.enter(sweep, sweep.runs, False)
         folder.prepare(sweep)
         execution = ExecutionOptions(folders=bool(options))
         assert finish_runs(folder, sweep.runs, execution, lambda _: None) == {}
@@ -172,9 +172,9 @@ class TestResults:
         monkeypatch.chdir(tmp_path)
         sweep = Sweep.load("sweep.toml")
         folder = SweepFolder(tmp_path / "out", sweep.axes, RunSettings())
-        runs = folder.unfinished(sweep, sweep.runs, False)
+        folder.enter(sweep, sweep.runs, False)
         folder.prepare(sweep)
-        content = pickle.dumps((folder, runs))
+        content = pickle.dumps((folder, sweep.runs))
         (tmp_path / "a.npz").unlink()
         monkeypatch.chdir("/")
         script = (

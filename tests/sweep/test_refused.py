@@ -142,9 +142,10 @@ OTHER_AXIS = ("[5, 15]", "[5, 14]")
         ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene"),
         ("done", OTHER_AXIS, "--resume", "run 1 in '"),
         ("kept", OTHER_AXIS, "--resume", "is the scene of another sweep: choose another -o"),
-        ("done", (), "--resume --until rest", "another --until: choose another -o"),
-        ("done", (), "--resume --measure stress", "has other columns: choose another -o"),
-        ("kept", (), "--resume --measure stress", "has other columns: choose another -o"),
+        ("done", (), "--resume --until rest", "another scene, --measure or --until: choose another -o"),
+        ("done", (), "--resume --measure stress", "another scene, --measure or --until: choose another -o"),
+        ("kept", (), "--resume --measure stress", "another scene, --measure or --until: choose another -o"),
+        ("done", ("physics.drag =", "contact.friction ="), "--resume", "csv' is of another sweep"),
     ],
 )
 def test_output_of_another_sweep(tmp_path, request, capfd, output, change, options, complaint):

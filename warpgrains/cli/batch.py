@@ -44,7 +44,9 @@ def run(arguments: Namespace) -> bool:
     if plot is not None:
         plot.require_columns(folder.columns)
     share = _share(sweep, arguments)
-    start, left = perf_counter(), folder.unfinished(sweep, share, arguments.resume)
+    start = perf_counter()
+    folder.enter(sweep, share, arguments.resume)
+    left = folder.unfinished(share)
     try:
         with stdout_to_stderr():
             reasons = _finish(folder, sweep, left, len(share), arguments)

@@ -85,12 +85,6 @@ def value_columns(settings: RunSettings) -> list[str]:
     return [*common, *(name for name in settings.measured if name not in COLUMNS), error]
 
 
-def is_possible(columns: list[str]) -> bool:
-    """Return whether some sweep has these columns, see `value_columns`."""
-    measured = tuple(filter(QUANTITIES.__contains__, columns))
-    return columns in (value_columns(RunSettings(measured, until)) for until in (None, "rest"))
-
-
 def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[RunResult]:
     """Return the results of finished runs, without labels.
 

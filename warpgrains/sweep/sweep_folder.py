@@ -78,7 +78,7 @@ class SweepFolder:
         return self._runs / f"{number:05}"
 
     def prepare(self, sweep: Sweep) -> None:
-        """Write the common part of the runs, unless it exists, see `unfinished`."""
+        """Write the common part of the runs, unless it exists, see `enter`."""
         for base in sweep.bases:
             files = {self._scene_file(base): self._common(base)}
             for source, copy in base.grain_files.values():
@@ -93,12 +93,13 @@ class SweepFolder:
 
     def _common(self, base: BaseScene) -> bytes:
         """Return the content of the file with the common part of the runs of a scene."""
-        until = self.settings.until
+        measured, until = self.settings
         head = "" if until is None else f"# Its runs end earlier, at {until}\n"
+        head += f"# Its runs are measured: {','.join(measured)}\n" if measured else ""
         return f"{head}{base.text}".encode()
 
-    def unfinished(self, sweep: Sweep, share: list[Run], resume: bool) -> list[Run]:
-        """Return the unfinished runs of a share; the folder is created if it is missing.
+    def enter(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
+        """Create the folder, or admit a share of the runs to it; rename its damaged shards.
 
         Raises
         ------
@@ -111,9 +112,10 @@ class SweepFolder:
             scene = self._scene_file(base)
             if scene.exists() and read_regular(scene) != self._common(base):
                 raise OutputError(
-                    f"'{scene}' is of a sweep with another scene or another --until: choose another -o"
+                    f"'{scene}' is of a sweep with another scene, --measure or --until: choose another -o"
                 )
         self.shards.refresh(range(len(sweep.runs)))
+        self.shards.set_damaged_aside()
         for run in sweep.runs:
             if run.number in self.shards.lines:
                 self.shards.require_this_run(run.number, run.labels())
@@ -125,9 +127,12 @@ class SweepFolder:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
                     raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
-                folder.require_no_other()
-        finished = self.finished(share)
-        return [run for run in share if run.number not in finished]
+                folder.require_this_sweep()
+
+    def unfinished(self, runs: Sequence[Run]) -> list[Run]:
+        """Return those of some runs that have no result."""
+        finished = self.finished(runs)
+        return [run for run in runs if run.number not in finished]
 
     def begun(self) -> set[int]:
         """Return the numbers of the runs that have a folder."""
