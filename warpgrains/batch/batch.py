@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import ResidentSets, SetSteps
+from warpgrains.batch.resident import CountedSteps, ResidentSets, SetSteps
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
@@ -125,7 +125,7 @@ class Batch(Shown):
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
         self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
-        self._stepped: dict[int, SetSteps] = {}  # in which scenes took their last steps
+        self._stepped: dict[int, SetSteps | CountedSteps] = {}  # in which scenes took their last steps
         self._restored: dict[int, StepReport | None] = {}
         self._turning = [k for k, scene in enumerate(self.scenes) if scene.gravity_rate]
         self._use = ExclusiveUse("batch")
@@ -218,7 +218,7 @@ class Batch(Shown):
             runs = [CountedRun(steps, RunStatistics(), criterion(until, scene)) for steps, scene in own]
         with progress_bar(sum(wanted), shown=progress) as bar:
             sets = self._advance(wanted, bar.update if progress else None, runs, gravity)
-        of_scene = {k: last for last in sets for k in last.place}
+        of_scene = {k: last for last in sets for k in last.numbers}
 
         def summary(k: int) -> SceneSummary:
             done = of_scene[k].done(k)
@@ -243,7 +243,7 @@ class Batch(Shown):
         on_progress: OnProgress | None,
         runs: list[CountedRun] | None,
         gravity: ArrayLike | None,
-    ) -> list[SetSteps]:
+    ) -> list[SetSteps | CountedSteps]:
         """Advance each scene, see `ResidentSets.advance`, and keep the record of its last steps."""
         given = None if gravity is None else self._checked_gravity(gravity)
         with self._use.advancing():

@@ -213,7 +213,7 @@ class LongRunner:
             start, before = perf_counter(), sum(run.progress for run in runs)
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
             for last in sets.advance(steps, None, runs):
-                for k in filter(steps.__getitem__, sets.scenes):
+                for k in filter(steps.__getitem__, sets.present):
                     runs[k].error = last.done(k).error
                 _write_due(runs, sets)
             self._on_progress(sum(run.progress for run in runs) - before)
@@ -225,8 +225,8 @@ class LongRunner:
 
 
 def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
-    for k, scene in sets.scenes.items():
-        runs[k].record(scene)
+    for k, now in sets.present.items():
+        runs[k].record(now)
 
 
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:

@@ -108,8 +108,13 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[
 
 def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> RunResult:
     """Return the result of a finished run, see `results`."""
-    counted = {name: np.array([getattr(done, name)]) for name in (*COUNTED, MET)}
-    return next(results(FinalStates(end.grains, np.array([end.scene.dt]), counted), [end], columns))
+    ends = FinalStates(end.grains, np.array([end.scene.dt]), counted([done]))
+    return next(results(ends, [end], columns))
+
+
+def counted(done: Sequence[RunStatistics]) -> dict[str, NDArray[Any]]:
+    """Return the statistics of runs as `FinalStates.done`."""
+    return {name: np.array([getattr(one, name) for one in done]) for name in (*COUNTED, MET)}
 
 
 def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> RunResult:

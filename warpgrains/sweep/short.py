@@ -23,7 +23,7 @@ from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint
-from warpgrains.sweep.results import RunResult, result, results, value_columns
+from warpgrains.sweep.results import RunResult, counted, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder, writer
 
@@ -148,11 +148,11 @@ class ShortRunner:
         if (sets := group.sets) is None:
             return 0
         steps, end = [short.scene.steps for short in group.runs], perf_counter() + SHORT
-        counted, share = 0.0, len(steps) / sum(steps)
+        progress, share = 0.0, len(steps) / sum(steps)
 
         def poll(done: int) -> None:
-            nonlocal counted
-            counted += share * done
+            nonlocal progress
+            progress += share * done
             self._on_progress(share * done)
             if perf_counter() > end:
                 sets.cancel()
@@ -166,11 +166,11 @@ class ShortRunner:
             for k, values in self._ended(sets, runs):
                 short = waiting.pop(k)
                 ended[short.run.number] = (short.labels, values)
-            for k in filter(waiting.__contains__, sets.scenes):
-                state, done = sets.scenes[k].state(), last.done(k)
+            for k in filter(waiting.__contains__, sets.present):
+                state, done = sets.present[k].state(), last.done(k)
                 self.longer.append(ResumePoint(waiting.pop(k).run, state, done.statistics, done.error))
         self.longer += [ResumePoint(short.run) for short in waiting.values()]
-        self._on_progress(len(ended) - counted)
+        self._on_progress(len(ended) - progress)
         self._folder.shards.write(ended, writer())
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
@@ -178,14 +178,8 @@ class ShortRunner:
     def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
         columns = value_columns(self._folder.settings)
-        if runs is not None:
-            for k, now in sets.scenes.items():
-                if runs[k].has_ended:
-                    yield k, result(snapshot(now), runs[k].statistics, columns)
-            return
-        for engine, numbers, indices in sets.by_shape():
-            ended = engine.left[indices] == 0
-            if ended.any():
-                which = numbers[ended].tolist()
-                ends = (snapshot(sets.scenes[k]) for k in which)
-                yield from zip(which, results(engine.ends(indices[ended]), ends, columns), strict=True)
+        for numbers, ends in sets.ended(runs):
+            if runs is not None:
+                ends = ends._replace(done=counted([runs[k].statistics for k in numbers]))
+            states = (snapshot(sets.present[k]) for k in numbers)
+            yield from zip(numbers, results(ends, states, columns), strict=True)
