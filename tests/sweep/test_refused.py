@@ -115,6 +115,12 @@ def test_command_line(tmp_path, capfd, arguments, complaint):
     assert not list(out.rglob("*.*"))
 
 
+@pytest.mark.parametrize("options", ["--threads 0", "--fps 30", "--usd --fps -1", "--slurm 0"])
+def test_options_are_checked_before_the_folder_is_created(tmp_path, options):
+    assert batch(write(tmp_path), "-o", tmp_path / "out", *options.split()) == 2
+    assert not (tmp_path / "out").exists()
+
+
 def test_output_that_is_a_file(tmp_path, capfd):
     sweep = write(tmp_path)
     assert batch(sweep, "-o", sweep) == 2

@@ -205,3 +205,11 @@ def test_file_in_the_place_of_a_run(tmp_path, capfd):
     assert batch(write(tmp_path, GOOD), "-o", tmp_path / "out") == 1
     assert "not finished      1 (continue with --resume), first run 1: " in capfd.readouterr().out
     assert len(table(tmp_path / "out" / "results.csv")) == 3
+
+
+def test_table_that_is_not_written_is_not_named(tmp_path, capfd):
+    (tmp_path / "out" / "runs").mkdir(parents=True)
+    (tmp_path / "out" / "runs" / "00000").touch()
+    assert batch(write(tmp_path, 'scene = "annulus"'), "-o", tmp_path / "out") == 1
+    assert not (tmp_path / "out" / "results.csv").exists()
+    assert "results" not in capfd.readouterr().out

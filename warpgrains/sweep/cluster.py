@@ -57,16 +57,16 @@ def finish_on_cluster(
     client
         Client of the cluster, see `connected`.
     """
-    left: dict[int, str] = {}
+    reasons: dict[int, str] = {}
     for run in _run_bundles(client, folder, runs, execution, on_progress):
         future = client.submit(finish_bundle, folder, [run], execution, pure=False)
         reason = future.exception() or future.result()[0].get(run.number, NO_RESULT)
         if folder.unfinished([run]):
-            left[run.number] = str(reason)
+            reasons[run.number] = str(reason)
             print(f"run {run.number} is not finished: {reason}", file=sys.stderr)
         else:
             on_progress(1.0)
-    return left
+    return reasons
 
 
 def _run_bundles(

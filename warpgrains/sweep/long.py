@@ -134,12 +134,12 @@ class LongRunner:
 
     Attributes
     ----------
-    left : dict of int to str
+    reasons : dict of int to str
         Reasons why runs are unfinished, by their numbers.
     """
 
     def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
-        self.left: dict[int, str] = {}
+        self.reasons: dict[int, str] = {}
         self._folder, self._execution, self._on_progress = folder, execution, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.widest = WIDTH if execution.fps is None else RECORDED_WIDTH
@@ -160,7 +160,7 @@ class LongRunner:
                 begun = LongRun.begun(self._folder.of(point.run), point, self._execution)
                 run = group.held.enter_context(begun)
             except (OutputError, OSError) as error:
-                self.left[point.run.number] = str(error)
+                self.reasons[point.run.number] = str(error)
             else:
                 group.runs.extend([] if run is None else [run])
         self._on_progress(len(points) - len(group.runs))
@@ -179,7 +179,7 @@ class LongRunner:
             self._on_progress(sum(run.progress for run in runs))
             self._advance([run for run in runs if run.has_steps_left])
             troubles = [(run, run.complete()) for run in runs]
-            self.left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
+            self.reasons |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
             _write(LongRun.finish, [run for run, trouble in troubles if trouble is None])
         return sum(run.scene.n for run in runs)
 

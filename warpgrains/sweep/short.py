@@ -52,6 +52,9 @@ class ShortGroup(NamedTuple):
 class ShortRunner:
     """Runner for the short runs of a sweep.
 
+    It leaves a run that has a folder already, takes longer than `SHORT`, fails, has an invalid scene or a
+    label of several lines, does not fit in memory, or is so large that several threads share it.
+
     Parameters
     ----------
     folder, execution, on_progress
@@ -59,14 +62,14 @@ class ShortRunner:
 
     Attributes
     ----------
-    left : dict of int to str
+    reasons : dict of int to str
         Reasons why runs are left to other processes, by their numbers.
     longer : list of ResumePoint
         Runs that are to continue with a folder.
     """
 
     def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
-        self.left: dict[int, str] = {}
+        self.reasons: dict[int, str] = {}
         self.longer: list[ResumePoint] = []
         self._folder, self._on_progress = folder, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
@@ -104,15 +107,12 @@ class ShortRunner:
         self._folder.shards.refresh(free)
         free -= self._folder.shards.lines.keys()
         others = [run for run in runs if run.number not in free]
-        self.left |= {run.number: "another process has it" for run in others}
+        self.reasons |= {run.number: "another process has it" for run in others}
         self._on_progress(len(others))
         return [run for run in runs if run.number in free]
 
     def _short(self, run: Run) -> ShortRun | None:
-        """Return a run as a member of a group; None if it must run with a folder.
-
-        It must if its scene is invalid or large, or if a label has several lines.
-        """
+        """Return a run as a member of a group; None if its scene or its labels demand a folder."""
         labels = run.labels()
         if not any(end in label for label in labels.values() for end in "\r\n"):
             with suppress(InputError):

@@ -4,7 +4,7 @@
 results.csv        the results of all runs that are finished; timing.csv, how long they took
 scenes/NAME.toml   the common part of the runs of a scene; their values on the axes are in their results
 parts/             results of runs without a folder, see `ResultShards`
-runs/00042/        the folder of a run that is recorded, took long, failed, or if ``--folders`` is given
+runs/00042/        the folder of a run, if it needs one, see `ExecutionOptions.needs_folders`
 grains/            copies of files of grains
 ================== ==========================================================================================
 """
@@ -27,8 +27,8 @@ RESULTS = "results.csv"
 HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 
 
-class Tables(NamedTuple):
-    """Numbers of the finished runs in the tables, by outcome."""
+class Outcomes(NamedTuple):
+    """Numbers of the finished runs by outcome."""
 
     finished: set[int]
     failed: dict[int, str]
@@ -144,24 +144,26 @@ class SweepFolder:
 
     def finished(self, runs: Sequence[Run]) -> set[int]:
         """Return the numbers of those of some runs that have a result, also of a failure."""
+        return set().union(*self._finished(runs))
+
+    def _finished(self, runs: Sequence[Run]) -> tuple[set[int], set[int]]:
+        """Return the numbers of those of some runs that have a result in a folder, and in a shard."""
         numbers = {run.number for run in runs}
         self.shards.refresh(numbers)
-        return (numbers & self.shards.lines.keys()) | self._with_result(numbers)
+        in_folders = {number for number in numbers & self.begun() if (self._of(number) / RESULT).exists()}
+        return in_folders, numbers & self.shards.lines.keys()
 
-    def _with_result(self, numbers: set[int]) -> set[int]:
-        return {number for number in numbers & self.begun() if (self._of(number) / RESULT).exists()}
-
-    def write_tables(self, sweep: Sweep) -> Tables:
+    def write_tables(self, sweep: Sweep) -> Outcomes:
         """Write the tables of all finished runs, and return their numbers by outcome.
 
         If more runs have finished during the writing, the tables are written again. So if several processes
         share a sweep, the last tables are complete, and no process waits for another one.
         """
+        found = self._finished(sweep.runs)
         while True:
-            finished = self.finished(sweep.runs)
+            in_folders, finished = found[0], set().union(*found)
             if not finished:
-                return Tables(finished, {}, set(), None if self.settings.until is None else set())
-            in_folders = self._with_result(finished)
+                return Outcomes(finished, {}, set(), None if self.settings.until is None else set())
             results, timing = [csv_line(self.columns)], [csv_line(["run", SECONDS])]
             for run in sweep.runs:
                 if run.number in finished:
@@ -172,10 +174,11 @@ class SweepFolder:
                     timing.append(b"%d,%b" % (run.number, seconds))
             _write(self.results, results)
             _write(self.timing, timing)
-            if self.finished(sweep.runs) == finished:
-                return self._tables(finished, results)
+            found = self._finished(sweep.runs)
+            if set().union(*found) == finished:
+                return self._outcomes(finished, results)
 
-    def _tables(self, finished: set[int], results: list[bytes]) -> Tables:
+    def _outcomes(self, finished: set[int], results: list[bytes]) -> Outcomes:
         """Return the numbers of runs by outcome from the lines of the table of results."""
         met = [] if self.settings.until is None else [MET]
         found = columns_of(map(bytes.decode, results), lambda _: ("run", "error", "unconverged", *met))
@@ -187,7 +190,7 @@ class SweepFolder:
             return {number for number, cell in cells if cell in values and number not in errors}
 
         unconverged = set(numbers) - errors.keys() - good("unconverged", "0", "")
-        return Tables(finished, errors, unconverged, good(MET, "0") if met else None)
+        return Outcomes(finished, errors, unconverged, good(MET, "0") if met else None)
 
 
 def _write(table: Path, lines: Iterable[bytes]) -> None:
