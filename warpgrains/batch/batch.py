@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from warpgrains.arrays import FloatArray
-from warpgrains.batch.resident import CountedSteps, ResidentSets, SetSteps
+from warpgrains.batch.resident import ResidentSets, SetSteps
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.scene import checks
@@ -125,7 +125,7 @@ class Batch(Shown):
             checks.thread_count("threads", threads)
         self._device, self._threads_wanted = find_device(device), threads
         self._sets = ResidentSets(self.scenes, self._device, cores() if threads is None else threads)
-        self._stepped: dict[int, SetSteps | CountedSteps] = {}  # in which scenes took their last steps
+        self._stepped: dict[int, SetSteps] = {}  # in which scenes took their last steps
         self._restored: dict[int, StepReport | None] = {}
         self._turning = [k for k, scene in enumerate(self.scenes) if scene.gravity_rate]
         self._use = ExclusiveUse("batch")
@@ -243,7 +243,7 @@ class Batch(Shown):
         on_progress: OnProgress | None,
         runs: list[CountedRun] | None,
         gravity: ArrayLike | None,
-    ) -> list[SetSteps | CountedSteps]:
+    ) -> list[SetSteps]:
         """Advance each scene, see `ResidentSets.advance`, and keep the record of its last steps."""
         given = None if gravity is None else self._checked_gravity(gravity)
         with self._use.advancing():

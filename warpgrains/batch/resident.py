@@ -4,7 +4,7 @@ Scenes are divided into sets that fit in memory together. One set at a time is r
 kept as states.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import deepcopy
 from typing import NamedTuple
 
@@ -19,7 +19,6 @@ from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.final_states import FinalStates
-from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.memory import free_memory, require_memory
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.service import exact_solver
@@ -42,60 +41,16 @@ class StepsDone(NamedTuple):
 
 
 class SetSteps(NamedTuple):
-    """The steps of the scenes of a set in one launch. Later steps do not change the record."""
+    """The last steps of the scenes of a set. Later steps do not change the record."""
 
-    engines: list[tuple[LastSteps, list[int]]]
-    """The last steps of the scenes of each engine, and the numbers of these scenes in the batch."""
-    place: dict[int, tuple[int, int]]
-    """Of every scene, by its number in the batch: its engine, and its index there."""
-
-    @property
-    def numbers(self) -> Iterable[int]:
-        """Numbers of the scenes."""
-        return self.place
-
-    @property
-    def errors(self) -> dict[int, str]:
-        """Reasons why scenes stopped early."""
-        return {numbers[k]: error for last, numbers in self.engines for k, error in last.errors.items()}
-
-    @property
-    def stepped(self) -> list[int]:
-        """Scenes that took at least one step."""
-        taken = [(last.sums["steps"].tolist(), numbers) for last, numbers in self.engines]
-        return [k for steps, numbers in taken for k, step in zip(numbers, steps, strict=True) if step]
-
-    def done(self, k: int) -> StepsDone:
-        """Return what scene k did."""
-        engine, index = self.place[k]
-        last, _ = self.engines[engine]
-        statistics = last.statistics(index)
-        return StepsDone(statistics, last.report(index) if statistics.steps else None, last.errors.get(index))
-
-
-class CountedSteps(NamedTuple):
-    """The steps of the scenes of a set in several launches, which their runs have counted."""
-
-    counted: dict[int, StepsDone]
-
-    @property
-    def numbers(self) -> Iterable[int]:
-        """Numbers of the scenes."""
-        return self.counted
-
-    @property
-    def errors(self) -> dict[int, str]:
-        """Reasons why scenes stopped early."""
-        return {k: done.error for k, done in self.counted.items() if done.error is not None}
-
-    @property
-    def stepped(self) -> list[int]:
-        """Scenes that took at least one step."""
-        return [k for k, done in self.counted.items() if done.report is not None]
-
-    def done(self, k: int) -> StepsDone:
-        """Return what scene k did."""
-        return self.counted[k]
+    numbers: Collection[int]
+    """Numbers of the scenes in the batch."""
+    errors: dict[int, str]
+    """Reasons why scenes stopped early."""
+    stepped: list[int]
+    """Scenes that took at least one step."""
+    done: Callable[[int], StepsDone]
+    """Function that returns what a scene did."""
 
 
 class ResidentSets:
@@ -183,7 +138,7 @@ class ResidentSets:
         on_progress: OnProgress | None = None,
         runs: Sequence[CountedRun] | None = None,
         gravity: FloatArray | None = None,
-    ) -> Iterator[SetSteps | CountedSteps]:
+    ) -> Iterator[SetSteps]:
         """Advance each scene by its number of steps, or until its run ends, set after set.
 
         The runs of all scenes count the steps, if they are given. Gravity is that of the scenes, or is given
@@ -209,7 +164,7 @@ class ResidentSets:
 
     def _count(
         self, steps: Sequence[int], on_progress: OnProgress | None, runs: Sequence[CountedRun]
-    ) -> CountedSteps:
+    ) -> SetSteps:
         counted = {k: StepsDone(runs[k].statistics, None, None) for k in self.present}
         left = {k: steps[k] for k in self.present if steps[k] > 0}
         while left and not self._is_canceled:
@@ -224,14 +179,27 @@ class ResidentSets:
                 left[k] -= done.statistics.steps
                 if runs[k].has_ended or done.statistics.steps < due[k] or left[k] == 0:
                     del left[k]
-        return CountedSteps(counted)
+        errors = {k: done.error for k, done in counted.items() if done.error is not None}
+        stepped = [k for k, done in counted.items() if done.report is not None]
+        return SetSteps(counted, errors, stepped, counted.__getitem__)
 
     def _launch(self, steps: Sequence[int], on_progress: OnProgress | None) -> SetSteps:
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
         advance([engine for engine, _ in self._engines], self._threads, on_progress)
-        last_steps = [(engine.last_steps.copy(), numbers) for engine, numbers in self._engines]
-        return SetSteps(last_steps, self._place)
+        launched = [(engine.last_steps.copy(), numbers) for engine, numbers in self._engines]
+        place = self._place
+
+        def done(k: int) -> StepsDone:
+            engine, index = place[k]
+            last, _ = launched[engine]
+            statistics, error = last.statistics(index), last.errors.get(index)
+            return StepsDone(statistics, last.report(index) if statistics.steps else None, error)
+
+        errors = {numbers[k]: error for last, numbers in launched for k, error in last.errors.items()}
+        taken = [(last.sums["steps"].tolist(), numbers) for last, numbers in launched]
+        stepped = [k for steps, numbers in taken for k, step in zip(numbers, steps, strict=True) if step]
+        return SetSteps(place, errors, stepped, done)
 
     def cancel(self) -> None:
         """Stop after the steps under way."""

@@ -13,7 +13,7 @@ from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import name_and_bounds
-from warpgrains.sweep.execution import ExecutionOptions, RunSettings
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder
 
@@ -49,8 +49,11 @@ def run(arguments: Namespace) -> bool:
     folder.enter(sweep, share, arguments.resume)
     left = folder.unfinished(share)
     try:
-        with stdout_to_stderr():
-            reasons = _finish(folder, sweep, left, len(share), execution, arguments)
+        with (
+            stdout_to_stderr(),
+            progress_bar(len(share), len(share) - len(left), unit="run", bar_format=_BAR) as bar,
+        ):
+            reasons = _finish(folder, sweep, left, execution, bar.update, arguments)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("to continue: the same command with --resume") from None
     finally:
@@ -116,25 +119,24 @@ def _finish(
     folder: SweepFolder,
     sweep: Sweep,
     left: list[Run],
-    total: int,
     execution: ExecutionOptions,
+    on_progress: OnFraction,
     arguments: Namespace,
 ) -> dict[int, str]:
     """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
-    with progress_bar(total, total - len(left), unit="run", bar_format=_BAR) as bar:
-        if arguments.scheduler is None and arguments.slurm is None:
-            start_warp()
-            from warpgrains.solver.tuning import find_device
-            from warpgrains.sweep.runner import finish_runs
+    if arguments.scheduler is None and arguments.slurm is None:
+        start_warp()
+        from warpgrains.solver.tuning import find_device
+        from warpgrains.sweep.runner import finish_runs
 
-            find_device(execution.device)
-            folder.prepare(sweep)
-            return finish_runs(folder, left, execution, bar.update)
-        from warpgrains.sweep.cluster import connected, finish_on_cluster
+        find_device(execution.device)
+        folder.prepare(sweep)
+        return finish_runs(folder, left, execution, on_progress)
+    from warpgrains.sweep.cluster import connected, finish_on_cluster
 
-        with connected(arguments.scheduler, arguments.slurm) as client:
-            folder.prepare(sweep)
-            return finish_on_cluster(folder, left, execution, bar.update, client)
+    with connected(arguments.scheduler, arguments.slurm) as client:
+        folder.prepare(sweep)
+        return finish_on_cluster(folder, left, execution, on_progress, client)
 
 
 def _execution(arguments: Namespace) -> ExecutionOptions:

@@ -237,28 +237,22 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
         if kept is not None and (statistics.steps % every == 0 or run.has_ended):
             write_checkpoint(kept, run.flush_and_checkpoint(simulation.state()))
 
-    with progress_bar(run.steps, statistics.steps, progress) as bar, _flushed(run.observer):
-        write_due()
-        while not run.has_ended:
-            steps = min(run.steps_to_output, run.steps_to_test)
-            if kept is not None:
-                steps = min(steps, steps_to(every, statistics.steps))
-            done = simulation.advance(steps, bar.update)
-            if done.infeasible and not statistics.infeasible:
-                step, grains = simulation.infeasible_steps[0]
-                warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
-            run.count(done, simulation)
+    with progress_bar(run.steps, statistics.steps, progress) as bar:
+        try:
             write_due()
+            while not run.has_ended:
+                steps = min(run.steps_to_output, run.steps_to_test)
+                if kept is not None:
+                    steps = min(steps, steps_to(every, statistics.steps))
+                done = simulation.advance(steps, bar.update)
+                if done.infeasible and not statistics.infeasible:
+                    step, grains = simulation.infeasible_steps[0]
+                    warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
+                run.count(done, simulation)
+                write_due()
+        finally:
+            if run.observer is not None:
+                run.observer.flush()
     measure_time()
     if until is not None and not statistics.met:
         warn(f"{until.name} was not reached within {simulation.time:g} s of simulated time", stacklevel=3)
-
-
-@contextmanager
-def _flushed(observer: Observer | None) -> Iterator[None]:
-    """Flush the observer at the end, even after an exception."""
-    try:
-        yield
-    finally:
-        if observer is not None:
-            observer.flush()

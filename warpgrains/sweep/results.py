@@ -29,7 +29,7 @@ class Column(NamedTuple):
     of_runs: Callable[[FinalStates], NDArray[Any]]
     """Values of many runs at once, shape (m,)."""
     unit: str = ""
-    kind: type[float] | type[str] = float
+    kind: type[float] = float
 
 
 def _counted(field: str, meaning: str) -> Column:
@@ -67,9 +67,7 @@ COLUMNS = {
         lambda ends: ends.done[MET].astype(np.int64),
         kind=int,
     ),
-    "error": Column(
-        "reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), ""), kind=str
-    ),
+    "error": Column("reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), "")),
 }
 """Columns in order; `met` is that of sweeps with an end criterion."""
 UNITS = {name: found.unit for name, found in (QUANTITIES | COLUMNS).items()}

@@ -47,8 +47,8 @@ class ResultShards:
     def write(self, results: Mapping[int, tuple[Row, RunResult]], writer: str) -> None:
         """Write a shard of the labels and values of runs by number; `writer` identifies this process."""
         if results:
-            lines = (_line(*results[number]) for number in sorted(results))
-            content = self._head + b"".join(lines)
+            rows = (results[number] for number in sorted(results))
+            content = self._head + b"".join(csv_line([*labels.values(), *values]) for labels, values in rows)
             name = f"{min(results):07}-{max(results):07}-{_hash(content)}.csv"
             write_atomically(self.path / name, content, writer)
 
@@ -92,17 +92,8 @@ class ResultShards:
 
     def require_this_run(self, number: int, labels: Row) -> None:
         """Raise OutputError if the result of run `number` has other labels, that is, of another run."""
-        if not self.lines[number].startswith(_cells(labels) + b","):
+        if not self.lines[number].startswith(csv_line(labels.values())[:-1] + b","):
             raise OutputError(f"run {number} in '{self.path}' belongs to another sweep: choose another -o")
-
-
-def _cells(labels: Row) -> bytes:
-    return csv_line(labels.values())[:-1]
-
-
-def _line(labels: Row, values: RunResult) -> bytes:
-    """Return the line of a run in a shard; its values are numbers, which need no quotes."""
-    return b"%b,%b\n" % (_cells(labels), ",".join(map(str, values)).encode())
 
 
 def _hash(content: bytes) -> str:
