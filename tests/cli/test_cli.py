@@ -169,8 +169,8 @@ def test_length_of_a_run(scene, capfd, arguments, steps):
 @pytest.mark.parametrize(
     ("name", "fps", "said"),
     [
-        ("out.usdc", 200, "--fps 200 cannot be met: with one frame every step of 0.01 s there are 100"),
-        ("out.gif", 60, "--fps 60 cannot be met: a file of this kind has at most 50"),
+        ("out.usdc", 200, "fps 200 cannot be met: with one frame every step of 0.01 s there are 100"),
+        ("out.gif", 60, "fps 60 cannot be met: a file of this kind has at most 50"),
         ("out.usdc", 60, ""),
         ("out.usdc", None, ""),
     ],

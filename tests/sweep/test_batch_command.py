@@ -1,5 +1,9 @@
 """`warpgrains batch`: every run as if done alone."""
 
+import pickle
+import subprocess
+import sys
+
 import lightusd
 import numpy as np
 import pytest
@@ -103,7 +107,7 @@ class TestResults:
         )
         sweep, out = Sweep.load(write(tmp_path, text)), tmp_path / "out"
         folder = SweepFolder(out, sweep.axes, RunSettings())
-        folder.unfinished(sweep, sweep.runs, False)
+        folder.enter(sweep, sweep.runs, False)
         folder.prepare(sweep)
         execution = ExecutionOptions(folders=bool(options))
         assert finish_runs(folder, sweep.runs, execution, lambda _: None) == {}
@@ -113,7 +117,7 @@ class TestResults:
         assert kept.statistics.seconds > 0.0
         assert table(out / "timing.csv")[0]["seconds"] == f"{kept.statistics.seconds:.3f}"
 
-    @pytest.mark.parametrize("options", [(), ("--folders",)])
+    @pytest.mark.parametrize("options", [(), ("--folders",), ("--usd",)])
     def test_runs_that_do_not_fit_in_memory(self, tmp_path, done, monkeypatch, options):
         def require_memory(needed, grains, device):
             if grains == 15:
@@ -124,6 +128,7 @@ class TestResults:
         found, others = table(tmp_path / "out" / "results.csv"), table(done / "results.csv")
         assert [row["error"] for row in found if row["run"] in "15"] == ["15 grains are too many"] * 2
         assert found[::2] == others[::2]
+        assert not list(tmp_path.rglob("*.frames"))
 
     def test_summary(self, tmp_path, capfd):
         sweep = write(tmp_path, SMALL.replace("100.0, ", ""))
@@ -155,6 +160,34 @@ class TestResults:
         for name in places:
             (tmp_path / f"{name}.npz").unlink()
         assert Scene.load(tmp_path / "moved" / "runs" / "00001" / "scene.toml").n == 2
+
+    def test_workers_need_no_source_of_the_grains(self, tmp_path, monkeypatch):
+        """Paths are relative to the folder of the process that reads the sweep."""
+        (tmp_path / "scene.toml").write_text(
+            "domain = {radius_in = 0.1, radius_out = 1.0}\ntime = {duration = 0.1}\nphysics = {drag = 0.1}\n"
+            '[grains]\nfile = "a.npz"\nradius = 0.1\nmass = 0.1\n'
+        )
+        np.savez(tmp_path / "a.npz", position=np.array([[0.5, 0.0]]))
+        write(tmp_path, 'scene = "scene.toml"')
+        monkeypatch.chdir(tmp_path)
+        sweep = Sweep.load("sweep.toml")
+        folder = SweepFolder(tmp_path / "out", sweep.axes, RunSettings())
+        folder.enter(sweep, sweep.runs, False)
+        folder.prepare(sweep)
+        content = pickle.dumps((folder, sweep.runs))
+        (tmp_path / "a.npz").unlink()
+        monkeypatch.chdir("/")
+        script = (
+            "import pickle, sys\n"
+            "from warpgrains.console import start_warp\n"
+            "start_warp()\n"
+            "from warpgrains.sweep.execution import ExecutionOptions\n"
+            "from warpgrains.sweep.runner import finish_runs\n"
+            "folder, runs = pickle.load(sys.stdin.buffer)\n"
+            "assert finish_runs(folder, runs, ExecutionOptions(), lambda _: None) == {}\n"
+        )
+        subprocess.run([sys.executable, "-c", script], input=content, check=True, timeout=60)
+        assert folder.write_tables(sweep).failed == {}
 
     def test_recordings(self, tmp_path, done):
         sweep = write(tmp_path)

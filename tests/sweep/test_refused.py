@@ -115,6 +115,12 @@ def test_command_line(tmp_path, capfd, arguments, complaint):
     assert not list(out.rglob("*.*"))
 
 
+@pytest.mark.parametrize("options", ["--threads 0", "--fps 30", "--usd --fps -1", "--slurm 0"])
+def test_options_are_checked_before_the_folder_is_created(tmp_path, options):
+    assert batch(write(tmp_path), "-o", tmp_path / "out", *options.split()) == 2
+    assert not (tmp_path / "out").exists()
+
+
 def test_output_that_is_a_file(tmp_path, capfd):
     sweep = write(tmp_path)
     assert batch(sweep, "-o", sweep) == 2
@@ -142,9 +148,10 @@ OTHER_AXIS = ("[5, 15]", "[5, 14]")
         ("done", ("= 30", "= 31"), "--resume", "annulus.toml' is of a sweep with another scene"),
         ("done", OTHER_AXIS, "--resume", "run 1 in '"),
         ("kept", OTHER_AXIS, "--resume", "is the scene of another sweep: choose another -o"),
-        ("done", (), "--resume --until rest", "another --until: choose another -o"),
-        ("done", (), "--resume --measure stress", "has other columns: choose another -o"),
-        ("kept", (), "--resume --measure stress", "has other columns: choose another -o"),
+        ("done", (), "--resume --until rest", "another scene, --measure or --until: choose another -o"),
+        ("done", (), "--resume --measure stress", "another scene, --measure or --until: choose another -o"),
+        ("kept", (), "--resume --measure stress", "another scene, --measure or --until: choose another -o"),
+        ("done", ("physics.drag =", "contact.friction ="), "--resume", "csv' is of another sweep"),
     ],
 )
 def test_output_of_another_sweep(tmp_path, request, capfd, output, change, options, complaint):

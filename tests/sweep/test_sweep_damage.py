@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 from sweeps import SMALL, batch, results, table, write
@@ -117,7 +118,7 @@ DAMAGED_FILES = {
     "no log": (lambda run: (run / "recording.usdc.frames").unlink(), "does not exist"),
     "a frame is damaged": (lambda run: damage_frame(run / "recording.usdc.frames"), "holds 0 of the"),
     "checkpoint": (lambda run: (run / "checkpoint.npz").write_bytes(b"PK"), "is not a checkpoint"),
-    "scene": (lambda run: (run / "scene.toml").write_bytes(b"\xff\xff"), "is not text"),
+    "scene": (lambda run: (run / "scene.toml").write_bytes(b"\xff\xff"), "scene.toml' is damaged"),
     "empty scene": (lambda run: (run / "scene.toml").write_bytes(b""), "scene.toml' is damaged"),
     "half a scene": (lambda run: cut_scene(run, 0.5), "scene.toml' is damaged"),
     "scene without its last line": (lambda run: cut_scene(run, -1), "scene.toml' is damaged"),
@@ -176,9 +177,39 @@ def test_damaged_part_is_done_again(tmp_path, damage, capfd):
     assert results(out) == before
 
 
+@pytest.mark.parametrize("is_read", [False, True])
+def test_part_that_another_process_renames(tmp_path, monkeypatch, is_read):
+    """Just before it is read, or after."""
+    sweep, out = write(tmp_path, GOOD), tmp_path / "out"
+    assert batch(sweep, "-o", out) == 0
+    before = results(out)
+    (part,) = (out / "parts").glob("*.csv")
+    part.write_bytes(b"1")
+    aside = part.with_name(f"{part.name}.damaged")
+    read = Path.read_bytes
+
+    def read_and_rename(path):
+        content = read(path) if is_read or path != part else b""
+        if path == part and not aside.exists():
+            part.rename(aside)
+        return content if is_read else read(path)
+
+    monkeypatch.setattr(Path, "read_bytes", read_and_rename)
+    assert batch(sweep, "-o", out, "--resume") == 0
+    assert results(out) == before
+
+
 def test_file_in_the_place_of_a_run(tmp_path, capfd):
     (tmp_path / "out" / "runs").mkdir(parents=True)
     (tmp_path / "out" / "runs" / "00001").touch()
     assert batch(write(tmp_path, GOOD), "-o", tmp_path / "out") == 1
     assert "not finished      1 (continue with --resume), first run 1: " in capfd.readouterr().out
     assert len(table(tmp_path / "out" / "results.csv")) == 3
+
+
+def test_table_that_is_not_written_is_not_named(tmp_path, capfd):
+    (tmp_path / "out" / "runs").mkdir(parents=True)
+    (tmp_path / "out" / "runs" / "00000").touch()
+    assert batch(write(tmp_path, 'scene = "annulus"'), "-o", tmp_path / "out") == 1
+    assert not (tmp_path / "out" / "results.csv").exists()
+    assert "results" not in capfd.readouterr().out

@@ -74,7 +74,7 @@ def test_what_measures_otherwise_is_refused(tmp_path, measured, followed, capfd)
         out = tmp_path / name
         shutil.copytree(done, out)
         assert batch(write(tmp_path), "-o", out, "--resume") == 2
-        assert "has other columns: choose another -o" in capfd.readouterr().err
+        assert "another scene, --measure or --until: choose another -o" in capfd.readouterr().err
         assert results(out) == results(done)
         assert batch(write(tmp_path), "-o", out, "--resume", *MEASURED) == 1
         assert results(out) == results(done)

@@ -10,7 +10,7 @@ import pytest
 from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
-from warpgrains.batch.resident import SetSteps
+from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import short, sweep_folder
@@ -82,13 +82,16 @@ def test_killed_while_shards_are_written(tmp_path, moments):
 
 def test_what_failed_once_stays_failed(tmp_path, slices, monkeypatch):
     """Even if it could go on later, such as when there is memory again: it has missed steps."""
-    done = SetSteps.done
+    advance = ResidentSets.advance
 
-    def fail_once(last, k):
-        fails = len(slices.steps) == 2 and k == 0
-        return done(last, k)._replace(error="no room") if fails else done(last, k)
+    def fail_once(*arguments):
+        for last in advance(*arguments):
+            done = {k: last.done(k) for k in last.numbers}
+            if len(slices.steps) == 2:
+                done[0] = done[0]._replace(error="no room")
+            yield last._replace(done=done.__getitem__)
 
-    monkeypatch.setattr(SetSteps, "done", fail_once)
+    monkeypatch.setattr(ResidentSets, "advance", fail_once)
     assert batch(write(tmp_path), "-o", tmp_path / "out", "--folders") == 1
     errors = [row["error"] for row in table(tmp_path / "out" / "results.csv")]
     assert errors[:2] == ["no room", ""]

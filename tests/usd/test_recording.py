@@ -63,6 +63,12 @@ class TestTimes:
         with pytest.raises(InputError, match="frames per second"):
             FrameTimes.of(0.01, wanted)
 
+    def test_rate_that_is_lowered_is_reported(self, tmp_path):
+        simulation = Simulation(Scene.load("annulus"))
+        with pytest.warns(UserWarning, match="fps 1000 cannot be met: .* of 0.01 s there are 100") as warned:
+            simulation.run(steps=1, record=tmp_path / "run.usdc", fps=1000)
+        assert [warning.filename for warning in warned] == [__file__]
+
     @pytest.mark.parametrize("fps", [24, 25, 30, 50, 60])
     def test_recordings_play_in_real_time(self, tmp_path, fps):
         Simulation(Scene.load("annulus")).run(duration=1.0, record=tmp_path / "run.usdc", fps=fps)

@@ -218,7 +218,7 @@ class Batch(Shown):
             runs = [CountedRun(steps, RunStatistics(), criterion(until, scene)) for steps, scene in own]
         with progress_bar(sum(wanted), shown=progress) as bar:
             sets = self._advance(wanted, bar.update if progress else None, runs, gravity)
-        of_scene = {k: last for last in sets for k in last.place}
+        of_scene = {k: last for last in sets for k in last.numbers}
 
         def summary(k: int) -> SceneSummary:
             done = of_scene[k].done(k)

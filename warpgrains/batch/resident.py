@@ -4,21 +4,21 @@ Scenes are divided into sets that fit in memory together. One set at a time is r
 kept as states.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 import warp as wp
 
-from warpgrains.arrays import FloatArray, IndexArray
+from warpgrains.arrays import FloatArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State, first_state
 from warpgrains.simulation.until import CountedRun
 from warpgrains.solver.advance import OnProgress, advance
 from warpgrains.solver.buffers import bytes_needed
 from warpgrains.solver.engine import Engine
-from warpgrains.solver.last_steps import LastSteps
+from warpgrains.solver.final_states import FinalStates
 from warpgrains.solver.memory import free_memory, require_memory
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.service import exact_solver
@@ -43,36 +43,14 @@ class StepsDone(NamedTuple):
 class SetSteps(NamedTuple):
     """The last steps of the scenes of a set. Later steps do not change the record."""
 
-    engines: list[tuple[LastSteps, list[int]]]
-    """The last steps of the scenes of each engine, and the numbers of these scenes in the batch."""
-    place: dict[int, tuple[int, int]]
-    """Of every scene, by its number in the batch: its engine, and its index there."""
-    counted: dict[int, StepsDone]
-    """What the scenes did in several launches, if their runs are counted."""
-
-    @property
-    def errors(self) -> dict[int, str]:
-        """Reasons why scenes stopped early."""
-        if self.counted:
-            return {k: done.error for k, done in self.counted.items() if done.error is not None}
-        return {numbers[k]: error for last, numbers in self.engines for k, error in last.errors.items()}
-
-    @property
-    def stepped(self) -> list[int]:
-        """Scenes that took at least one step."""
-        if self.counted:
-            return [k for k, done in self.counted.items() if done.report is not None]
-        taken = [(last.sums["steps"].tolist(), numbers) for last, numbers in self.engines]
-        return [k for steps, numbers in taken for k, step in zip(numbers, steps, strict=True) if step]
-
-    def done(self, k: int) -> StepsDone:
-        """Return what scene k did."""
-        if k in self.counted:
-            return self.counted[k]
-        engine, index = self.place[k]
-        last, _ = self.engines[engine]
-        statistics = last.statistics(index)
-        return StepsDone(statistics, last.report(index) if statistics.steps else None, last.errors.get(index))
+    numbers: Collection[int]
+    """Numbers of the scenes in the batch."""
+    errors: dict[int, str]
+    """Reasons why scenes stopped early."""
+    stepped: list[int]
+    """Scenes that took at least one step."""
+    done: Callable[[int], StepsDone]
+    """Function that returns what a scene did."""
 
 
 class ResidentSets:
@@ -82,7 +60,7 @@ class ResidentSets:
 
     Attributes
     ----------
-    scenes : dict of int to PresentState
+    present : dict of int to PresentState
         The scenes in memory, by their numbers in the batch.
 
     Raises
@@ -102,7 +80,7 @@ class ResidentSets:
         self._resident: int | None = None
         self._engines: list[tuple[Engine, list[int]]] = []
         self._place: dict[int, tuple[int, int]] = {}
-        self.scenes: dict[int, PresentState] = {}
+        self.present: dict[int, PresentState] = {}
         self._is_canceled = False
 
     def _divide(self) -> list[list[int]]:
@@ -133,14 +111,14 @@ class ResidentSets:
 
     def state(self, k: int) -> State:
         """Return the exact state of scene k, in memory or not."""
-        if k in self.scenes:
-            return self.scenes[k].state()
+        if k in self.present:
+            return self.present[k].state()
         return deepcopy(self._states[k]) or first_state(self._scenes[k])
 
     def vectors(self, name: str) -> FloatArray:
         """Return "position" or "velocity" of all scenes, of n grains each, shape (scenes, n, 2)."""
         found = np.empty((len(self._scenes), self._scenes[0].n, 2))
-        for k in set(range(len(found))) - self.scenes.keys():
+        for k in set(range(len(found))) - self.present.keys():
             found[k] = getattr(self.state(k), name)
         for engine, numbers in self._engines:
             found[numbers] = engine.vectors(name)
@@ -148,7 +126,7 @@ class ResidentSets:
 
     def restore(self, k: int, state: State) -> None:
         """Continue scene k from a state, in memory or not."""
-        if k in self.scenes:
+        if k in self.present:
             engine, index = self._place[k]
             self._engines[engine][0].load(index, state)
         else:
@@ -175,7 +153,7 @@ class ResidentSets:
     def in_memory(self) -> Iterator[None]:
         """Load set after set into memory, the present one first, until `cancel`; yield after each.
 
-        The caller must keep none of `scenes`, which would keep its whole set in memory.
+        The caller must keep none of `present`, which would keep its whole set in memory.
         """
         self._is_canceled = False
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._resident):
@@ -187,9 +165,8 @@ class ResidentSets:
     def _count(
         self, steps: Sequence[int], on_progress: OnProgress | None, runs: Sequence[CountedRun]
     ) -> SetSteps:
-        counted = {k: StepsDone(runs[k].statistics, None, None) for k in self.scenes}
-        left = {k: steps[k] for k in self.scenes if steps[k] > 0}
-        last = SetSteps([], self._place, {})
+        counted = {k: StepsDone(runs[k].statistics, None, None) for k in self.present}
+        left = {k: steps[k] for k in self.present if steps[k] > 0}
         while left and not self._is_canceled:
             due = [0] * len(steps)
             for k, most in left.items():
@@ -197,19 +174,32 @@ class ResidentSets:
             last = self._launch(due, on_progress)
             for k in tuple(left):
                 done, report = last.done(k), counted[k].report
-                runs[k].count(done.statistics, self.scenes[k])
+                runs[k].count(done.statistics, self.present[k])
                 counted[k] = StepsDone(runs[k].statistics, done.report or report, done.error)
                 left[k] -= done.statistics.steps
                 if runs[k].has_ended or done.statistics.steps < due[k] or left[k] == 0:
                     del left[k]
-        return last._replace(counted=counted)
+        errors = {k: done.error for k, done in counted.items() if done.error is not None}
+        stepped = [k for k, done in counted.items() if done.report is not None]
+        return SetSteps(counted, errors, stepped, counted.__getitem__)
 
     def _launch(self, steps: Sequence[int], on_progress: OnProgress | None) -> SetSteps:
         for engine, numbers in self._engines:
             engine.submit([steps[k] for k in numbers])
         advance([engine for engine, _ in self._engines], self._threads, on_progress)
-        last_steps = [(engine.last_steps.copy(), numbers) for engine, numbers in self._engines]
-        return SetSteps(last_steps, self._place, {})
+        launched = [(engine.last_steps.copy(), numbers) for engine, numbers in self._engines]
+        place = self._place
+
+        def done(k: int) -> StepsDone:
+            engine, index = place[k]
+            last, _ = launched[engine]
+            statistics, error = last.statistics(index), last.errors.get(index)
+            return StepsDone(statistics, last.report(index) if statistics.steps else None, error)
+
+        errors = {numbers[k]: error for last, numbers in launched for k, error in last.errors.items()}
+        taken = [(last.sums["steps"].tolist(), numbers) for last, numbers in launched]
+        stepped = [k for steps, numbers in taken for k, step in zip(numbers, steps, strict=True) if step]
+        return SetSteps(place, errors, stepped, done)
 
     def cancel(self) -> None:
         """Stop after the steps under way."""
@@ -221,9 +211,9 @@ class ResidentSets:
         """Load a set into memory, replacing the present one."""
         if number == self._resident:
             return
-        for k in self.scenes:
+        for k in self.present:
             self._states[k] = self.state(k)
-        self._resident, self._engines, self._place, self.scenes = None, [], {}, {}
+        self._resident, self._engines, self._place, self.present = None, [], {}, {}
         members, kinds = self._sets[number], {self._scenes[k].kernel_kind for k in self._sets[number]}
         by_kind = [[k for k in members if self._scenes[k].kernel_kind == kind] for kind in sorted(kinds)]
         team, engines = self._teams[members[0]], []
@@ -234,16 +224,21 @@ class ResidentSets:
                 engine.load(index, self._states[k] or first_state(self._scenes[k]))
             engines.append((engine, numbers))
         self._resident, self._engines, self._place = number, engines, place
-        self.scenes = {k: PresentState(self._scenes[k], engines[e][0], i) for k, (e, i) in place.items()}
+        self.present = {k: PresentState(self._scenes[k], engines[e][0], i) for k, (e, i) in place.items()}
         self._states = [None if k in place else state for k, state in enumerate(self._states)]
 
-    def by_shape(self) -> Iterator[tuple[Engine, IndexArray, IndexArray]]:
-        """Group scenes whose arrays have one shape; yield engine, numbers, and indices in the engine."""
+    def ended(self, runs: Sequence[CountedRun] | None = None) -> Iterator[tuple[list[int], FinalStates]]:
+        """Yield numbers and final states of scenes in memory that have done the steps of the last launch.
+
+        If the runs of all scenes are given, yield those of the scenes whose runs have ended. Scenes whose
+        arrays have one shape are yielded together. A GPU is not supported, see `Engine.ends`.
+        """
         for engine, numbers in self._engines:
             groups: dict[tuple[int, int, bool], list[int]] = {}
-            for index, scene in enumerate(engine.scenes):
-                shape = scene.n, len(scene.walls), scene.has_two_circles
-                groups.setdefault(shape, []).append(index)
+            for index, k in enumerate(numbers):
+                if engine.left[index] == 0 if runs is None else runs[k].has_ended:
+                    scene = self._scenes[k]
+                    shape = scene.n, len(scene.walls), scene.has_two_circles
+                    groups.setdefault(shape, []).append(index)
             for group in groups.values():
-                indices = np.array(group)
-                yield engine, np.array(numbers)[indices], indices
+                yield [numbers[index] for index in group], engine.ends(np.array(group))

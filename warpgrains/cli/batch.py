@@ -13,9 +13,9 @@ from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import name_and_bounds
-from warpgrains.sweep.execution import ExecutionOptions, RunSettings
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
 from warpgrains.sweep.sweep import Run, Sweep
-from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder, Tables
+from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder
 
 if TYPE_CHECKING:
     from warpgrains.sweep.plot import SweepPlot
@@ -40,24 +40,41 @@ def run(arguments: Namespace) -> bool:
         return False
     sweep = Sweep.load(arguments.sweep)
     gc.freeze()  # no run becomes garbage, and repeated scans of a million runs would take long
-    folder = SweepFolder(path.absolute(), sweep.axes, _settings(arguments))
+    settings, execution = _settings(arguments), _execution(arguments)
+    folder = SweepFolder(path.absolute(), sweep.axes, settings)
     if plot is not None:
         plot.require_columns(folder.columns)
     share = _share(sweep, arguments)
-    start, left = perf_counter(), folder.unfinished(sweep, share, arguments.resume)
+    start = perf_counter()
+    folder.enter(sweep, share, arguments.resume)
+    left = folder.unfinished(share)
     try:
-        with stdout_to_stderr():
-            reasons = _finish(folder, sweep, left, len(share), arguments)
+        with (
+            stdout_to_stderr(),
+            progress_bar(len(share), len(share) - len(left), unit="run", bar_format=_BAR) as bar,
+        ):
+            reasons = _finish(folder, sweep, left, execution, bar.update, arguments)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("to continue: the same command with --resume") from None
     finally:
-        tables = folder.write_tables(sweep)
-    rows = _summary(share, left, tables, reasons, perf_counter() - start)
-    rows["results"] = str(path / RESULTS)
+        outcomes = folder.write_tables(sweep)
+    own = {run.number for run in share}
+    failed = {number: reason for number, reason in outcomes.failed.items() if number in own}
+    missing = {number: reasons.get(number, "") for number in sorted(own - outcomes.finished)}
+    seconds = perf_counter() - start
+    rows = {
+        "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
+        "failed": f"{len(failed)}{_first(failed)}",
+        "not finished": f"{len(missing)}{' (continue with --resume)' if missing else ''}{_first(missing)}",
+        "not converged": f"{len(own & outcomes.unconverged)} runs, in one step or more",
+        **({} if outcomes.unmet is None else {"not at rest": f"{len(own & outcomes.unmet)} runs"}),
+        "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
+        **({"results": str(path / RESULTS)} if outcomes.finished else {}),
+    }
     print(in_columns(rows))
     if plot is not None:
         print(in_columns({"picture": plot.draw(path / RESULTS)}))
-    return any(run.number in tables.failed or run.number not in tables.finished for run in share)
+    return bool(failed or missing)
 
 
 def _plot(arguments: Namespace) -> SweepPlot | None:
@@ -99,24 +116,27 @@ def _share(sweep: Sweep, arguments: Namespace) -> list[Run]:
 
 
 def _finish(
-    folder: SweepFolder, sweep: Sweep, left: list[Run], total: int, arguments: Namespace
+    folder: SweepFolder,
+    sweep: Sweep,
+    left: list[Run],
+    execution: ExecutionOptions,
+    on_progress: OnFraction,
+    arguments: Namespace,
 ) -> dict[int, str]:
     """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
-    execution = _execution(arguments)
-    with progress_bar(total, total - len(left), unit="run", bar_format=_BAR) as bar:
-        if arguments.scheduler is None and arguments.slurm is None:
-            start_warp()
-            from warpgrains.solver.tuning import find_device
-            from warpgrains.sweep.runner import finish_runs
+    if arguments.scheduler is None and arguments.slurm is None:
+        start_warp()
+        from warpgrains.solver.tuning import find_device
+        from warpgrains.sweep.runner import finish_runs
 
-            find_device(execution.device)
-            folder.prepare(sweep)
-            return finish_runs(folder, left, execution, bar.update)
-        from warpgrains.sweep.cluster import connected, finish_on_cluster
+        find_device(execution.device)
+        folder.prepare(sweep)
+        return finish_runs(folder, left, execution, on_progress)
+    from warpgrains.sweep.cluster import connected, finish_on_cluster
 
-        with connected(arguments.scheduler, arguments.slurm) as client:
-            folder.prepare(sweep)
-            return finish_on_cluster(folder, left, execution, bar.update, client)
+    with connected(arguments.scheduler, arguments.slurm) as client:
+        folder.prepare(sweep)
+        return finish_on_cluster(folder, left, execution, on_progress, client)
 
 
 def _execution(arguments: Namespace) -> ExecutionOptions:
@@ -134,23 +154,6 @@ def _execution(arguments: Namespace) -> ExecutionOptions:
         folders=arguments.folders,
         measure_every=arguments.every,
     )
-
-
-def _summary(
-    share: list[Run], left: list[Run], tables: Tables, reasons: dict[int, str], seconds: float
-) -> dict[str, str]:
-    own = {run.number for run in share}
-    failed = {number: reason for number, reason in tables.failed.items() if number in own}
-    missing = {number: reasons.get(number, "") for number in sorted(own - tables.finished)}
-    rows = {
-        "runs": f"{len(share)}, {len(share) - len(left)} of them finished before",
-        "failed": f"{len(failed)}{_first(failed)}",
-        "not finished": f"{len(missing)}{' (continue with --resume)' if missing else ''}{_first(missing)}",
-        "not converged": f"{len(own & tables.unconverged)} runs, in one step or more",
-    }
-    if tables.unmet is not None:
-        rows["not at rest"] = f"{len(own & tables.unmet)} runs"
-    return rows | {"time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s"}
 
 
 def _first(reasons: dict[int, str]) -> str:

@@ -16,7 +16,6 @@ from typing import Any
 
 from tqdm import tqdm
 
-from warpgrains.analysis.series import Series
 from warpgrains.cli.step_by_step import step_by_step
 from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
 from warpgrains.drawing.kinds import RECORDING
@@ -24,7 +23,7 @@ from warpgrains.errors import InputError
 from warpgrains.frame_log import log_of
 from warpgrains.kernels.access import CHECKED
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.state import State, first_state
+from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, steps_of
 from warpgrains.simulation.run import OpenRun, carry_out
@@ -43,7 +42,8 @@ def run(arguments: Namespace) -> bool:
     for option in ("history", "full_speed"):
         if getattr(arguments, option):
             raise InputError(f"--{option.replace('_', '-')} needs --step-by-step")
-    with ExitStack() as held:
+    with ExitStack() as held, warnings.catch_warnings():
+        warnings.showwarning = _show_warning  # type: ignore[assignment]
         run, state = _begin(arguments) if arguments.resume is None else _resume(arguments, held)
         try:
             _carry_out(run, state, arguments)
@@ -71,8 +71,8 @@ def _scene(arguments: Namespace) -> Scene:
     return Scene.load(arguments.scene, [*(arguments.overrides or []), *solver])
 
 
-def _carry_out(run: OpenRun, state: State, arguments: Namespace) -> None:
-    """Open the outputs of a run, and simulate from a state.
+def _carry_out(run: OpenRun, state: State | None, arguments: Namespace) -> None:
+    """Open the outputs of a run, and simulate from a state, by default the first one.
 
     Invalid outputs, and those that another process writes, are refused before Warp starts and compiles
     kernels.
@@ -80,19 +80,20 @@ def _carry_out(run: OpenRun, state: State, arguments: Namespace) -> None:
     if run.options.shows is RECORDING:
         with exit_on_interrupt():  # while it is loaded, USD would only print an interrupt and continue
             import_module("warpgrains.usd.recorder")
-    with stdout_to_stderr(), run.opened(Series):
+    with stdout_to_stderr(), run.opened():
         start_warp()
         from warpgrains.simulation.simulation import Simulation
         from warpgrains.simulation.stepper import continued
 
-        simulation = continued(Simulation, run.scene, state, arguments.device, arguments.threads)
+        how = arguments.device, arguments.threads
+        simulation = (
+            Simulation(run.scene, *how) if state is None else continued(Simulation, run.scene, state, *how)
+        )
         if not simulation.is_compiled:
             first = "compiling kernels for this kind of scene, the first time only ..."
             print(first, file=sys.stderr, flush=True)
         simulation.compile()
-        with warnings.catch_warnings():
-            warnings.showwarning = _show_warning  # type: ignore[assignment]
-            carry_out(simulation, run, progress=True)
+        carry_out(simulation, run, progress=True)
 
 
 def _commands_to_continue(options: RunOptions) -> Iterator[str]:
@@ -103,8 +104,8 @@ def _commands_to_continue(options: RunOptions) -> Iterator[str]:
         yield f"to recover the frames so far: warpgrains recover {shlex.quote(str(log))}"
 
 
-def _begin(arguments: Namespace) -> tuple[OpenRun, State]:
-    """Return a new run and its initial state."""
+def _begin(arguments: Namespace) -> tuple[OpenRun, None]:
+    """Return a new run, which has no state yet."""
     if arguments.scene is None:
         raise InputError("SCENE is missing: give a scene, or --resume FILE to continue a run")
     given = _given(arguments, *FLAGS)
@@ -113,10 +114,7 @@ def _begin(arguments: Namespace) -> tuple[OpenRun, State]:
     given |= _spacing(every, arguments.checkpoint, arguments.series)
     scene = _scene(arguments)
     options = RunOptions(steps=_steps(scene, arguments), **given)
-    run = OpenRun(scene, options, RunStatistics())
-    if "fps" in given:
-        _warn_of_rate(run)
-    return run, first_state(scene)
+    return OpenRun(scene, options, RunStatistics()), None
 
 
 def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
@@ -125,9 +123,9 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
         raise InputError(f"{KEPT[name]} cannot be combined with --resume: a resumed run keeps its options")
     kept = Path(arguments.resume)
     start = read_checkpoint(kept)
-    locked = None if start.options is None else kept
-    if locked is not None:
-        held.enter_context(lock_checkpoint(locked))
+    is_of_run = start.options is not None
+    if is_of_run:
+        held.enter_context(lock_checkpoint(kept))
         start = read_checkpoint(kept)  # the run may have continued before the lock was acquired
     options = start.options or RunOptions(steps=start.scene.steps)
     planned = options.steps if start.options is None else start.first_step + options.steps
@@ -141,7 +139,11 @@ def _resume(arguments: Namespace, held: ExitStack) -> tuple[OpenRun, State]:
     options, statistics = replace(options, steps=end - start.first_step, **given), start.statistics
     if end > start.state.steps and _given(arguments, "steps", "duration"):
         statistics.met = False  # the run goes on, although its end criterion was met
-    return OpenRun(start.scene, options, statistics, start.first_step, locked=locked), start.state
+    is_locked = is_of_run and Path(options.checkpoint or kept).resolve() == kept.resolve()
+    run = OpenRun(
+        start.scene, options, statistics, start.first_step, is_resumed=is_of_run, is_locked=is_locked
+    )
+    return run, start.state
 
 
 def _spacing(every: int | None, checkpoint: str | None, series: str | None) -> dict[str, Any]:
@@ -169,18 +171,6 @@ def _show_warning(message: Warning | str, *where: Any) -> None:
     tqdm.write(f"warpgrains: warning: {message}", file=sys.stderr)
 
 
-def _warn_of_rate(run: OpenRun) -> None:
-    """Warn if an output cannot have as many frames per second as wanted, and print its true rate."""
-    options = run.options
-    if run.times is None or run.times.rate == options.fps:
-        return
-    rate = run.times.rate
-    reason = f"with one frame every step of {run.scene.dt:g} s there are {rate:.6g}"
-    if rate == options.rate:
-        reason = f"a file of this kind has at most {rate:.6g}"
-    _show_warning(f"--fps {options.fps:g} cannot be met: {reason}")
-
-
 def results_of(run: OpenRun) -> dict[str, Any]:
     """Return the results of a run by name, as `--json` prints them."""
     scene, options = run.scene, run.options
@@ -189,7 +179,7 @@ def results_of(run: OpenRun) -> dict[str, Any]:
         "scene": scene.name,
         "grains": scene.n,
         **asdict(summary),
-        "overlap_in_radii": summary.overlap / scene.radius.min().item(),
+        "overlap_in_radii": summary.overlap / scene.smallest_radius,
         "overlaps_at_start": {"pairs": overlaps.pairs, "walls": overlaps.walls},
     }
     if CHECKED:

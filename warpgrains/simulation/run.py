@@ -5,7 +5,7 @@ The checkpoints of a run let another process resume it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -64,13 +64,20 @@ class OpenRun(CountedRun):
         End criterion, see `criterion`; by default that of the options.
     observer : Observer, optional
         Without it, the series of the options is measured, if they have one.
-    locked : Path, optional
-        Checkpoint that the caller has locked. If it exists, the run continues from it.
+    is_resumed : bool
+        Whether the outputs of an earlier process are continued.
+    is_locked : bool
+        Whether the caller has locked the checkpoint.
 
     Raises
     ------
     InputError
         The end criterion is invalid, or there are an observer and a series.
+
+    Warns
+    -----
+    UserWarning
+        The output of a new run cannot have as many frames per second as requested.
     """
 
     def __init__(
@@ -81,23 +88,28 @@ class OpenRun(CountedRun):
         first_step: int = 0,
         until: str | Question | None = None,
         observer: Observer | None = None,
-        locked: Path | None = None,
+        is_resumed: bool = False,
+        is_locked: bool = False,
     ) -> None:
         if observer is not None and options.measure is not None:
             raise InputError("observer and measure cannot be combined: a run has one observer")
         end = criterion(options.until if until is None else until, scene)
         super().__init__(options.steps, statistics, end)
-        self.scene, self.options, self.first_step, self._locked = scene, options, first_step, locked
-        self.observer = observer
+        self.scene, self.options, self.first_step, self.observer = scene, options, first_step, observer
+        self._is_resumed, self._is_locked = is_resumed, is_locked
         self.output: Output | None = None
-        has_frames = options.shows is not None and options.shows.has_frames
-        self.times = FrameTimes.of(scene.dt, options.rate) if has_frames else None
+        self.times: FrameTimes | None = None
+        if options.shows is not None and options.shows.has_frames:
+            self.times = FrameTimes.of(scene.dt, options.rate)
+            if self.times.rate != options.fps and not is_resumed:
+                reason = f"with one frame every step of {scene.dt:g} s there are {self.times.rate:.6g}"
+                if self.times.rate == options.rate:
+                    reason = f"a file of this kind has at most {options.rate:.6g}"
+                warn(f"fps {options.fps:g} cannot be met: {reason}", stacklevel=3)
 
     @contextmanager
-    def opened(self, series: Callable[..., Any] | None = None) -> Iterator[None]:
+    def opened(self) -> Iterator[None]:
         """Lock the checkpoint and open the outputs, which are locked meanwhile and completed at the end.
-
-        `series` opens the series of the options: `warpgrains.analysis.Series`, or None if there is none.
 
         The log of a resumed run is truncated to the frames that its statistics count, which is idempotent.
 
@@ -106,31 +118,30 @@ class OpenRun(CountedRun):
         InputError
             A file cannot be written. It is an `OutputError` if another run writes it.
         """
-        options, locked = self.options, self._locked
-        is_resumed = locked is not None and locked.exists()
+        options = self.options
         with ExitStack() as held:
-            if options.checkpoint is not None:
-                checkpoint = Path(options.checkpoint)
-                if locked is None or checkpoint.resolve() != locked.resolve():
-                    held.enter_context(lock_checkpoint(checkpoint))
-            self.output = self._output(is_resumed)
+            if options.checkpoint is not None and not self._is_locked:
+                held.enter_context(lock_checkpoint(Path(options.checkpoint)))
+            self.output = self._output()
             if self.output is not None:
                 held.enter_context(self.output)
-            if options.measure is not None and series is not None:
-                resume_at = self.first_step + self.statistics.steps if is_resumed else None
-                measuring = series(options.measure, options.measure_every, options.series, resume_at)
-                self.observer = held.enter_context(measuring)
+            if options.measure is not None:
+                from warpgrains.analysis.series import Series
+
+                resume_at = self.first_step + self.statistics.steps if self._is_resumed else None
+                series = Series(options.measure, options.measure_every, options.series, resume_at)
+                self.observer = held.enter_context(series)
             yield
             at_end = perf_counter()
         self.statistics.other_seconds += perf_counter() - at_end
 
-    def _output(self, is_resumed: bool) -> Output | None:
+    def _output(self) -> Output | None:
         """Return the output that receives frames; None if there is none, or no frame is left to record."""
-        scene, options, frames = self.scene, self.options, self.statistics.frames
+        scene, options = self.scene, self.options
         if options.record is None:
             return None
         path = Path(options.record)
-        if options.shows is not RECORDING:
+        if self.times is None or options.shows is not RECORDING:
             require_drawing(f"'{path}'", options.shows is FILM)
             from warpgrains.pictures.shots import Painter
 
@@ -145,16 +156,16 @@ class OpenRun(CountedRun):
         from warpgrains.frame_log import is_complete
         from warpgrains.usd.recorder import Recorder
 
-        if is_resumed and self.has_ended and is_complete(path):
+        if self._is_resumed and self.has_ended and is_complete(path):
             return None
         return Recorder(
             path,
             scene,
-            options.rate,
+            self.times.rate,
             color_by=options.color_by,
             forces=options.forces,
             draw_as=options.draw_as,
-            resume_at=frames if is_resumed else None,
+            resume_at=self.statistics.frames if self._is_resumed else None,
             first_step=self.first_step,
         )
 
@@ -186,7 +197,7 @@ class OpenRun(CountedRun):
             )
             self.statistics.frames += 1
 
-    def checkpoint(self, state: State) -> Checkpoint:
+    def flush_and_checkpoint(self, state: State) -> Checkpoint:
         """Return a checkpoint, after flushing the frames and measurements that it counts to the disk."""
         if self.output is not None:
             self.output.flush()
@@ -224,30 +235,24 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
         run.record(simulation)
         measure_time()
         if kept is not None and (statistics.steps % every == 0 or run.has_ended):
-            write_checkpoint(kept, run.checkpoint(simulation.state()))
+            write_checkpoint(kept, run.flush_and_checkpoint(simulation.state()))
 
-    with progress_bar(run.steps, statistics.steps, progress) as bar, _flushed(run.observer):
-        write_due()
-        while not run.has_ended:
-            steps = min(run.steps_to_output, run.steps_to_test)
-            if kept is not None:
-                steps = min(steps, steps_to(every, statistics.steps))
-            done = simulation.advance(steps, bar.update)
-            if done.infeasible and not statistics.infeasible:
-                step, grains = simulation.infeasible_steps[0]
-                warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
-            run.count(done, simulation)
+    with progress_bar(run.steps, statistics.steps, progress) as bar:
+        try:
             write_due()
+            while not run.has_ended:
+                steps = min(run.steps_to_output, run.steps_to_test)
+                if kept is not None:
+                    steps = min(steps, steps_to(every, statistics.steps))
+                done = simulation.advance(steps, bar.update)
+                if done.infeasible and not statistics.infeasible:
+                    step, grains = simulation.infeasible_steps[0]
+                    warn(f"step {step}: {named(grains)} cannot fit", stacklevel=3)
+                run.count(done, simulation)
+                write_due()
+        finally:
+            if run.observer is not None:
+                run.observer.flush()
     measure_time()
     if until is not None and not statistics.met:
         warn(f"{until.name} was not reached within {simulation.time:g} s of simulated time", stacklevel=3)
-
-
-@contextmanager
-def _flushed(observer: Observer | None) -> Iterator[None]:
-    """Flush the observer at the end, even after an exception."""
-    try:
-        yield
-    finally:
-        if observer is not None:
-            observer.flush()

@@ -106,7 +106,7 @@ class Simulation(Stepper):
         observer : object, optional
             Object that measures during the run, such as a `warpgrains.analysis.Series`.
             ``observe(simulation)`` is called at multiples of its ``every`` steps, ``flush()`` before a
-            checkpoint and at the end.
+            checkpoint and at the end. Checkpoints do not hold it: `run --resume` continues without it.
         progress : bool
             Whether to show a progress bar on standard error.
 
@@ -117,6 +117,12 @@ class Simulation(Stepper):
             `OutputError` if another run writes it at the same time.
         SimulationError
             A step failed, or another thread advances this simulation.
+
+        Warns
+        -----
+        UserWarning
+            The output cannot have `fps` frames per second, grains cannot fit, or the run ended before its end
+            criterion was met.
 
         Notes
         -----
@@ -140,9 +146,10 @@ class Simulation(Stepper):
             )
         if observer is not None:
             require_observer(observer)
-        run = OpenRun(self.scene, options, RunStatistics(), self.steps, until, observer)
-        with self._use.exclusive(), run.opened():
-            carry_out(self, run, progress)
+        with self._use.exclusive():
+            run = OpenRun(self.scene, options, RunStatistics(), self.steps, until, observer)
+            with run.opened():
+                carry_out(self, run, progress)
         return run.statistics.summary(options.record)
 
     def view(self, port: int = 8080) -> Page:

@@ -57,16 +57,16 @@ def finish_on_cluster(
     client
         Client of the cluster, see `connected`.
     """
-    left: dict[int, str] = {}
+    reasons: dict[int, str] = {}
     for run in _run_bundles(client, folder, runs, execution, on_progress):
         future = client.submit(finish_bundle, folder, [run], execution, pure=False)
         reason = future.exception() or future.result()[0].get(run.number, NO_RESULT)
-        if run.number in folder.finished([run]):
-            on_progress(1.0)
-        else:
-            left[run.number] = str(reason)
+        if folder.unfinished([run]):
+            reasons[run.number] = str(reason)
             print(f"run {run.number} is not finished: {reason}", file=sys.stderr)
-    return left
+        else:
+            on_progress(1.0)
+    return reasons
 
 
 def _run_bundles(
@@ -99,9 +99,9 @@ def _run_bundles(
             return left
         future = next(completed)
         bundle = submitted.pop(future)
-        finished = folder.finished(bundle)
-        on_progress(len(finished))
-        left += [run for run in bundle if run.number not in finished]
+        unfinished = folder.unfinished(bundle)
+        on_progress(len(bundle) - len(unfinished))
+        left += unfinished
         if future.status == "finished":
             wanted = max(BUNDLE, SECONDS_PER_THREAD * threads)
             size = next_size(len(bundle), future.result()[1], wanted, MOST_IN_A_BUNDLE)
@@ -125,8 +125,7 @@ def finish_bundle(
         from warpgrains.sweep.runner import finish_runs
 
         threads = execution.threads or get_worker().state.nthreads
-        finished = folder.finished(runs)
-        left = [run for run in runs if run.number not in finished]
+        left = folder.unfinished(runs)
         reasons = finish_runs(folder, left, replace(execution, threads=threads), lambda runs: None)
         return reasons, perf_counter() - start
 

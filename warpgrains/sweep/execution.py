@@ -43,8 +43,9 @@ class ExecutionOptions:
 
     @property
     def needs_folders(self) -> bool:
-        """True if each run of a sweep has a folder."""
-        return self.folders or self.fps is not None or self.measure_every is not None
+        """True if each run of a sweep has a folder; else those have that `ShortRunner` leaves."""
+        is_asked_for = self.folders or self.fps is not None or self.measure_every is not None
+        return is_asked_for or self.device != "cpu"
 
 
 class ResumePoint(NamedTuple):

@@ -5,15 +5,14 @@ Checkpoints at intervals and at the end let a killed process lose little.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from math import inf
 from time import perf_counter
 from typing import Any, NamedTuple, Self
 
-from warpgrains.analysis.series import Series
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, OutputError, SimulationError
@@ -37,20 +36,20 @@ WRITERS = 16
 class LongRun(OpenRun):
     """A run with a folder in execution. No other process executes it, because its folder is locked."""
 
-    def __init__(self, folder: RunFolder, start: Checkpoint):
+    def __init__(self, folder: RunFolder, start: Checkpoint, is_resumed: bool):
         assert start.options is not None  # `RunFolder.begin` returns them
-        super().__init__(start.scene, start.options, start.statistics, locked=folder.checkpoint)
+        of_start = start.scene, start.options, start.statistics, start.first_step
+        super().__init__(*of_start, is_resumed=is_resumed, is_locked=True)
         self.folder, self.state = folder, start.state
         self.error: str | None = None
         self._outputs = ExitStack()
 
     @classmethod
-    def begin(
-        cls, sweep: SweepFolder, point: ResumePoint, execution: ExecutionOptions, held: ExitStack
-    ) -> Self | None:
-        """Return the run; None if it cannot begin and has failed, which is then its result.
-
-        Its lock and outputs are entered into `held`.
+    @contextmanager
+    def begun(
+        cls, folder: RunFolder, point: ResumePoint, execution: ExecutionOptions
+    ) -> Iterator[Self | None]:
+        """Lock a run and open its outputs. Yield None if it cannot begin, which is then its result.
 
         Raises
         ------
@@ -59,27 +58,26 @@ class LongRun(OpenRun):
         OSError
             Its files cannot be used.
         """
-        folder, run = sweep.of(point.run), None
-        with ExitStack() as own:
+        with folder.lock():
+            run = None
             try:
-                own.push(folder.lock())
-                start = folder.begin(execution)
+                is_resumed, start = folder.checkpoint.exists(), folder.begin(execution)
                 if point.state is not None and point.statistics is not None and start.statistics.steps == 0:
                     start = replace(start, state=point.state, statistics=point.statistics)
-                run = cls(folder, start)
-                own.push(run._outputs)
-                run._outputs.enter_context(run.opened(Series))
+                run = cls(folder, start, is_resumed)
+                run._outputs.enter_context(run.opened())
             except OutputError:
                 raise
             except InputError as error:
                 reason = str(error) if run is None else f"{error}: {HOW_TO_REPEAT}"
                 folder.fail(reason, 0.0 if run is None else run.statistics.seconds)
-                return None
-            if point.error is not None:
-                run.error = point.error
-                run.save_checkpoint()
-            held.push(own.pop_all())
-            return run
+                yield None
+                return
+            with run._outputs:
+                if point.error is not None:
+                    run.error = point.error
+                    run.save_checkpoint()
+                yield run
 
     @property
     def has_steps_left(self) -> bool:
@@ -98,12 +96,13 @@ class LongRun(OpenRun):
 
     def save_checkpoint(self) -> None:
         """Save a checkpoint with its frames and measurements."""
-        self.folder.save_checkpoint(self.checkpoint(self.state))
+        self.folder.save_checkpoint(self.flush_and_checkpoint(self.state))
 
     def complete(self) -> str | None:
-        """Complete the recording; return the reason if that fails."""
+        """Complete the recording, or discard one without frames; return the reason if that fails."""
+        failed = None if self.error is None or self.statistics.frames else SimulationError(self.error)
         try:
-            self._outputs.close()
+            self._outputs.__exit__(None if failed is None else type(failed), failed, None)
         except OSError as error:
             return str(error)
         return None
@@ -122,7 +121,7 @@ class LongGroup(NamedTuple):
 
     runs: list[LongRun]
     held: ExitStack
-    """Their locks and outputs."""
+    """The runs as contexts, see `LongRun.begun`."""
 
 
 class LongRunner:
@@ -135,12 +134,12 @@ class LongRunner:
 
     Attributes
     ----------
-    left : dict of int to str
+    reasons : dict of int to str
         Reasons why runs are unfinished, by their numbers.
     """
 
     def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
-        self.left: dict[int, str] = {}
+        self.reasons: dict[int, str] = {}
         self._folder, self._execution, self._on_progress = folder, execution, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.widest = WIDTH if execution.fps is None else RECORDED_WIDTH
@@ -158,9 +157,10 @@ class LongRunner:
         group = LongGroup([], self._held.enter_context(ExitStack()))
         for point in points:
             try:
-                run = LongRun.begin(self._folder, point, self._execution, group.held)
+                begun = LongRun.begun(self._folder.of(point.run), point, self._execution)
+                run = group.held.enter_context(begun)
             except (OutputError, OSError) as error:
-                self.left[point.run.number] = str(error)
+                self.reasons[point.run.number] = str(error)
             else:
                 group.runs.extend([] if run is None else [run])
         self._on_progress(len(points) - len(group.runs))
@@ -179,7 +179,7 @@ class LongRunner:
             self._on_progress(sum(run.progress for run in runs))
             self._advance([run for run in runs if run.has_steps_left])
             troubles = [(run, run.complete()) for run in runs]
-            self.left |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
+            self.reasons |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
             _write(LongRun.finish, [run for run, trouble in troubles if trouble is None])
         return sum(run.scene.n for run in runs)
 
@@ -213,7 +213,7 @@ class LongRunner:
             start, before = perf_counter(), sum(run.progress for run in runs)
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
             for last in sets.advance(steps, None, runs):
-                for k in filter(steps.__getitem__, sets.scenes):
+                for k in filter(steps.__getitem__, sets.present):
                     runs[k].error = last.done(k).error
                 _write_due(runs, sets)
             self._on_progress(sum(run.progress for run in runs) - before)
@@ -225,8 +225,8 @@ class LongRunner:
 
 
 def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
-    for k, scene in sets.scenes.items():
-        runs[k].record(scene)
+    for k, now in sets.present.items():
+        runs[k].record(now)
 
 
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:

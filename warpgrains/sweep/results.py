@@ -29,7 +29,7 @@ class Column(NamedTuple):
     of_runs: Callable[[FinalStates], NDArray[Any]]
     """Values of many runs at once, shape (m,)."""
     unit: str = ""
-    kind: type[float] | type[str] = float
+    kind: type[float] = float
 
 
 def _counted(field: str, meaning: str) -> Column:
@@ -67,9 +67,7 @@ COLUMNS = {
         lambda ends: ends.done[MET].astype(np.int64),
         kind=int,
     ),
-    "error": Column(
-        "reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), ""), kind=str
-    ),
+    "error": Column("reason of the failure, if the run failed", lambda ends: np.full(len(ends.dt), "")),
 }
 """Columns in order; `met` is that of sweeps with an end criterion."""
 UNITS = {name: found.unit for name, found in (QUANTITIES | COLUMNS).items()}
@@ -83,12 +81,6 @@ def value_columns(settings: RunSettings) -> list[str]:
     """Return the columns of results after the labels, without the seconds."""
     *common, error = (name for name in COLUMNS if name != MET or settings.until is not None)
     return [*common, *(name for name in settings.measured if name not in COLUMNS), error]
-
-
-def is_possible(columns: list[str]) -> bool:
-    """Return whether some sweep has these columns, see `value_columns`."""
-    measured = tuple(filter(QUANTITIES.__contains__, columns))
-    return columns in (value_columns(RunSettings(measured, until)) for until in (None, "rest"))
 
 
 def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[str]) -> Iterator[RunResult]:
@@ -114,8 +106,13 @@ def results(ends: FinalStates, snapshots: Iterable[Snapshot], columns: Sequence[
 
 def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> RunResult:
     """Return the result of a finished run, see `results`."""
-    counted = {name: np.array([getattr(done, name)]) for name in (*COUNTED, MET)}
-    return next(results(FinalStates(end.grains, np.array([end.scene.dt]), counted), [end], columns))
+    ends = FinalStates(end.grains, np.array([end.scene.dt]), counted([done]))
+    return next(results(ends, [end], columns))
+
+
+def counted(done: Sequence[RunStatistics]) -> dict[str, NDArray[Any]]:
+    """Return the statistics of runs as `FinalStates.done`."""
+    return {name: np.array([getattr(one, name) for one in done]) for name in (*COUNTED, MET)}
 
 
 def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> RunResult:

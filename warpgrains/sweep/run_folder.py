@@ -9,7 +9,6 @@ result.csv         a line of names and a line of values; a run is finished if th
 ================== ==========================================================================================
 """
 
-from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +18,6 @@ from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, read_regular, read_table, table_text, write_atomically
 from warpgrains.frame_log import log_of
 from warpgrains.locks import Lock
-from warpgrains.scene.document import parse_toml
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
@@ -27,8 +25,7 @@ from warpgrains.simulation.checkpoint import Checkpoint, read_checkpoint, write_
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
-from warpgrains.sweep.results import SECONDS, RunResult, failure, is_possible, require_result, value_columns
-from warpgrains.sweep.shards import OTHER_COLUMNS
+from warpgrains.sweep.results import SECONDS, RunResult, failure, require_result, value_columns
 from warpgrains.sweep.sweep import GRAINS, Run
 
 RESULT = "result.csv"
@@ -67,63 +64,34 @@ class RunFolder:
         return self._run.labels()
 
     @cached_property
-    def _text(self) -> str:
-        """Text of the scene file."""
-        return self._run.text(f"../../{GRAINS}")
+    def _text(self) -> bytes:
+        """Content of the scene file."""
+        return self._run.text(f"../../{GRAINS}").encode()
 
-    def require_this_run(self) -> None:
-        """Raise OutputError if the folder belongs to another run, and InputError if it is damaged."""
-        if not self.scene_file.exists():
-            return
-        try:
-            found = read_regular(self.scene_file).decode()
-        except UnicodeDecodeError:
-            raise InputError(f"'{self.scene_file}' is not text: {HOW_TO_REPEAT}") from None
-        except InputError as error:
-            raise InputError(f"{error}: {HOW_TO_REPEAT}") from None
-        if self._belongs_to_another_run(found):
-            raise OutputError(f"'{self.scene_file}' is the scene of another sweep: choose another -o")
-        if found != self._text:
-            raise InputError(f"'{self.scene_file}' is damaged: {HOW_TO_REPEAT}")
-        if self.result.exists() and self._has_other_columns():
-            raise OutputError(f"'{self.result}' {OTHER_COLUMNS}")
+    def require_this_sweep(self) -> None:
+        """Raise OutputError if the folder belongs to another sweep, whether or not it is damaged.
 
-    def require_no_other(self) -> None:
-        """Raise OutputError if the folder belongs to another run.
-
-        Damage is not tested; it makes the run fail later.
+        The first line of a scene file names the run and its values, and the other lines contain them too. In
+        the file of another sweep both differ; if only one of them differs, the file is damaged.
         """
         try:
-            self.require_this_run()
-        except OutputError:
-            raise
+            found = read_regular(self.scene_file)
         except (InputError, OSError):
-            pass
+            return
+        (head, end, body), (own_head, _, own_body) = found.partition(b"\n"), self._text.partition(b"\n")
+        is_whole = bool(end) and head.startswith(b"# run %d of" % self.number)
+        if is_whole and head != own_head and body != own_body:
+            raise OutputError(f"'{self.scene_file}' is the scene of another sweep: choose another -o")
 
-    def _belongs_to_another_run(self, found: str) -> bool:
-        """Return whether a scene file is complete and belongs to another run.
-
-        The first line names the run and its values, and the other lines contain them too. In the file of
-        another run both differ; if only the first line or only the rest differs, the file
-        is damaged.
-        """
-        (head, _, body), (own_head, _, own_body) = found.partition("\n"), self._text.partition("\n")
-        if head == own_head or body == own_body or not head.startswith("# run "):
-            return False
-        try:
-            parse_toml(found, self.scene_file)
-        except InputError:
-            return False
-        return True
-
-    def _has_other_columns(self) -> bool:
-        """Return whether the result is intact, but has other columns than this sweep."""
-        with suppress(OSError, InputError):
-            names = read_regular(self.result).partition(b"\n")[0].decode(errors="replace").split(",")
-            columns = names[len(self.labels) : -1]
-            is_intact = names == [*self.labels, *columns, SECONDS] and is_possible(columns)
-            return is_intact and columns != self.columns
-        return False
+    def _require_intact(self) -> None:
+        """Raise InputError if the scene file exists and is not that of the run."""
+        if self.scene_file.exists():
+            try:
+                found = read_regular(self.scene_file)
+            except InputError as error:
+                raise InputError(f"{error}: {HOW_TO_REPEAT}") from None
+            if found != self._text:
+                raise InputError(f"'{self.scene_file}' is damaged: {HOW_TO_REPEAT}")
 
     def lock(self) -> Lock:
         """Lock the run by its checkpoint, so that no other sweep and no ``run --resume`` executes it."""
@@ -141,12 +109,13 @@ class RunFolder:
             The scene is invalid or the checkpoint is damaged. It is an `OutputError` if the run is finished
             or the folder belongs to another run.
         """
-        self.require_this_run()
+        self.require_this_sweep()
+        self._require_intact()
         if self.result.exists():
             raise OutputError("another process has finished it")
         if self.checkpoint.exists():
             return self._read_checkpoint()
-        scene = Scene(**{**scene_fields(self._text, self.scene_file), "name": self.labels["scene"]})
+        scene = Scene(**{**scene_fields(self._text.decode(), self.scene_file), "name": self.labels["scene"]})
         wanted: dict[str, Any] = {}
         if execution.fps is not None:
             log_of(self.recording).unlink(missing_ok=True)
@@ -166,7 +135,7 @@ class RunFolder:
         """Return the checkpoint of this run; file names that it contains are ignored."""
         kept = read_checkpoint(self.checkpoint)
         options = kept.options
-        own = (self._text, self._settings.until, kept.scene.steps)
+        own = (self._text.decode(), self._settings.until, kept.scene.steps)
         if options is None or (kept.scene.text, options.until, options.steps) != own:
             raise InputError(f"checkpoint '{self.checkpoint}' is of another run: {HOW_TO_REPEAT}")
         record = None if options.record is None else str(self.recording)
@@ -203,4 +172,4 @@ class RunFolder:
 
     def _write_scene(self) -> None:
         if not self.scene_file.exists():
-            write_atomically(self.scene_file, self._text.encode())
+            write_atomically(self.scene_file, self._text)

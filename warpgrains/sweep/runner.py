@@ -2,8 +2,8 @@
 
 While one group is advanced, another thread prepares the next.
 
-Runs without a folder come first, in groups of thousands (short.py). Runs that take longer than `SHORT` or
-fail continue with a folder (long.py); on request every run has one.
+Runs without a folder come first, in groups of thousands (short.py). Those that need a folder, see
+`ShortRunner`, continue with one (long.py); on request, and on a GPU, every run has one.
 """
 
 from __future__ import annotations
@@ -64,19 +64,19 @@ def finish_runs(
     OSError
         A file cannot be written.
     """
-    left: dict[int, str] = {}
+    reasons: dict[int, str] = {}
     points: Iterable[ResumePoint] = map(ResumePoint, runs)
     with ExitStack() as ended:
-        if not execution.needs_folders and execution.device == "cpu":
+        if not execution.needs_folders:
             short = ended.enter_context(ShortRunner(folder, execution, on_progress))
             _in_groups(short, points)
-            left, points = short.left, short.longer
+            reasons, points = short.reasons, short.longer
         long = ended.enter_context(LongRunner(folder, execution, on_progress))
         _in_groups(long, points)
-    return left | long.left
+    return reasons | long.reasons
 
 
-def _in_groups(runs: Runner[Group], points: Iterable[ResumePoint]) -> None:
+def _in_groups(runner: Runner[Group], points: Iterable[ResumePoint]) -> None:
     """Execute runs in groups. Another thread prepares each group while the previous one is advanced.
 
     The size of a group follows from the last group that was carried out before its preparation began.
@@ -86,7 +86,7 @@ def _in_groups(runs: Runner[Group], points: Iterable[ResumePoint]) -> None:
 
         def begin_next(width: int) -> tuple[int, Future[Group]] | None:
             chunk = list(islice(waiting, width))
-            return (len(chunk), ahead.submit(runs.begin, chunk)) if chunk else None
+            return (len(chunk), ahead.submit(runner.begin, chunk)) if chunk else None
 
         width = FIRST_WIDTH
         following = begin_next(width)
@@ -94,6 +94,6 @@ def _in_groups(runs: Runner[Group], points: Iterable[ResumePoint]) -> None:
             size, future = following
             group = future.result()
             following, start = begin_next(width), perf_counter()
-            grains = runs.carry_out(group)
-            most = min(runs.widest, MOST_GRAINS * size // max(1, grains))
-            width = next_size(size, perf_counter() - start, GROUP, most, runs.narrowest)
+            grains = runner.carry_out(group)
+            most = min(runner.widest, MOST_GRAINS * size // max(1, grains))
+            width = next_size(size, perf_counter() - start, GROUP, most, runner.narrowest)

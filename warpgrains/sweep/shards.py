@@ -2,13 +2,14 @@
 
 A shard is a CSV table with the columns of `results.csv` and the seconds. Its name consists of its first run,
 its last run and a hash of its content: ``0000512-0001023-a1b2c3d4e5f60718.csv``. Any number of processes and
-machines may write shards at the same time. If the content does not match the hash, the shard is damaged: it
-is renamed to ``….csv.damaged``, and its runs are done again. A run that was done twice is in two shards.
+machines may write shards at the same time. If the content does not match the hash, the shard is damaged. It
+is not read, so that its runs are done again. A run that was done twice is in two shards.
 """
 
 import re
 import sys
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
@@ -19,8 +20,6 @@ from warpgrains.sweep.results import RunResult
 DIGITS = 16  # hexadecimal digits of a shard's hash
 
 _NAME = re.compile(r"(?P<first>\d+)-(?P<last>\d+)-[0-9a-f]+\.csv")
-
-OTHER_COLUMNS = "has other columns: choose another -o, or the same --measure"
 
 
 class ResultShards:
@@ -42,24 +41,26 @@ class ResultShards:
     def __init__(self, path: Path, columns: Iterable[str]):
         self.path, self._head = path, csv_line(columns)
         self.lines: dict[int, bytes] = {}
+        self._damaged: list[Path] = []
         self._read: set[str] = set()
 
     def write(self, results: Mapping[int, tuple[Row, RunResult]], writer: str) -> None:
         """Write a shard of the labels and values of runs by number; `writer` identifies this process."""
         if results:
-            lines = (_line(*results[number]) for number in sorted(results))
-            content = self._head + b"".join(lines)
+            rows = (results[number] for number in sorted(results))
+            content = self._head + b"".join(csv_line([*labels.values(), *values]) for labels, values in rows)
             name = f"{min(results):07}-{max(results):07}-{_hash(content)}.csv"
             write_atomically(self.path / name, content, writer)
 
     def refresh(self, numbers: Collection[int]) -> None:
-        """Read new shards that may contain some of these runs, and rename damaged ones.
+        """Read new shards that may contain some of these runs.
 
         Raises
         ------
         InputError
             A shard belongs to another sweep.
         """
+        self._damaged.clear()
         first, last = min(numbers, default=0), max(numbers, default=-1)
         for path in sorted(self.path.glob("*.csv")):
             shard = _NAME.fullmatch(path.name)
@@ -69,31 +70,30 @@ class ResultShards:
                 self._take(path)
 
     def _take(self, path: Path) -> None:
-        """Read the lines of a shard; rename it if it is damaged."""
-        content = path.read_bytes() if path.is_file() else b""
+        """Read the lines of a shard, unless it is damaged or has just been renamed for this reason."""
+        content = b""
+        with suppress(FileNotFoundError):
+            content = path.read_bytes() if path.is_file() else b""
         if path.name.rpartition("-")[2] != f"{_hash(content)}.csv":
-            path.rename(path.with_name(f"{path.name}.damaged"))
-            print(f"'{path}' is damaged: its runs are repeated", file=sys.stderr)
+            self._damaged.append(path)
             return
         if not content.startswith(self._head):
-            raise InputError(f"'{path}' is of another sweep, or {OTHER_COLUMNS}")
+            raise InputError(f"'{path}' is of another sweep: choose another -o")
         for line in content[len(self._head) :].splitlines(keepends=True):
             self.lines.setdefault(int(line.partition(b",")[0]), line)
         self._read.add(path.name)
 
+    def set_damaged_aside(self) -> None:
+        """Rename the damaged shards that `refresh` has found to ``….csv.damaged``, and report them."""
+        for path in self._damaged:
+            with suppress(FileNotFoundError):  # another process has renamed it
+                path.rename(path.with_name(f"{path.name}.damaged"))
+                print(f"'{path}' is damaged: its runs are repeated", file=sys.stderr)
+
     def require_this_run(self, number: int, labels: Row) -> None:
         """Raise OutputError if the result of run `number` has other labels, that is, of another run."""
-        if not self.lines[number].startswith(_cells(labels) + b","):
+        if not self.lines[number].startswith(csv_line(labels.values())[:-1] + b","):
             raise OutputError(f"run {number} in '{self.path}' belongs to another sweep: choose another -o")
-
-
-def _cells(labels: Row) -> bytes:
-    return csv_line(labels.values())[:-1]
-
-
-def _line(labels: Row, values: RunResult) -> bytes:
-    """Return the line of a run in a shard; its values are numbers, which need no quotes."""
-    return b"%b,%b\n" % (_cells(labels), ",".join(map(str, values)).encode())
 
 
 def _hash(content: bytes) -> str:

@@ -23,7 +23,7 @@ from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import find_device, paying_threads
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint
-from warpgrains.sweep.results import RunResult, result, results, value_columns
+from warpgrains.sweep.results import RunResult, counted, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder, writer
 
@@ -52,6 +52,9 @@ class ShortGroup(NamedTuple):
 class ShortRunner:
     """Runner for the short runs of a sweep.
 
+    It leaves a run that has a folder already, takes longer than `SHORT`, fails, has an invalid scene or a
+    label of several lines, does not fit in memory, or is so large that several threads share it.
+
     Parameters
     ----------
     folder, execution, on_progress
@@ -59,14 +62,14 @@ class ShortRunner:
 
     Attributes
     ----------
-    left : dict of int to str
+    reasons : dict of int to str
         Reasons why runs are left to other processes, by their numbers.
     longer : list of ResumePoint
         Runs that are to continue with a folder.
     """
 
     def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
-        self.left: dict[int, str] = {}
+        self.reasons: dict[int, str] = {}
         self.longer: list[ResumePoint] = []
         self._folder, self._on_progress = folder, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
@@ -104,15 +107,12 @@ class ShortRunner:
         self._folder.shards.refresh(free)
         free -= self._folder.shards.lines.keys()
         others = [run for run in runs if run.number not in free]
-        self.left |= {run.number: "another process has it" for run in others}
+        self.reasons |= {run.number: "another process has it" for run in others}
         self._on_progress(len(others))
         return [run for run in runs if run.number in free]
 
     def _short(self, run: Run) -> ShortRun | None:
-        """Return a run as a member of a group; None if it must run with a folder.
-
-        It must if its scene is invalid or large, or if a label has several lines.
-        """
+        """Return a run as a member of a group; None if its scene or its labels demand a folder."""
         labels = run.labels()
         if not any(end in label for label in labels.values() for end in "\r\n"):
             with suppress(InputError):
@@ -148,11 +148,11 @@ class ShortRunner:
         if (sets := group.sets) is None:
             return 0
         steps, end = [short.scene.steps for short in group.runs], perf_counter() + SHORT
-        counted, share = 0.0, len(steps) / sum(steps)
+        progress, share = 0.0, len(steps) / sum(steps)
 
         def poll(done: int) -> None:
-            nonlocal counted
-            counted += share * done
+            nonlocal progress
+            progress += share * done
             self._on_progress(share * done)
             if perf_counter() > end:
                 sets.cancel()
@@ -166,11 +166,11 @@ class ShortRunner:
             for k, values in self._ended(sets, runs):
                 short = waiting.pop(k)
                 ended[short.run.number] = (short.labels, values)
-            for k in filter(waiting.__contains__, sets.scenes):
-                state, done = sets.scenes[k].state(), last.done(k)
+            for k in filter(waiting.__contains__, sets.present):
+                state, done = sets.present[k].state(), last.done(k)
                 self.longer.append(ResumePoint(waiting.pop(k).run, state, done.statistics, done.error))
         self.longer += [ResumePoint(short.run) for short in waiting.values()]
-        self._on_progress(len(ended) - counted)
+        self._on_progress(len(ended) - progress)
         self._folder.shards.write(ended, writer())
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
@@ -178,14 +178,8 @@ class ShortRunner:
     def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
         columns = value_columns(self._folder.settings)
-        if runs is not None:
-            for k, now in sets.scenes.items():
-                if runs[k].has_ended:
-                    yield k, result(snapshot(now), runs[k].statistics, columns)
-            return
-        for engine, numbers, indices in sets.by_shape():
-            ended = engine.left[indices] == 0
-            if ended.any():
-                which = numbers[ended].tolist()
-                ends = (snapshot(sets.scenes[k]) for k in which)
-                yield from zip(which, results(engine.ends(indices[ended]), ends, columns), strict=True)
+        for numbers, ends in sets.ended(runs):
+            if runs is not None:
+                ends = ends._replace(done=counted([runs[k].statistics for k in numbers]))
+            states = (snapshot(sets.present[k]) for k in numbers)
+            yield from zip(numbers, results(ends, states, columns), strict=True)

@@ -19,9 +19,8 @@ import itertools
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from warpgrains.errors import InputError
 from warpgrains.files import Row
@@ -48,6 +47,14 @@ KeyValues = dict[str, Any]
 """Values by key, such as "physics.drag"."""
 
 
+class GrainFile(NamedTuple):
+    """A file of grains, of which the folder of the sweep holds a copy that the runs read."""
+
+    source: Path
+    copy: str
+    """Name of the copy, which contains a hash of the content."""
+
+
 @dataclass(frozen=True, eq=False)
 class BaseScene:
     """A scene from which runs are derived."""
@@ -56,8 +63,8 @@ class BaseScene:
     """Name of the scene."""
     sections: Table
     """Sections of the scene file, with the values that the sweep sets for all runs."""
-    grain_files: dict[str, Path]
-    """Files of grains by the names that the runs use; the runs read copies, see `copy_name`."""
+    grain_files: dict[str, GrainFile]
+    """Files of grains by the names that the sweep and the scene use."""
 
     @property
     def text(self) -> str:
@@ -65,16 +72,16 @@ class BaseScene:
 
         Copies of files of grains are in the neighboring folder `GRAINS`.
         """
-        copies = {name: f"../{GRAINS}/{copy_name(path)}" for name, path in self.grain_files.items()}
+        copies = {name: f"../{GRAINS}/{file.copy}" for name, file in self.grain_files.items()}
         notes = [f"# {toml_value(name)} is {toml_value(copy)}\n" for name, copy in copies.items()]
         return "".join(notes) + toml_text(self.with_values({}, f"../{GRAINS}"))
 
     def with_values(self, values: KeyValues, copies: str) -> Table:
         """Return the sections with some values replaced; copies of files of grains are in folder `copies`."""
         sections = _with_values(self.sections, values)
-        source = self.grain_files.get(sections.get("grains", {}).get("file"))
-        if source is not None:
-            sections["grains"]["file"] = f"{copies}/{copy_name(source)}"
+        grains = self.grain_files.get(sections.get("grains", {}).get("file"))
+        if grains is not None:
+            sections["grains"]["file"] = f"{copies}/{grains.copy}"
         return sections
 
 
@@ -146,12 +153,6 @@ class Sweep:
         return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists), bases)
 
 
-@cache
-def copy_name(grain_file: Path) -> str:
-    """Return the name of the copy of a file of grains, which contains a hash of the content."""
-    return f"{hashlib.sha256(grain_file.read_bytes()).hexdigest()[:12]}-{grain_file.name}"
-
-
 def _cell(value: Any) -> str:
     return value if isinstance(value, str) else toml_value(value)
 
@@ -217,14 +218,15 @@ def _base_paths(document: Table, folder: Path) -> list[Path]:
     return scenes
 
 
-def _grain_file(folder: Path, name: Any) -> Path:
+def _grain_file(folder: Path, name: Any) -> GrainFile:
     if not isinstance(name, str) or "\0" in name or not (folder / name).is_file():
         raise InputError(f"grains.file is {name!r}: it does not exist in {str(folder)!r}")
     if not (folder / name).resolve().is_relative_to(folder.resolve()):
         raise InputError(
             f"grains.file is {name!r}: it must be in the folder of its scene, because results contain a copy"
         )
-    return folder / name
+    source = folder / name
+    return GrainFile(source, f"{hashlib.sha256(source.read_bytes()).hexdigest()[:12]}-{source.name}")
 
 
 def _with_values(sections: Table, values: KeyValues) -> Table:

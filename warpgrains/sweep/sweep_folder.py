@@ -4,7 +4,7 @@
 results.csv        the results of all runs that are finished; timing.csv, how long they took
 scenes/NAME.toml   the common part of the runs of a scene; their values on the axes are in their results
 parts/             results of runs without a folder, see `ResultShards`
-runs/00042/        the folder of a run that is recorded, took long, failed, or if ``--folders`` is given
+runs/00042/        the folder of a run, if it needs one, see `ExecutionOptions.needs_folders`
 grains/            copies of files of grains
 ================== ==========================================================================================
 """
@@ -21,14 +21,14 @@ from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.results import MET, SECONDS, value_columns
 from warpgrains.sweep.run_folder import RESULT, RunFolder
 from warpgrains.sweep.shards import ResultShards
-from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep, copy_name
+from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep
 
 RESULTS = "results.csv"
 HOW_TO_CONTINUE = "use --resume to continue the sweep, or choose another -o"
 
 
-class Tables(NamedTuple):
-    """Numbers of the finished runs in the tables, by outcome."""
+class Outcomes(NamedTuple):
+    """Numbers of the finished runs by outcome."""
 
     finished: set[int]
     failed: dict[int, str]
@@ -78,11 +78,11 @@ class SweepFolder:
         return self._runs / f"{number:05}"
 
     def prepare(self, sweep: Sweep) -> None:
-        """Write the common part of the runs, unless it exists, see `unfinished`."""
+        """Write the common part of the runs, unless it exists, see `enter`."""
         for base in sweep.bases:
             files = {self._scene_file(base): self._common(base)}
-            copies = base.grain_files.values()
-            files |= {self.path / GRAINS / copy_name(source): source.read_bytes() for source in copies}
+            for source, copy in base.grain_files.values():
+                files[self.path / GRAINS / copy] = source.read_bytes()
             for path, content in files.items():
                 if not path.exists():
                     path.parent.mkdir(parents=True, exist_ok=True)
@@ -93,12 +93,13 @@ class SweepFolder:
 
     def _common(self, base: BaseScene) -> bytes:
         """Return the content of the file with the common part of the runs of a scene."""
-        until = self.settings.until
+        measured, until = self.settings
         head = "" if until is None else f"# Its runs end earlier, at {until}\n"
+        head += f"# Its runs are measured: {','.join(measured)}\n" if measured else ""
         return f"{head}{base.text}".encode()
 
-    def unfinished(self, sweep: Sweep, share: list[Run], resume: bool) -> list[Run]:
-        """Return the unfinished runs of a share; the folder is created if it is missing.
+    def enter(self, sweep: Sweep, share: list[Run], resume: bool) -> None:
+        """Create the folder, or admit a share of the runs to it; rename its damaged shards.
 
         Raises
         ------
@@ -111,9 +112,10 @@ class SweepFolder:
             scene = self._scene_file(base)
             if scene.exists() and read_regular(scene) != self._common(base):
                 raise OutputError(
-                    f"'{scene}' is of a sweep with another scene or another --until: choose another -o"
+                    f"'{scene}' is of a sweep with another scene, --measure or --until: choose another -o"
                 )
         self.shards.refresh(range(len(sweep.runs)))
+        self.shards.set_damaged_aside()
         for run in sweep.runs:
             if run.number in self.shards.lines:
                 self.shards.require_this_run(run.number, run.labels())
@@ -125,9 +127,12 @@ class SweepFolder:
                 folder = self.of(run)
                 if folder.scene_file.exists() and not resume:
                     raise InputError(f"'{folder.path}' exists: {HOW_TO_CONTINUE}")
-                folder.require_no_other()
-        finished = self.finished(share)
-        return [run for run in share if run.number not in finished]
+                folder.require_this_sweep()
+
+    def unfinished(self, runs: Sequence[Run]) -> list[Run]:
+        """Return those of some runs that have no result."""
+        finished = self.finished(runs)
+        return [run for run in runs if run.number not in finished]
 
     def begun(self) -> set[int]:
         """Return the numbers of the runs that have a folder."""
@@ -139,24 +144,26 @@ class SweepFolder:
 
     def finished(self, runs: Sequence[Run]) -> set[int]:
         """Return the numbers of those of some runs that have a result, also of a failure."""
+        return set().union(*self._finished(runs))
+
+    def _finished(self, runs: Sequence[Run]) -> tuple[set[int], set[int]]:
+        """Return the numbers of those of some runs that have a result in a folder, and in a shard."""
         numbers = {run.number for run in runs}
         self.shards.refresh(numbers)
-        return (numbers & self.shards.lines.keys()) | self._with_result(numbers)
+        in_folders = {number for number in numbers & self.begun() if (self._of(number) / RESULT).exists()}
+        return in_folders, numbers & self.shards.lines.keys()
 
-    def _with_result(self, numbers: set[int]) -> set[int]:
-        return {number for number in numbers & self.begun() if (self._of(number) / RESULT).exists()}
-
-    def write_tables(self, sweep: Sweep) -> Tables:
+    def write_tables(self, sweep: Sweep) -> Outcomes:
         """Write the tables of all finished runs, and return their numbers by outcome.
 
         If more runs have finished during the writing, the tables are written again. So if several processes
         share a sweep, the last tables are complete, and no process waits for another one.
         """
+        found = self._finished(sweep.runs)
         while True:
-            finished = self.finished(sweep.runs)
+            in_folders, finished = found[0], set().union(*found)
             if not finished:
-                return Tables(finished, {}, set(), None if self.settings.until is None else set())
-            in_folders = self._with_result(finished)
+                return Outcomes(finished, {}, set(), None if self.settings.until is None else set())
             results, timing = [csv_line(self.columns)], [csv_line(["run", SECONDS])]
             for run in sweep.runs:
                 if run.number in finished:
@@ -167,10 +174,11 @@ class SweepFolder:
                     timing.append(b"%d,%b" % (run.number, seconds))
             _write(self.results, results)
             _write(self.timing, timing)
-            if self.finished(sweep.runs) == finished:
-                return self._tables(finished, results)
+            found = self._finished(sweep.runs)
+            if set().union(*found) == finished:
+                return self._outcomes(finished, results)
 
-    def _tables(self, finished: set[int], results: list[bytes]) -> Tables:
+    def _outcomes(self, finished: set[int], results: list[bytes]) -> Outcomes:
         """Return the numbers of runs by outcome from the lines of the table of results."""
         met = [] if self.settings.until is None else [MET]
         found = columns_of(map(bytes.decode, results), lambda _: ("run", "error", "unconverged", *met))
@@ -182,7 +190,7 @@ class SweepFolder:
             return {number for number, cell in cells if cell in values and number not in errors}
 
         unconverged = set(numbers) - errors.keys() - good("unconverged", "0", "")
-        return Tables(finished, errors, unconverged, good(MET, "0") if met else None)
+        return Outcomes(finished, errors, unconverged, good(MET, "0") if met else None)
 
 
 def _write(table: Path, lines: Iterable[bytes]) -> None:
