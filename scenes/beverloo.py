@@ -1,7 +1,5 @@
 """The flow out of a silo over the width of its opening, held against Beverloo's law."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ import warpgrains as wg
 from warpgrains.arrays import FloatArray
 from warpgrains.scenes.exhibits import Numbers
 from warpgrains.scenes.filled import DIAMETER, filled, opened, straight_line
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
 OPENINGS = (7.0, 9.0, 11.0, 13.0, 15.0)
 """In diameters."""
@@ -52,10 +50,7 @@ def rate(time: FloatArray, left: FloatArray, first: int = FIRST) -> float:
 
 def draw(path: Path) -> Numbers:
     """Empty silos through several openings, and fit Beverloo's law."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    counts, law = figure.subplots(1, 2)
+    figure, (counts, law) = panels(1, 2)
     rates, numbers = np.zeros((SEEDS, len(OPENINGS))), {}
     for k, opening in enumerate(OPENINGS):
         for seed in range(SEEDS):

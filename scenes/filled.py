@@ -1,7 +1,5 @@
 """Grains with friction that fill a box of straight walls, for the experiments of walls.py."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
