@@ -1,7 +1,5 @@
 """Jammed packings: grains without gravity in an outer wall under a pressure, until they rest."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from typing import Any
 

@@ -36,7 +36,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.solver import interior_point
 from warpgrains.solver.constraints import StepConstraints, every_wall
-from warpgrains.solver.projection import Projection, projection_of
+from warpgrains.solver.projection import NormalMatrix, Projection, projection_of
 
 TOLERANCE = 1e-14  # requested from the library, which stops earlier if rounding prevents it
 REGULARIZATION = 1e-12  # of the library's matrix; with the default, 1e-8, it stops at a gap of about 1e-6
@@ -77,7 +77,7 @@ class StepProblem:
         """
         scene, position = self.scene, self.position
         pair = pairs_within(position, scene.radius, scene.dt * speed)
-        wall = every_wall(scene, np.arange(scene.n))
+        wall = every_wall(scene)
         every = StepConstraints.at(scene, position, pair, wall, self.time).sliding(scene.dt * sliding)
         return every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
 
@@ -182,8 +182,8 @@ def _project(rows: sparse.csr_array, bound: FloatArray, witness: Witness) -> tup
     raise SimulationError("the exact velocities were not found: no solution satisfies every gap")
 
 
-class NormalMatrix:
-    """I + A^T diag(d) A and its factors, for any A; that of solver/projection.py is for contacts of discs."""
+class AnyNormalMatrix(NormalMatrix):
+    """I + A^T diag(d) A and its factors, for any A."""
 
     def take(self, rows: sparse.csr_array) -> None:
         """Take A."""
@@ -193,16 +193,11 @@ class NormalMatrix:
         """Factor the matrix."""
         product = self._rows.T @ sparse.diags_array(d) @ self._rows
         matrix = sparse.csc_matrix(sparse.triu(product + sparse.eye_array(self._rows.shape[1])))
-        self._factors = qdldl.Solver(matrix, upper=True)
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """Return the inverse of the factored matrix times a vector."""
-        found: FloatArray = self._factors.solve(right)
-        return found
+        self.solver = qdldl.Solver(matrix, upper=True)
 
 
 def package_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
     """Return y and z by the package's interior point method, started from zero."""
     nothing = np.zeros_like(projection.bound)
-    z = interior_point.solve(projection, NormalMatrix(), nothing, TOLERANCE).q
+    z = interior_point.solve(projection, AnyNormalMatrix(), nothing, TOLERANCE).q
     return -(projection.rows.T @ z), z

@@ -1,7 +1,5 @@
 """Packings at rest under gravity."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import hypot
 from pathlib import Path
