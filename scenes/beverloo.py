@@ -30,7 +30,7 @@ def silo(opening: float, seed: int, count: int = COUNT) -> wg.Scene:
     walls = [wg.Segment((sign * HALF, FLOOR), (sign * half, FLOOR)) for sign in (-1.0, 1.0)]
     walls += [wg.Segment((sign * HALF, FLOOR), (sign * HALF, TOP)) for sign in (-1.0, 1.0)]
     walls.append(wg.Segment((-half, FLOOR), (half, FLOOR)))
-    return filled(walls, (-HALF, HALF), FLOOR, count, seed, RADIUS_OUT)
+    return filled(walls, (-HALF, HALF, FLOOR), count, seed, RADIUS_OUT)
 
 
 def departures(scene: wg.Scene, last: int = LAST, longest: float = 8.0) -> tuple[FloatArray, FloatArray]:

@@ -38,7 +38,7 @@ def silo(height: float, seed: int, wall_friction: float = 0.5, **fields: Any) ->
         wg.Segment((-half, floor), (half, floor), velocity=(0.0, -SPEED), from_time=SETTLING),
         *(wg.Segment((x, floor - 0.2), (x, top), friction=wall_friction) for x in (-half, half)),
     ]
-    return filled(walls, (-half, half), floor, count, seed, float(np.hypot(half, top)) + 0.4, **fields)
+    return filled(walls, (-half, half, floor), count, seed, float(np.hypot(half, top)) + 0.4, **fields)
 
 
 def load(scene: wg.Scene) -> float:

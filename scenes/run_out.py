@@ -42,7 +42,7 @@ def column(aspect: float, seed: int = 0, count: int = COUNT) -> tuple[wg.Scene, 
         wg.Segment((left, 0.0), (left, top)),
         wg.Segment((left + width, 0.0), (left + width, top)),
     ]
-    return filled(walls, (left, left + width), 0.0, count, seed, radius_out), width
+    return filled(walls, (left, left + width, 0.0), count, seed, radius_out), width
 
 
 def front(simulation: wg.Simulation) -> float:

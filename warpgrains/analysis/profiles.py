@@ -4,7 +4,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from warpgrains.analysis.packing import heights, space_below
 from warpgrains.analysis.region import Region
@@ -63,7 +62,7 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     height, grains = heights(now), now.grains
     if region is not None:
         counted = region_of(now, region)
-        space = [counted.between(up, low, high).area for low, high in pairwise(edges)]
+        space = np.array([counted.between(up, low, high).area for low, high in pairwise(edges)])
         area = _whole_areas(now, counted, edges, height)
     else:
         space = np.diff([space_below(grains, np.array([edge])).item() for edge in edges])
@@ -89,7 +88,7 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     edges = np.linspace(annulus.radius_in, annulus.radius_out, bins + 1)
     if region is not None:
         counted = region_of(now, region)
-        space = [counted.ring(near, far).area for near, far in pairwise(edges)]
+        space = np.array([counted.ring(near, far).area for near, far in pairwise(edges)])
         area = _whole_areas(now, counted, edges, rho)
     else:
         space = np.diff(np.pi * edges**2)
@@ -107,15 +106,13 @@ def _whole_areas(now: Snapshot, region: Region, edges: FloatArray, at: FloatArra
 
 
 def _means(
-    edges: FloatArray, weight: FloatArray, space: ArrayLike, velocity: FloatArray, along: FloatArray
+    edges: FloatArray, weight: FloatArray, space: FloatArray, velocity: FloatArray, along: FloatArray
 ) -> Profile:
     """Return means of grains weighted by their areas in slices, shape (bins, n).
 
     `space` holds the areas of the slices, and `along` the unit vectors along the profile, shape (n, 2).
     """
-    space = np.asarray(space)
-    parts = [(velocity * direction).sum(axis=1) for direction in (along, left_of(along))]
-    velocity = np.stack(parts, axis=1)
+    velocity = np.stack([(velocity * way).sum(axis=1) for way in (along, left_of(along))], axis=1)
     total = weight.sum(axis=1)
     with np.errstate(invalid="ignore"):
         share = weight / total[:, np.newaxis]

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.compress import TOLERANCES
+from warpgrains.analysis.energy import TOLERANCES
 from warpgrains.arrays import FloatArray
 from warpgrains.console import Progress
 from warpgrains.errors import SimulationError
