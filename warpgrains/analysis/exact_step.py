@@ -79,7 +79,7 @@ class StepProblem:
         pair = pairs_within(position, scene.radius, scene.dt * speed)
         wall = every_wall(scene)
         every = StepConstraints.at(scene, position, pair, wall, self.time).sliding(scene.dt * sliding)
-        return every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
+        return every.only(every.gap_rate[len(pair) :] <= speed[every.wall[:, 0]])
 
 
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:

@@ -80,11 +80,6 @@ class StepConstraints:
             wall=self.wall[at_walls],
         )
 
-    @property
-    def wall_grain(self) -> Indices:
-        """Grain of every wall contact, shape (m - k,)."""
-        return self.wall[:, 0]
-
 
 def every_wall(scene: Scene) -> Indices:
     """Return contacts (grain, wall) of all grains with all walls, ordered by wall, shape (m, 2)."""
