@@ -1,7 +1,5 @@
 """The flow out of a silo over the width of its opening, held against Beverloo's law."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ import warpgrains as wg
 from warpgrains.arrays import FloatArray
 from warpgrains.scenes.exhibits import Numbers
 from warpgrains.scenes.filled import DIAMETER, filled, opened, straight_line
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
 OPENINGS = (7.0, 9.0, 11.0, 13.0, 15.0)
 """In diameters."""
@@ -32,7 +30,7 @@ def silo(opening: float, seed: int, count: int = COUNT) -> wg.Scene:
     walls = [wg.Segment((sign * HALF, FLOOR), (sign * half, FLOOR)) for sign in (-1.0, 1.0)]
     walls += [wg.Segment((sign * HALF, FLOOR), (sign * HALF, TOP)) for sign in (-1.0, 1.0)]
     walls.append(wg.Segment((-half, FLOOR), (half, FLOOR)))
-    return filled(walls, (-HALF, HALF), FLOOR, count, seed, RADIUS_OUT)
+    return filled(walls, (-HALF, HALF, FLOOR), count, seed, RADIUS_OUT)
 
 
 def departures(scene: wg.Scene, last: int = LAST, longest: float = 8.0) -> tuple[FloatArray, FloatArray]:
@@ -52,10 +50,7 @@ def rate(time: FloatArray, left: FloatArray, first: int = FIRST) -> float:
 
 def draw(path: Path) -> Numbers:
     """Empty silos through several openings, and fit Beverloo's law."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    counts, law = figure.subplots(1, 2)
+    figure, (counts, law) = panels(1, 2)
     rates, numbers = np.zeros((SEEDS, len(OPENINGS))), {}
     for k, opening in enumerate(OPENINGS):
         for seed in range(SEEDS):

@@ -1,14 +1,12 @@
 """One grain slides in a bowl: a pendulum, and so a closed form for the order in dt of both schemes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 
 import warpgrains as wg
 from warpgrains.arrays import FloatArray
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
 FIRST_ORDER = {"scheme": "text", "wall": "tangent"}
 SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}
@@ -16,12 +14,9 @@ SECOND_ORDER = {"scheme": "leapfrog", "wall": "round"}
 
 def draw(path: Path) -> dict[str, float]:
     """Draw the slides of both schemes, next to the pendulum, and return their orders in dt."""
-    from matplotlib.figure import Figure
-
     scene = wg.Scene.load("bowl")
     steps = scene.dt * 2.0 ** -np.arange(-3, 4)
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    swings, errors = figure.subplots(1, 2)
+    figure, (swings, errors) = panels(1, 2)
     numbers = {}
     for label, changes in {"text, tangent": FIRST_ORDER, "leapfrog, round wall": SECOND_ORDER}.items():
         worst = []

@@ -3,8 +3,7 @@
 Each function is one experiment. The tests compare its numbers with the closed form; `draw` draws them.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,12 @@ import numpy as np
 import warpgrains as wg
 from warpgrains.arrays import FloatArray
 from warpgrains.scenes.exhibits import Numbers
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
 RADIUS = 0.5
 G = 9.81
+FRICTIONS = (0.1, 0.3, 0.6)
+"""Coefficients of friction on slopes."""
 
 
 def disc(**changes: Any) -> wg.Scene:
@@ -107,6 +108,19 @@ def acceleration_on_a_slope(tangent_of_slope: float, friction: float) -> float:
     return float(G * (np.sin(slope) - friction * np.cos(slope)))
 
 
+def draw_accelerations(axes: Any, acceleration: Callable[[float, float], float]) -> float:
+    """Draw accelerations [m/s2] over slope and friction next to the closed form; return the worst error."""
+    tangents, worst = np.linspace(0.0, 2.0, 21), 0.0
+    for friction in FRICTIONS:
+        found = [acceleration(tangent, friction) for tangent in tangents]
+        exact = [acceleration_on_a_slope(tangent, friction) for tangent in tangents]
+        (line,) = axes.plot(tangents, found, ".", label=f"friction {friction:g}")
+        axes.plot(tangents, exact, color=line.get_color(), linewidth=0.8)
+        worst = max(worst, float(np.abs(np.subtract(found, exact)).max()))
+    axes.set(xlabel="slope, tan(theta)", ylabel="acceleration [m/s2]")
+    return worst
+
+
 def three_discs(friction: float) -> tuple[wg.Simulation, float]:
     """Return two discs on a floor and one on top after a second, and how far the latter has fallen [m]."""
     floor = 1e4
@@ -144,10 +158,7 @@ def heap_friction(slope: float) -> float:
 
 def draw(path: Path) -> Numbers:
     """Draw four closed forms and what comes out, and return the errors."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained")
-    (roll, impact), (slope, swing) = figure.subplots(2, 2)
+    figure, ((roll, impact), (slope, swing)) = panels(2, 2, height=6.4)
     numbers: Numbers = {}
     for friction in (0.05, 0.3, 2.0):
         speed, rim = slide_to_roll(friction)
@@ -172,17 +183,11 @@ def draw(path: Path) -> Numbers:
     numbers["impact: worst error of the impulse ratio"] = worst
     impact.set(xlabel="slip / normal velocity", ylabel="tangential / normal impulse")
 
-    tangents = np.linspace(0.0, 2.0, 21)
-    worst = 0.0
-    for friction in (0.1, 0.3, 0.6):
-        runs = [on_a_slope(tangent, friction) for tangent in tangents]
-        found = [run.velocity[0, 0] / (run.time - run.scene.dt / 2.0) for run in runs]
-        exact = [acceleration_on_a_slope(tangent, friction) for tangent in tangents]
-        (line,) = slope.plot(tangents, found, ".", label=f"friction {friction:g}")
-        slope.plot(tangents, exact, color=line.get_color(), linewidth=0.8)
-        worst = max(worst, float(np.abs(np.subtract(found, exact)).max()))
-    numbers["slope: worst error of the acceleration [m/s2]"] = worst
-    slope.set(xlabel="slope, tan(theta)", ylabel="acceleration [m/s2]")
+    def acceleration(tangent: float, friction: float) -> float:
+        run = on_a_slope(tangent, friction)
+        return float(run.velocity[0, 0] / (run.time - run.scene.dt / 2.0))
+
+    numbers["slope: worst error of the acceleration [m/s2]"] = draw_accelerations(slope, acceleration)
 
     steps, exact = 0.01 * 2.0 ** -np.arange(4), exact_rolling_period()
     errors = np.array([abs(rolling_period(dt) / exact - 1.0) for dt in steps])
@@ -204,16 +209,13 @@ def draw(path: Path) -> Numbers:
 
 def draw_heap(path: Path) -> Numbers:
     """Draw the heap with more and with less friction than it needs; return how far the upper disc falls."""
-    from matplotlib.figure import Figure
-
     from warpgrains.pictures.shots import Painter
     from warpgrains.pictures.still import FrameArtists
 
     scene = wg.Scene.load("heap")
     needed = heap_friction(np.arcsin(scene.radius[0] / (scene.radius_out - scene.radius[0])))
     numbers = {"friction that the heap needs": needed}
-    figure = Figure(figsize=(WIDTH, 3.0), layout="constrained")
-    shown = figure.subplots(1, 3)
+    figure, shown = panels(1, 3, height=3.0)
     for axes, friction in zip(shown, (scene.friction, 1.01 * needed, 0.99 * needed), strict=True):
         simulation = wg.Simulation(scene.replace(friction=friction))
         simulation.run()

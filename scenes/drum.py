@@ -3,8 +3,6 @@
 python -m warpgrains.scenes.drum -o drum.png
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +12,7 @@ import numpy as np
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.drawing.colors import QUANTITIES
-from warpgrains.scenes.style import STYLE, WIDTH
+from warpgrains.scenes.style import STYLE, panels
 
 DRAGS = (0.05, 0.1, 0.2, 0.4)
 """kg/s."""
@@ -46,11 +44,9 @@ def measure(simulation: wg.Simulation) -> dict[str, float]:
 def draw(settled: Sequence[wg.Simulation], path: str) -> None:
     """Draw the pressure in the first drum, force distributions, packing by height, and time to rest."""
     from matplotlib.collections import EllipseCollection
-    from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    drum, forces, heights = figure.subplots(1, 3)
+    figure, (drum, forces, heights) = panels(1, 3)
     first = settled[0]
     pressure = np.trace(analysis.grain_stresses(first), axis1=1, axis2=2) / 2.0
     size = 2.0 * first.scene.radius

@@ -1,7 +1,5 @@
 """Exhibits: functions that draw a picture and return the numbers it shows, and a program for them."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
@@ -52,7 +50,7 @@ def moments(
 
 
 def draw_exhibits(
-    exhibits: Exhibits, description: str | None, folder: str, arguments: Sequence[str] | None
+    exhibits: Exhibits, description: str | None, folder: str, arguments: Sequence[str] | None = None
 ) -> dict[str, Numbers]:
     """Draw the exhibits that the arguments name, by default all, and print their numbers."""
     from matplotlib import rc_context

@@ -1,7 +1,5 @@
 """Grains with friction that fill a box of straight walls, for the experiments of walls.py."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -33,19 +31,20 @@ def room(count: int) -> float:
 
 def filled(
     walls: Sequence[wg.Segment],
-    x: tuple[float, float],
-    floor: float,
+    box: tuple[float, float, float],
     count: int,
     seed: int,
     radius_out: float,
     **fields: Any,
 ) -> wg.Scene:
-    """Return grains at random in a box above a floor, looser than at rest.
+    """Return grains at random in a box, looser than at rest.
 
-    Lengths are in m. `fields` replaces fields of the scene.
+    The box reaches from left to right, upwards from a floor. Lengths are in m. `fields` replaces fields of
+    the scene.
     """
-    high = floor + LOOSER * room(count) / (x[1] - x[0])
-    region = {"x": list(x), "y": [floor, high]}
+    left, right, floor = box
+    high = floor + LOOSER * room(count) / (right - left)
+    region = {"x": [left, right], "y": [floor, high]}
     position, radius = random(
         Annulus(0.0, radius_out), (), radius=list(RADII), count=count, region=region, seed=seed
     )

@@ -3,9 +3,7 @@
 python -m warpgrains.scenes.friction -o validation [NAME ...]
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +12,9 @@ import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.analysis import Snapshot
 from warpgrains.scenes import closed_forms, hard_steps, solutions
-from warpgrains.scenes.exhibits import Numbers, draw_exhibits
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.exhibits import Exhibits, Numbers, draw_exhibits
+from warpgrains.scenes.filled import straight_line
+from warpgrains.scenes.style import panels
 
 FRICTIONS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 """Coefficients of friction of the packings."""
@@ -58,14 +57,11 @@ def packed(now: Snapshot) -> Numbers:
 
 def draw_packings(path: Path) -> Numbers:
     """Settle piles of several frictions, and draw contact number and packing fraction."""
-    from matplotlib.figure import Figure
-
     scenes = [settling(friction) for friction in FRICTIONS]
     batch = wg.Batch(scenes)
     batch.run()
     found = [packed(analysis.snapshot(scene, batch.state(k))) for k, scene in enumerate(scenes)]
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    contacts, packing = figure.subplots(1, 2)
+    figure, (contacts, packing) = panels(1, 2)
     contacts.plot(FRICTIONS, [one["contacts a grain"] for one in found], "o-")
     for isostatic in (3.0, 4.0):
         contacts.axhline(isostatic, color="0.6", linestyle=":")
@@ -89,14 +85,11 @@ def surface_angle(now: Snapshot) -> float:
         inside = np.abs(x - middle) < 0.05
         if inside.any():
             highest.append((middle, top[inside].max()))
-    rise = np.polynomial.Polynomial.fit(*np.transpose(highest), 1).convert().coef[1]
-    return float(np.degrees(np.arctan(rise)))
+    return float(np.degrees(np.arctan(straight_line(*np.transpose(highest))[1])))
 
 
 def draw_repose(path: Path) -> Numbers:
     """Rotate drums of several frictions, and one slowly, and draw the slopes of their surfaces."""
-    from matplotlib.figure import Figure
-
     scene, every, settled = wg.Scene.load("rotating_drum"), 0.1, 3.0
     scenes = [scene.replace(friction=friction) for friction in REPOSE]
     scenes.append(scene.replace(angular_velocity_out=scene.angular_velocity_out / 3.0))
@@ -109,8 +102,7 @@ def draw_repose(path: Path) -> Numbers:
         )
     slope = np.transpose(angles)
     mean, deviation = slope[:, time > settled].mean(axis=1), slope[:, time > settled].std(axis=1)
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    over_time, over_friction = figure.subplots(1, 2)
+    figure, (over_time, over_friction) = panels(1, 2)
     for friction, angle in zip(REPOSE, slope[:-1], strict=True):
         over_time.plot(time, angle, label=f"friction {friction:g}")
     over_time.set(xlabel="t [s]", ylabel="slope of the surface [degrees]")
@@ -127,8 +119,6 @@ def draw_repose(path: Path) -> Numbers:
 
 def draw_couette(path: Path) -> Numbers:
     """Shear the Couette cell, and draw its mean velocity and spin over the distance from the inner wall."""
-    from matplotlib.figure import Figure
-
     scene, bins, start, end = wg.Scene.load("couette"), 24, 5.0, 15.0
     simulation = wg.Simulation(scene)
     simulation.run(duration=start)
@@ -151,8 +141,7 @@ def draw_couette(path: Path) -> Numbers:
     fitted = (away > 1.0) & (away < 5.0)
     decay = np.polynomial.Polynomial.fit(away[fitted], np.log(along[fitted]), 1)
     length = -1.0 / float(decay.convert().coef[1])
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    velocity, rotation = figure.subplots(1, 2)
+    figure, (velocity, rotation) = panels(1, 2)
     velocity.semilogy(away, along / wall, "o", label="grains")
     fit = np.exp(decay(away[fitted])) / wall
     velocity.semilogy(away[fitted], fit, "k:", label=f"exp(-x / {length:.2f})")
@@ -172,7 +161,7 @@ def draw_couette(path: Path) -> Numbers:
     }
 
 
-EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
+EXHIBITS: Exhibits = {
     "closed_forms": closed_forms.draw,
     "packings": draw_packings,
     "repose": draw_repose,
@@ -180,11 +169,7 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "solutions": solutions.draw,
     "hard_steps": hard_steps.draw,
 }
-
-
-def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
-    """Draw what is asked for, by default all, and print the numbers."""
-    return draw_exhibits(EXHIBITS, __doc__, "validation", arguments)
+main = partial(draw_exhibits, EXHIBITS, __doc__, "validation")
 
 
 if __name__ == "__main__":

@@ -3,9 +3,7 @@
 python -m warpgrains.scenes.gallery -o gallery [NAME ...]
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +11,8 @@ import numpy as np
 import warpgrains as wg
 from warpgrains import analysis
 from warpgrains.scenes import bowl, closed_forms, drum, straight_walls
-from warpgrains.scenes.exhibits import Numbers, Row, draw_exhibits, moments
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.exhibits import Exhibits, Numbers, Row, draw_exhibits, moments
+from warpgrains.scenes.style import panels
 
 COUNT = 1000
 """Scenes of the batch."""
@@ -35,12 +33,9 @@ def shipped(name: str, *times: float, path: Path, color_by: str = "speed") -> Nu
 
 def column(path: Path) -> Numbers:
     """Draw the forces of the column over height, and hold the last ones against the weight above them."""
-    from matplotlib.figure import Figure
-
     scene = wg.Scene.load("column")
     simulation = wg.Simulation(scene)
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = panels()
     for time in (0.02, 0.03, 0.04, 0.07, 1.0):  # after 0.1 s nothing changes
         simulation.run(duration=time - simulation.time)
         contacts = simulation.contacts()
@@ -135,7 +130,6 @@ def jam(path: Path) -> Numbers:
 def batch(path: Path) -> Numbers:
     """Kick the grains of the course's scene at random, a thousand times, and see where they come to rest."""
     from matplotlib.colors import LogNorm
-    from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
     scene, random = wg.Scene.load("annulus"), np.random.default_rng(0)
@@ -145,8 +139,7 @@ def batch(path: Path) -> Numbers:
     ends = [analysis.snapshot(one, many.state(k)) for k, one in enumerate(scenes)]
     x, y = np.concatenate([end.position for end in ends]).T
     largest = np.array([end.force.max() for end in ends])
-    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained")
-    places, forces = figure.subplots(2, 1, height_ratios=(3, 2))
+    figure, (places, forces) = panels(2, 1, height_ratios=(3, 2), height=6.4)
     left, right, low, high = -1.2, 1.2, -2.02, -1.32
     bins = (round((right - left) / BIN), round((high - low) / BIN))
     limits = (left, right), (low, high)
@@ -172,7 +165,7 @@ def batch(path: Path) -> Numbers:
     }
 
 
-EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
+EXHIBITS: Exhibits = {
     "annulus": lambda path: shipped("annulus", 0.2, 0.5, 1.0, 8.0, path=path),
     "column": column,
     "no_inner_wall": lambda path: shipped("no_inner_wall", 0.1, 0.4, 0.8, 1.6, path=path),
@@ -192,11 +185,7 @@ EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
     "jam": jam,
     "batch": batch,
 }
-
-
-def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
-    """Draw the named pictures, by default all, and print their numbers."""
-    return draw_exhibits(EXHIBITS, __doc__, "gallery", arguments)
+main = partial(draw_exhibits, EXHIBITS, __doc__, "gallery")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """Steps with friction that do not converge: how many there are, and what more sweeps achieve."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ import warpgrains as wg
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.state import State
 from warpgrains.scenes.exhibits import Numbers
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
 SCENES = {"heap": 400, "rotating_drum": 800, "couette": 2000}
 """Scenes, and the number of their steps that are counted."""
@@ -57,15 +55,15 @@ def residuals(scene: wg.Scene, state: State, method: str) -> FloatArray:
 
 def draw(path: Path) -> Numbers:
     """Count the short steps of each scene, and draw the residual of some of them over their sweeps."""
-    from matplotlib.figure import Figure
-
-    figure, numbers, hard = Figure(figsize=(WIDTH, 3.2), layout="constrained"), {}, []
+    numbers: Numbers = {}
+    hard = []
     for name, steps in SCENES.items():
         scene = limited(name)
         count, states = short_steps(scene, steps)
         numbers[f"{name}: short steps, of {steps}"] = float(count)
         hard += [(scene, state) for state in states]
-    for axes, method in zip(figure.subplots(1, 2, sharey=True), ("gauss-seidel", "accelerated"), strict=True):
+    figure, both = panels(1, 2, sharey=True)
+    for axes, method in zip(both, ("gauss-seidel", "accelerated"), strict=True):
         curves = np.array([residuals(scene, state, method) for scene, state in hard])
         axes.loglog(BUDGETS, curves.T, "-", color="C0", alpha=0.4)
         axes.loglog(BUDGETS, np.median(curves, axis=0), "ko-")

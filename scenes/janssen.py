@@ -1,7 +1,5 @@
 """The load on the bottom of a silo over its filling, held against Janssen's law."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +9,7 @@ import warpgrains as wg
 from warpgrains.arrays import FloatArray
 from warpgrains.scenes.exhibits import Numbers
 from warpgrains.scenes.filled import DENSITY, FRACTION, G, filled, room
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
 HEIGHTS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 """Of the filling, in widths."""
@@ -40,7 +38,7 @@ def silo(height: float, seed: int, wall_friction: float = 0.5, **fields: Any) ->
         wg.Segment((-half, floor), (half, floor), velocity=(0.0, -SPEED), from_time=SETTLING),
         *(wg.Segment((x, floor - 0.2), (x, top), friction=wall_friction) for x in (-half, half)),
     ]
-    return filled(walls, (-half, half), floor, count, seed, float(np.hypot(half, top)) + 0.4, **fields)
+    return filled(walls, (-half, half, floor), count, seed, float(np.hypot(half, top)) + 0.4, **fields)
 
 
 def load(scene: wg.Scene) -> float:
@@ -61,7 +59,6 @@ def janssen(mass: FloatArray, largest: float) -> FloatArray:
 
 def draw(path: Path) -> Numbers:
     """Fill silos, lower their bottoms, and draw the loads on them."""
-    from matplotlib.figure import Figure
     from scipy.optimize import curve_fit
 
     numbers: Numbers = {}
@@ -86,8 +83,7 @@ def draw(path: Path) -> Numbers:
     numbers["smooth walls: worst difference from the weight / weight"] = float(
         np.abs(carried / heavy - 1.0).max()
     )
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = panels()
     line = np.linspace(0.0, heavy.max(), 100)
     axes.plot(mass, loaded, "o", label="walls with friction 0.5")
     axes.plot(line, janssen(line, largest), "k:", label="Janssen's law")

@@ -1,17 +1,15 @@
 """The collapse of columns of several aspect ratios, held against the laws of Staron and Hinch (2005)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 import warpgrains as wg
-from warpgrains.arrays import BoolArray, FloatArray
+from warpgrains.arrays import FloatArray
 from warpgrains.scenes.exhibits import Numbers
 from warpgrains.scenes.filled import G, filled, opened, room, straight_line
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
 ASPECTS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 """Height of the column over its width."""
@@ -44,31 +42,34 @@ def column(aspect: float, seed: int = 0, count: int = COUNT) -> tuple[wg.Scene, 
         wg.Segment((left, 0.0), (left, top)),
         wg.Segment((left + width, 0.0), (left + width, top)),
     ]
-    return filled(walls, (left, left + width), 0.0, count, seed, radius_out), width
+    return filled(walls, (left, left + width, 0.0), count, seed, radius_out), width
 
 
-def connected(position: FloatArray, reach: float) -> BoolArray:
-    """Return which grains are connected with the leftmost one by steps between centers up to a reach [m]."""
-    near = np.hypot(*(position[:, np.newaxis] - position).transpose(2, 0, 1)) < reach
-    found = np.zeros(len(position), bool)
-    found[np.argmin(position[:, 0])] = True
-    while not np.array_equal(grown := near[found].any(axis=0), found):
-        found = grown
-    return found
+def front(simulation: wg.Simulation) -> float:
+    """Return x of the front [m] of the grains that are connected with the leftmost one, by near grains."""
+    from scipy.sparse.csgraph import connected_components
+
+    position, radius = simulation.position, simulation.scene.radius
+    apart = np.hypot(*(position[:, np.newaxis] - position).transpose(2, 0, 1))
+    _, pile = connected_components(apart < 2.2 * radius.max())
+    held = pile == pile[np.argmin(position[:, 0])]
+    return float((position[held, 0] + radius[held]).max())
+
+
+def top(simulation: wg.Simulation) -> float:
+    """Return y of the highest point of a grain [m]."""
+    return float((simulation.position[:, 1] + simulation.scene.radius).max())
 
 
 def collapse(aspect: float, seed: int = 0, count: int = COUNT) -> tuple[wg.Simulation, Collapse]:
     """Let a column settle and collapse; return the simulation at the end, and its results."""
     scene, width = column(aspect, seed, count)
     simulation = opened(scene, SETTLING)
-    tall = float((simulation.position[:, 1] + scene.radius).max())
+    tall = top(simulation)
     simulation.run(duration=round(1.0 + 4.0 * float(np.sqrt(tall / G)), 2))
-    end = simulation.position
-    held = connected(end, 2.2 * float(scene.radius.max()))
     foot = scene.walls[1].start[0]
-    front = float((end[held, 0] + scene.radius[held]).max())
-    rest = float((end[:, 1] + scene.radius).max())
-    return simulation, Collapse(tall / width, (front - foot - width) / width, rest / width)
+    run_out = (front(simulation) - foot - width) / width
+    return simulation, Collapse(tall / width, run_out, top(simulation) / width)
 
 
 def law(aspect: FloatArray) -> FloatArray:
@@ -78,12 +79,9 @@ def law(aspect: FloatArray) -> FloatArray:
 
 def draw(path: Path) -> Numbers:
     """Let columns collapse, and draw their run-out over the aspect ratio."""
-    from matplotlib.figure import Figure
-
     found = [collapse(aspect)[1] for aspect in ASPECTS]
     aspect, run_out, rest = np.transpose(found)
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    shown, heights = figure.subplots(1, 2)
+    figure, (shown, heights) = panels(1, 2)
     line = np.geomspace(aspect.min(), aspect.max(), 50)
     shown.loglog(aspect, run_out, "o", label="grains")
     shown.loglog(line, law(line), "k:", label="2.5 a, 3.25 a$^{0.7}$")

@@ -1,7 +1,5 @@
 """Steps with friction that have several solutions: the same step, solved from different corrections."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ from warpgrains.scene.layouts import random
 from warpgrains.scene.state import Corrections, State
 from warpgrains.scene.walls import Annulus
 from warpgrains.scenes.exhibits import Numbers
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
 FRICTIONS = (0.1, 0.3, 0.5, 0.8, 1.2)
 RUNS, STEPS, STARTS = 4, 12, 5
@@ -78,10 +76,7 @@ def spread(friction: float) -> tuple[int, FloatArray]:
 
 def draw(path: Path) -> Numbers:
     """Draw the spread of the solutions of each step, and count the steps that have several."""
-    from matplotlib.figure import Figure
-
-    figure, numbers = Figure(figsize=(WIDTH, 3.2), layout="constrained"), {}
-    axes = figure.subplots()
+    (figure, axes), numbers = panels(), {}
     for friction in FRICTIONS:
         count, spreads = spread(friction)
         axes.semilogy(np.full(count, friction), np.maximum(spreads, 1e-12), "o", color="C0", alpha=0.4)

@@ -7,7 +7,7 @@ import numpy as np
 
 import warpgrains as wg
 from warpgrains.scenes.exhibits import Numbers, Row, moments
-from warpgrains.scenes.run_out import connected
+from warpgrains.scenes.run_out import front, top
 
 BELOW = -0.1
 """Height of the opening of the hopper [m]."""
@@ -49,12 +49,10 @@ def draw_collapse(path: Path) -> Numbers:
         simulation.run(duration=time - simulation.time)
         row.show(simulation)
         if time == 0.5:
-            height = float((simulation.position[:, 1] + scene.radius).max() + 0.3)
-    width, end = 0.3, simulation.position
-    reached = connected(end, 2.2 * float(scene.radius.max()))
-    front = float((end[reached, 0] + scene.radius[reached]).max() + 0.6)
+            height = top(simulation) + 0.3
+    width = 0.3
     return {
         "height of the column over its width": height / width,
-        "run-out over its width": front / width,
-        "height that remains over its width": float((end[:, 1] + scene.radius).max() + 0.3) / width,
+        "run-out over its width": (front(simulation) + 0.6) / width,
+        "height that remains over its width": (top(simulation) + 0.3) / width,
     }

@@ -1,5 +1,10 @@
 """The common style of the pictures in the gallery."""
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 STYLE = {
     "font.size": 9.0,
     "legend.fontsize": "small",
@@ -13,5 +18,11 @@ STYLE = {
     "savefig.dpi": 110,
 }
 """Settings of Matplotlib, for `matplotlib.rc_context`."""
-WIDTH = 9.7
-"""Width of a picture with curves [inches]."""
+
+
+def panels(rows: int = 1, columns: int = 1, height: float = 3.2, **options: Any) -> tuple["Figure", Any]:
+    """Return a figure with a height [inches] for curves, and its axes, as `Figure.subplots` does."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.7, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, **options)

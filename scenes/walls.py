@@ -3,9 +3,7 @@
 python -m warpgrains.scenes.walls -o validation [NAME ...]
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from functools import partial
 from math import atan, cos, sin
 from pathlib import Path
 from typing import Any
@@ -15,12 +13,11 @@ import numpy as np
 import warpgrains as wg
 from warpgrains.arrays import FloatArray
 from warpgrains.scenes import beverloo, janssen, run_out
-from warpgrains.scenes.closed_forms import acceleration_on_a_slope
-from warpgrains.scenes.exhibits import Numbers, draw_exhibits
+from warpgrains.scenes.closed_forms import FRICTIONS, acceleration_on_a_slope, draw_accelerations
+from warpgrains.scenes.exhibits import Exhibits, Numbers, draw_exhibits
 from warpgrains.scenes.filled import G
-from warpgrains.scenes.style import WIDTH
+from warpgrains.scenes.style import panels
 
-FRICTIONS = (0.1, 0.3, 0.6)
 RADIUS = 0.1
 TILT = 0.5
 """Angular velocity of gravity [rad/s]."""
@@ -72,19 +69,9 @@ def way_when_tilted(friction: float, time: float) -> float:
 
 def draw_slope(path: Path) -> Numbers:
     """Let discs roll and slide on slopes, and on a floor that is tilted; draw them next to closed forms."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
-    slopes, tilts = figure.subplots(1, 2)
-    tangents, worst = np.linspace(0.0, 2.0, 21), 0.0
-    numbers: Numbers = {}
-    for friction in FRICTIONS:
-        found = [way(on_a_slope(tangent, friction)) / 0.125 for tangent in tangents]
-        exact = [acceleration_on_a_slope(tangent, friction) for tangent in tangents]
-        (line,) = slopes.plot(tangents, found, ".", label=f"friction {friction:g}")
-        slopes.plot(tangents, exact, color=line.get_color(), linewidth=0.8)
-        worst = max(worst, float(np.abs(np.subtract(found, exact)).max()))
-    numbers["leapfrog: worst error of the acceleration [m/s2]"] = worst
+    figure, (slopes, tilts) = panels(1, 2)
+    worst = draw_accelerations(slopes, lambda *slope: way(on_a_slope(*slope)) / 0.125)
+    numbers: Numbers = {"leapfrog: worst error of the acceleration [m/s2]": worst}
     for name, tangent, friction in (("rolls", 0.5, 0.3), ("slides", 1.5, 0.3)):
         exact_way = 0.125 * acceleration_on_a_slope(tangent, friction)
         errors = [abs(way(on_a_slope(tangent, friction, "text", dt)) - exact_way) for dt in STEPS]
@@ -96,7 +83,6 @@ def draw_slope(path: Path) -> Numbers:
         numbers[f"tilted, mu {friction:g}: relative error at dt 0.02 s"] = errors[0] / exact_way
         numbers[f"tilted, mu {friction:g}: order in dt"] = float(np.log2(errors[-2] / errors[-1]))
     tilts.loglog(STEPS, errors[0] * (STEPS / STEPS[0]) ** 2, "k:", label="second order")
-    slopes.set(xlabel="slope, tan(theta)", ylabel="acceleration [m/s2]")
     tilts.set(xlabel="dt [s]", ylabel="error of the way on a tilted floor [m]")
     tilts.set_xticks(STEPS, [f"{dt:g}" for dt in STEPS])
     tilts.minorticks_off()
@@ -106,17 +92,13 @@ def draw_slope(path: Path) -> Numbers:
     return numbers
 
 
-EXHIBITS: dict[str, Callable[[Path], Numbers]] = {
+EXHIBITS: Exhibits = {
     "slope": draw_slope,
     "hopper": beverloo.draw,
     "collapse": run_out.draw,
     "piston": janssen.draw,
 }
-
-
-def main(arguments: Sequence[str] | None = None) -> dict[str, Numbers]:
-    """Draw what is asked for, by default all, and print the numbers."""
-    return draw_exhibits(EXHIBITS, __doc__, "validation", arguments)
+main = partial(draw_exhibits, EXHIBITS, __doc__, "validation")
 
 
 if __name__ == "__main__":

@@ -68,7 +68,6 @@ def certify(simulation: Simulation) -> ErrorBound:
     if simulation.scene.has_driven_walls:
         raise InputError("certify: steps in which a force drives a wall cannot be certified")
     try:
-        from warpgrains.analysis.coulomb_step import solve_with_frozen_slip
         from warpgrains.analysis.exact_step import (
             StepProblem,
             package_witness,
@@ -78,12 +77,10 @@ def certify(simulation: Simulation) -> ErrorBound:
     except ModuleNotFoundError as error:
         raise missing_extra("certify", error) from error
     velocity = simulation.velocity
-    solve = solve_with_frozen_slip if simulation.scene.has_friction else solve_exactly
     if simulation.scene.has_friction:
-        rim = simulation.scene.radius * simulation.spin
-        velocity = np.column_stack([velocity, rim])
+        velocity = np.column_stack([velocity, simulation.scene.radius * simulation.spin])
     problem = StepProblem(simulation.scene, *simulation.last_start(), time=simulation.time)
-    exact, other = (solve(problem, velocity, one) for one in (solve_with_clarabel, package_witness))
+    exact, other = (solve_exactly(problem, velocity, one) for one in (solve_with_clarabel, package_witness))
     difference = float(np.abs(velocity - exact.velocity).max())
     return ErrorBound(
         error=difference if difference > exact.error else None,

@@ -1,12 +1,12 @@
 """Jammed packings: grains without gravity in an outer wall under a pressure, until they rest."""
 
-from __future__ import annotations
-
+from collections import deque
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
+from warpgrains.analysis.energy import TOLERANCES
 from warpgrains.analysis.network import rattlers
 from warpgrains.analysis.packing import global_packing_fraction
 from warpgrains.analysis.profiles import radial_profile
@@ -18,8 +18,7 @@ from warpgrains.shown import Shown
 from warpgrains.simulation.simulation import Simulation
 from warpgrains.solver.statistics import Summary
 
-ENERGY = 1e-8  # largest kinetic energy at rest, in pressure times area
-TOLERANCES = 30.0  # or that at this many tolerances, if larger: soft packings move on at such speeds
+ENERGY = 1e-8  # largest kinetic energy at rest, in pressure times area, or that at `TOLERANCES` if larger
 BALANCE = 1e-3  # largest relative difference of the forces of the outer wall from 2 pi R p at rest
 HELD = 10  # tests in a row that the grains must rest
 WEAK = 1e-4  # force of contacts that do not count, in mean forces
@@ -128,20 +127,14 @@ def compress(
     scene = scene.replace(pressure=pressure, gravity=(0.0, 0.0), wall="tangent")
     if scene.pressure is None or scene.pressure <= 0.0:
         raise InputError(f"pressure is {scene.pressure} N/m: it must be positive to compress grains")
-    simulation = Simulation(scene)
-    run = simulation.run(duration=duration, until=_Rest(), progress=progress)
+    simulation, tests = Simulation(scene), deque([False], maxlen=HELD)
+
+    def has_rested(now: Simulation) -> bool:
+        tests.append(_is_at_rest(now))
+        return sum(tests) == HELD
+
+    run = simulation.run(duration=duration, until=has_rested, progress=progress)
     return _packing(simulation, run)
-
-
-class _Rest:
-    """Test whether grains and outer wall have rested at several tests in a row."""
-
-    def __init__(self) -> None:
-        self._held = 0
-
-    def __call__(self, simulation: Simulation) -> bool:
-        self._held = self._held + 1 if _is_at_rest(simulation) else 0
-        return self._held >= HELD
 
 
 def _is_at_rest(simulation: Simulation) -> bool:

@@ -119,11 +119,9 @@ def _force_moments(now: Snapshot) -> FloatArray:
     """Return the sum of l n (f n + q t)^T over the contacts of each grain [N m], shape (n, 2, 2)."""
     grain, normal, force, tangential = now.loads
     weight = force * now.scene.radius[grain]
-    product = {
-        (a, b): np.bincount(grain, weight * normal[:, a] * normal[:, b], now.n)
-        for a, b in ((0, 0), (0, 1), (1, 1))
-    }
-    moments = np.array([[product[0, 0], product[0, 1]], [product[0, 1], product[1, 1]]])
+    moments = np.empty((2, 2, now.n))
+    for a, b in ((0, 0), (0, 1), (1, 1)):  # symmetric to the last bit
+        moments[a, b] = moments[b, a] = np.bincount(grain, weight * normal[:, a] * normal[:, b], now.n)
     if now.scene.has_friction:
         weight, tangent = tangential * now.scene.radius[grain], left_of(normal)
         for a, b in np.ndindex(2, 2):

@@ -16,6 +16,8 @@ from warpgrains.solver.final_states import StackedGrains
 if TYPE_CHECKING:
     from warpgrains.simulation.simulation import Simulation
 
+TOLERANCES = 30.0  # speed of grains at rest, in tolerances: soft packings move on at such speeds
+
 
 def kinetic_energy(of: Snapshot | HasState) -> float:
     """Return the sum of m v^2 / 2 and, with friction, m r^2 w^2 / 4 [J].
@@ -149,7 +151,10 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]
     kick = kick_of(scene, free, now.velocity, staggered=now.steps > 1, time=start)
     mean = 0.5 * (kick.before + now.velocity)
-    pushed = _work_of_pushing(now) if scene.has_moving_walls else 0.0
+    pushed = 0.0  # work of the normal forces of walls that move
+    if scene.has_moving_walls:
+        speed = scene.wall_speeds(now.start, now.wall, now.time)[:, 0]
+        pushed = float(-scene.dt * (now.wall_force * speed).sum())
     balance = EnergyBalance(
         gravity_work=float((kick.time * mass * mean * scene.gravity_at(start)).sum()),
         drag_loss=float((scene.drag * kick.path * mean).sum()),
@@ -157,12 +162,6 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
         wall_work=pushed,
     )
     return _with_friction(balance, now, mean) if scene.has_friction else balance
-
-
-def _work_of_pushing(now: Snapshot) -> float:
-    """Return the work of the normal forces of walls that move [J]."""
-    speed = now.scene.wall_speeds(now.start, now.wall, now.time)[:, 0]
-    return float(-now.scene.dt * (now.wall_force * speed).sum())
 
 
 def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> EnergyBalance:

@@ -28,6 +28,7 @@ import qdldl
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from warpgrains.analysis.coulomb_step import projection_with_frozen_slip
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.scene.geometry import pair_gaps
@@ -35,7 +36,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.solver import interior_point
 from warpgrains.solver.constraints import StepConstraints, every_wall
-from warpgrains.solver.projection import Projection, projection_of
+from warpgrains.solver.projection import NormalMatrix, Projection, projection_of
 
 TOLERANCE = 1e-14  # requested from the library, which stops earlier if rounding prevents it
 REGULARIZATION = 1e-12  # of the library's matrix; with the default, 1e-8, it stops at a gap of about 1e-6
@@ -76,9 +77,9 @@ class StepProblem:
         """
         scene, position = self.scene, self.position
         pair = pairs_within(position, scene.radius, scene.dt * speed)
-        wall = every_wall(scene, np.arange(scene.n))
+        wall = every_wall(scene)
         every = StepConstraints.at(scene, position, pair, wall, self.time).sliding(scene.dt * sliding)
-        return every.only(every.gap_rate[len(pair) :] <= speed[every.wall_grain])
+        return every.only(every.gap_rate[len(pair) :] <= speed[every.wall[:, 0]])
 
 
 def pairs_within(position: FloatArray, radius: FloatArray, reach: FloatArray) -> IndexArray:
@@ -99,7 +100,7 @@ class ExactStep(NamedTuple):
     """Exact velocities of a step, as far as they can be proven."""
 
     velocity: FloatArray
-    """[m/s], shape (n, 2)."""
+    """[m/s], shape (n, 2); with friction the third component is the rim speed, shape (n, 3)."""
     error: float
     """Proven bound of the error of every component [m/s]."""
 
@@ -126,47 +127,50 @@ def solve_with_clarabel(projection: Projection) -> tuple[FloatArray, FloatArray]
 
 
 def solve_exactly(
-    problem: StepProblem, velocity: FloatArray, witness: Witness = solve_with_clarabel
+    problem: StepProblem, motion: FloatArray, witness: Witness = solve_with_clarabel
 ) -> ExactStep:
     """Solve a step as a convex problem over all pairs and walls.
 
-    `velocity` is an estimate of the result [m/s], shape (n, 2), which limits the search for pairs. It also
-    determines the gaps at a round wall, so there the result is exact if it equals the estimate. `witness` is
-    clarabel by default.
+    `motion` is an estimate of the result [m/s]: velocities, shape (n, 2), and with friction rim speeds, shape
+    (n, 3). It limits the search for pairs. It also determines the gaps at a round wall and the slip that is
+    frozen, so there the result is exact if it equals the estimate. `witness` is clarabel by default.
 
     Raises
     ------
     SimulationError
         No velocities satisfy all constraints, or the library does not find any.
     """
-    speed = REACH * np.maximum(np.hypot(*problem.free_velocity.T), np.hypot(*velocity.T))
+    scene, velocity, free = problem.scene, motion[:, :2], problem.free_velocity
+    speed = REACH * np.maximum(np.hypot(*free.T), np.hypot(*velocity.T))
+    root = np.sqrt(scene.contact_mass)[:, np.newaxis]
+    if scene.has_friction:
+        root = np.column_stack([root, root, np.sqrt(0.5 * scene.rim_mass)])
+        free = np.column_stack([free, problem.free_rim])
     while True:
-        step = projection_of(problem.constraints(speed, velocity), problem.free_velocity)
-        root = np.sqrt(problem.scene.contact_mass)[:, np.newaxis]
-        exact = solve_projection(step, root, problem.free_velocity, witness)
-        found = np.hypot(*exact.velocity.T)
+        every = problem.constraints(speed, velocity)
+        if scene.has_friction:
+            step = projection_with_frozen_slip(every, motion, root, free)
+        else:
+            step = projection_of(every, free)
+        scale = float(np.abs(step.free).max()) or float(root.max())
+        bound = (step.bound - step.rows @ step.free) / scale
+        y, error = _project(step.rows, bound, witness)
+        unit = scale / root
+        exact = ExactStep(free + unit * y.reshape(free.shape), error * float(unit.max()))
+        found = np.hypot(*exact.velocity[:, :2].T)
         if (found <= speed).all():  # grains without a constraint cannot reach one
             return exact
         speed = np.maximum(speed, REACH * found)
 
 
-def solve_projection(step: Projection, root: FloatArray, free: FloatArray, witness: Witness) -> ExactStep:
-    """Solve a step's problem in y = root v, from its free velocities [m/s], shape (n, k)."""
-    scale = float(np.abs(step.free).max()) or float(root.max())
-    bound = (step.bound - step.rows @ step.free) / scale
-    y, error = _project(Projection(step.rows, bound, np.zeros_like(step.free), np.ones_like(bound)), witness)
-    unit = scale / root
-    return ExactStep(free + unit * y.reshape(free.shape), error * float(unit.max()))
-
-
-def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, float]:
+def _project(rows: sparse.csr_array, bound: FloatArray, witness: Witness) -> tuple[FloatArray, float]:
     """Return a point of the polyhedron, and a bound of its distance from the point nearest to 0."""
-    rows, bound = projection.rows, projection.bound
+    nothing = np.zeros(rows.shape[1])
     if not (bound < 0.0).any():
-        return projection.free, 0.0
+        return nothing, 0.0
     tightening = 0.0
     for _ in range(ATTEMPTS):
-        y, z = witness(projection._replace(bound=bound - tightening))
+        y, z = witness(Projection(rows, bound - tightening, nothing, np.ones_like(bound)))
         slack = bound - rows @ y
         # rounding of a sum of at most four products, and of a difference
         rounding = np.finfo(float).eps * (3.0 * abs(rows) @ abs(y) + abs(bound))
@@ -178,8 +182,8 @@ def _project(projection: Projection, witness: Witness) -> tuple[FloatArray, floa
     raise SimulationError("the exact velocities were not found: no solution satisfies every gap")
 
 
-class NormalMatrix:
-    """I + A^T diag(d) A and its factors, for any A; that of solver/projection.py is for contacts of discs."""
+class AnyNormalMatrix(NormalMatrix):
+    """I + A^T diag(d) A and its factors, for any A."""
 
     def take(self, rows: sparse.csr_array) -> None:
         """Take A."""
@@ -189,16 +193,11 @@ class NormalMatrix:
         """Factor the matrix."""
         product = self._rows.T @ sparse.diags_array(d) @ self._rows
         matrix = sparse.csc_matrix(sparse.triu(product + sparse.eye_array(self._rows.shape[1])))
-        self._factors = qdldl.Solver(matrix, upper=True)
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """Return the inverse of the factored matrix times a vector."""
-        found: FloatArray = self._factors.solve(right)
-        return found
+        self.solver = qdldl.Solver(matrix, upper=True)
 
 
 def package_witness(projection: Projection) -> tuple[FloatArray, FloatArray]:
     """Return y and z by the package's interior point method, started from zero."""
     nothing = np.zeros_like(projection.bound)
-    z = interior_point.solve(projection, NormalMatrix(), nothing, TOLERANCE).q
+    z = interior_point.solve(projection, AnyNormalMatrix(), nothing, TOLERANCE).q
     return -(projection.rows.T @ z), z

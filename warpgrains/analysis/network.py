@@ -169,12 +169,8 @@ def rigidity(
 
     Parameters
     ----------
-    of, least
-        See `contact_numbers`.
-    without_rattlers : bool
-        Whether to leave out rattlers, and their contacts.
-    region : mapping, optional
-        Region of the grains that count, see `region_of`. Contacts with grains outside are left out.
+    of, least, without_rattlers, region
+        See `coordination_number`. Contacts with grains outside the region are left out.
 
     Raises
     ------

@@ -1,7 +1,5 @@
 """Packings at rest under gravity."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import hypot
 from pathlib import Path
@@ -11,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains.analysis.compress import carrying_contacts
+from warpgrains.analysis.energy import contact_forces
 from warpgrains.analysis.settling import TESTED, Settling
-from warpgrains.analysis.snapshot import Snapshot, snapshot
-from warpgrains.arrays import FloatArray
+from warpgrains.analysis.snapshot import snapshot
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.files import require_writable_path, table_text, write_atomically
@@ -155,7 +153,8 @@ def pack(scene: SceneLike, steps: int = 2000, progress: bool = False, threads: i
             tests.append(_test(scene, settling, threads))
     test = tests[-1]
     now = snapshot(test.simulation)
-    net = _net_forces(now) / (scene.mass * settling.gravity)
+    weight = scene.mass[:, np.newaxis] * np.array(scene.gravity)
+    net = distance(weight + contact_forces(now)) / (scene.mass * settling.gravity)
     contacts, rattlers = carrying_contacts(now)
     test.simulation.restore(test.start)
     return Rest(
@@ -208,11 +207,3 @@ def _require_rest_is_possible(scene: Scene) -> None:
     if scene.has_moving_walls or scene.has_driven_walls:
         raise InputError("a wall moves, or a force drives it: pack takes walls at rest; use run --until rest")
     exact_solver("exact")  # raises InputError now, and not after minutes, if its extra is missing
-
-
-def _net_forces(now: Snapshot) -> FloatArray:
-    """Return the moduli of the sum of weight and contact forces on every grain [N], shape (n,)."""
-    loads = now.loads
-    push = [np.bincount(loads.grain, -loads.force * along, now.n) for along in loads.normal.T]
-    weight = now.scene.mass[:, np.newaxis] * np.array(now.scene.gravity)
-    return distance(weight + np.stack(push, axis=1))

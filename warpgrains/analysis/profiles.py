@@ -10,7 +10,7 @@ from warpgrains.analysis.region import Region
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
 from warpgrains.arrays import FloatArray
-from warpgrains.scene.geometry import area_below, distance
+from warpgrains.scene.geometry import area_below, distance, left_of
 from warpgrains.scene.walls import outward
 
 
@@ -59,15 +59,15 @@ def height_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     now = snapshot(of)
     annulus, up = now.scene.annulus, upwards(now.scene.gravity_at(now.time))
     edges = np.linspace(-annulus.depth, annulus.depth, bins + 1)
-    height, velocity = heights(now), _components(now.velocity, np.broadcast_to(up, (now.n, 2)))
+    height, grains = heights(now), now.grains
     if region is not None:
         counted = region_of(now, region)
-        areas = [counted.between(up, low, high).area for low, high in pairwise(edges)]
-        return _in_region(edges, height, now, counted, areas, velocity)
-    area = np.array([area_below(now.scene.radius, edge - height) for edge in edges])
-    grains = now.grains
-    space = np.array([space_below(grains, np.array([edge])).item() for edge in edges])
-    return _profile(edges, area, space, velocity)
+        space = np.array([counted.between(up, low, high).area for low, high in pairwise(edges)])
+        area = _whole_areas(now, counted, edges, height)
+    else:
+        space = np.diff([space_below(grains, np.array([edge])).item() for edge in edges])
+        area = np.diff([area_below(now.scene.radius, edge - height) for edge in edges], axis=0)
+    return _means(edges, area, space, now.velocity, np.broadcast_to(up, (now.n, 2)))
 
 
 def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None) -> Profile:
@@ -86,41 +86,33 @@ def radial_profile(of: Snapshot | HasState, bins: int = 20, region: Where = None
     now = snapshot(of)
     annulus, rho = now.scene.annulus, distance(now.position)
     edges = np.linspace(annulus.radius_in, annulus.radius_out, bins + 1)
-    with np.errstate(invalid="ignore"):  # no outward direction at the origin
-        velocity = _components(now.velocity, np.nan_to_num(outward(now.position)))
     if region is not None:
         counted = region_of(now, region)
-        areas = [counted.ring(near, far).area for near, far in pairwise(edges)]
-        return _in_region(edges, rho, now, counted, areas, velocity)
-    area = np.array([_lens(rho, now.scene.radius, edge) for edge in edges])
-    return _profile(edges, area, np.pi * edges**2, velocity)
+        space = np.array([counted.ring(near, far).area for near, far in pairwise(edges)])
+        area = _whole_areas(now, counted, edges, rho)
+    else:
+        space = np.diff(np.pi * edges**2)
+        area = np.diff([_lens(rho, now.scene.radius, edge) for edge in edges], axis=0)
+    with np.errstate(invalid="ignore"):  # no outward direction at the origin
+        away = np.nan_to_num(outward(now.position))
+    return _means(edges, area, space, now.velocity, away)
 
 
-def _components(velocity: FloatArray, along: FloatArray) -> FloatArray:
-    """Return the components of velocities along unit vectors and 90 degrees to their left, shape (n, 2)."""
-    left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    return np.stack([(velocity * along).sum(axis=1), (velocity * left).sum(axis=1)], axis=1)
-
-
-def _profile(edges: FloatArray, area: FloatArray, space: FloatArray, velocity: FloatArray) -> Profile:
-    """Return means over slices.
-
-    `area` holds areas below the edges of grains, (bins + 1, n), and `space` those of the space, (bins + 1,).
-    """
-    return _means(edges, np.diff(area, axis=0), np.diff(space), velocity)
-
-
-def _in_region(
-    edges: FloatArray, at: FloatArray, now: Snapshot, region: Region, space: list[float], velocity: FloatArray
-) -> Profile:
-    """Return means over the grains in a region; `at` is their coordinate along the profile [m]."""
+def _whole_areas(now: Snapshot, region: Region, edges: FloatArray, at: FloatArray) -> FloatArray:
+    """Return the areas of the grains of a region in the slices of their centers, at coordinates [m]."""
     whole = np.pi * now.scene.radius**2 * region.contains(now.position)
     in_slice = np.searchsorted(edges, at, "right") - 1 == np.arange(len(edges) - 1)[:, np.newaxis]
-    return _means(edges, in_slice * whole, np.array(space), velocity)
+    return in_slice * whole
 
 
-def _means(edges: FloatArray, weight: FloatArray, space: FloatArray, velocity: FloatArray) -> Profile:
-    """Return means of grains weighted by areas in slices, (bins, n), of slices with areas (bins,)."""
+def _means(
+    edges: FloatArray, weight: FloatArray, space: FloatArray, velocity: FloatArray, along: FloatArray
+) -> Profile:
+    """Return means of grains weighted by their areas in slices, shape (bins, n).
+
+    `space` holds the areas of the slices, and `along` the unit vectors along the profile, shape (n, 2).
+    """
+    velocity = np.stack([(velocity * way).sum(axis=1) for way in (along, left_of(along))], axis=1)
     total = weight.sum(axis=1)
     with np.errstate(invalid="ignore"):
         share = weight / total[:, np.newaxis]

@@ -50,6 +50,10 @@ def _force(part: str, meaning: str) -> Quantity:
     return Quantity("N", forces.force_statistics, attrgetter(part), meaning=f"{meaning} between grains")
 
 
+def _power(part: str, meaning: str) -> Quantity:
+    return Quantity("W", _powers, attrgetter(part), meaning=meaning)
+
+
 def _powers(now: Snapshot) -> EnergyBalance:
     """Return the energy balance of the last step divided by its duration [W]."""
     return EnergyBalance(*(energy / now.scene.dt for energy in step_energy_balance(now)))
@@ -60,18 +64,10 @@ QUANTITIES = {
         "J", energy.kinetic_energies, "sum of m v^2 / 2, and with friction of I w^2 / 2"
     ),
     "potential_energy": _of_runs("J", energy.potential_energies, "sum of -m g . x, 0 at the origin"),
-    "contact_power": Quantity(
-        "W", _powers, attrgetter("contact_loss"), meaning="power that contacts dissipate, in the last step"
-    ),
-    "drag_power": Quantity(
-        "W", _powers, attrgetter("drag_loss"), meaning="power that drag dissipates, in the last step"
-    ),
-    "friction_power": Quantity(
-        "W", _powers, attrgetter("friction_loss"), meaning="part of `contact_power` due to friction"
-    ),
-    "wall_power": Quantity(
-        "W", _powers, attrgetter("wall_work"), meaning="power of walls that rotate or move, in the last step"
-    ),
+    "contact_power": _power("contact_loss", "power that contacts dissipate, in the last step"),
+    "drag_power": _power("drag_loss", "power that drag dissipates, in the last step"),
+    "friction_power": _power("friction_loss", "part of `contact_power` due to friction"),
+    "wall_power": _power("wall_work", "power of walls that rotate or move, in the last step"),
     "outer_wall_force": _of_runs(
         "N", partial(contacts.wall_force_sums, wall=OUTER), "sum of the contact forces on the outer wall"
     ),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.analysis.snapshot import Snapshot
-from warpgrains.analysis.tabulated import TABLES, columns_of, contact_variables
+from warpgrains.analysis.tabulated import TABLES, columns_of, contact_variables, grain_variables
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_normals
 from warpgrains.drawing.frames import FrameTimes
@@ -150,17 +150,12 @@ class Recording(Shown):
             raise InputError(f"'{self.path}' holds no contacts: record them with --forces")
         k %= len(self)
         position = self._reader.position(k)
-        pair, force = np.zeros((0, 2), np.int32), np.zeros(0)
-        wall, wall_force = pair, force
-        tangential_force = wall_tangential_force = force
+        pair, force, tangential = np.zeros((0, 2), np.int32), np.zeros(0), np.zeros(0)
         if contacts:
             chains = self._reader.chains(k)
-            between = chains.pair[:, 1] >= 0
-            pair, force = chains.pair[between], chains.force[between]
-            grain, code = chains.pair[~between].T
-            wall, wall_force = np.stack([grain, -1 - code], axis=1), chains.force[~between]
-            tangential_force = chains.tangential_force[between]
-            wall_tangential_force = chains.tangential_force[~between]
+            pair, force, tangential = chains.pair, chains.force, chains.tangential_force
+        between = pair[:, 1] >= 0
+        grain, code = pair[~between].T
         spin, angle = self._reader.rotation(k)
         scene = self._scene_at(k)
         return Snapshot(
@@ -170,12 +165,12 @@ class Recording(Shown):
             velocity=self._reader.velocity(k),
             start=position,
             start_scene=scene,
-            pair=pair,
-            force=force,
-            wall=wall,
-            wall_force=wall_force,
-            tangential_force=tangential_force,
-            wall_tangential_force=wall_tangential_force,
+            pair=pair[between],
+            force=force[between],
+            wall=np.stack([grain, -1 - code], axis=1),
+            wall_force=force[~between],
+            tangential_force=tangential[between],
+            wall_tangential_force=tangential[~between],
             spin=spin,
             angle=angle,
         )
@@ -217,22 +212,11 @@ class Recording(Shown):
         InputError
             xarray is not installed; the extra ``[data]`` installs it.
         """
-        dims = ("time", "grain", "component")
-        contacts = self._contacts() if self.has_forces else {}
-        rotation = {}
+        arrays = {"position": self.position, "velocity": self.velocity, "radius": self.radius}
         if self._reader.has_rotation:
-            rotation = {
-                "spin": (dims[:2], self.spin, {"units": "rad/s"}),
-                "angle": (dims[:2], self.angle, {"units": "rad"}),
-            }
+            arrays |= {"spin": self.spin, "angle": self.angle}
         return library("xarray", "to_xarray").Dataset(
-            {
-                "position": (dims, self.position, {"units": "m"}),
-                "velocity": (dims, self.velocity, {"units": "m/s"}),
-                "radius": ("grain", self.radius, {"units": "m"}),
-                **rotation,
-                **contacts,
-            },
+            grain_variables(arrays) | (self._contacts() if self.has_forces else {}),
             coords={"time": ("time", self.time, {"units": "s"}), "component": ["x", "y"]},
             attrs={"recording": self.path.name},
         )

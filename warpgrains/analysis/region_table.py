@@ -1,7 +1,5 @@
 """Regions as tables: ranges, sectors, polygons, and the space below the surface of a pile."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from math import cos, pi, sin
@@ -12,14 +10,13 @@ import numpy as np
 from warpgrains.analysis.outline import crosses_itself, edges_of, signed_area
 from warpgrains.analysis.region import Region, Sides, box_of, parts_in
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
-from warpgrains.analysis.surface import columns_below_surface, staircases
 from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene import region as ranges
 
 KEYS = (*ranges.KEYS, "angle", "polygon", "below")
-
+MOST_COLUMNS = 64  # into which the space above a pile is divided
 
 Where = Mapping[str, Any] | Region | None
 """Argument of functions that count in a region; None is the whole space between the walls."""
@@ -84,11 +81,11 @@ def region_of(of: Snapshot | HasState, region: Where = None) -> Region:
         )
     elif "below" in given:
         checks.one_of("region.below", given["below"], ["surface"])
-        columns = columns_below_surface(now)
+        columns, union = _below_surface(now)
         if polygons:
-            limits.append([column.sides for column in columns])
+            limits.append(columns)
         else:
-            polygons, limits = staircases(columns), [_box_sides(space), *limits]
+            polygons, limits = union, [_box_sides(space), *limits]
     if limits and not polygons:
         polygons = [box_of(space)]
     for cells in limits:
@@ -138,3 +135,29 @@ def _box_sides(space: ranges.Region) -> list[Sides]:
     (left, bottom), _, (right, top), _ = box_of(space)
     x, y = np.eye(2)
     return [[(-x, -left), (-y, -bottom), (x, right), (y, top)]]
+
+
+def _below_surface(now: Snapshot) -> tuple[list[Sides], list[FloatArray]]:
+    """Return the columns that hold grains, up to a mean diameter below the uppermost center in each.
+
+    The second part is their union, as one polygon for each run of columns side by side.
+    """
+    up, reach = upwards(now.scene.gravity_at(now.time)), now.scene.radius_out
+    across, bottom = np.array([up[1], -up[0]]), -2.0 * reach  # below all walls
+    diameter = 2.0 * float(now.scene.radius.mean())
+    count = max(1, min(MOST_COLUMNS, int(reach / diameter)))
+    edges = np.linspace(-reach, reach, count + 1)
+    grain = np.unique(now.loads.grain) if len(now.loads.grain) else np.arange(now.n)
+    column = np.clip(np.searchsorted(edges, now.position[grain] @ across, "right") - 1, 0, count - 1)
+    top = np.full(count, -np.inf)
+    np.maximum.at(top, column, now.position[grain] @ up)
+    edges[[0, -1]] *= 2.0  # beyond the wall, which bounds the outermost columns
+    left, right, level = edges[:-1], edges[1:], top - diameter
+    held = np.flatnonzero(np.isfinite(top))
+    sides: list[Sides] = [[(-across, -left[k]), (across, right[k]), (up, level[k])] for k in held]
+    polygons = []
+    for run in np.split(held, np.flatnonzero(np.diff(held) > 1) + 1):
+        corner = [(left[run[0]], bottom), (right[run[-1]], bottom)]
+        corner += [(x, level[k]) for k in run[::-1] for x in (right[k], left[k])]
+        polygons.append(np.array(corner) @ np.stack([across, up]))
+    return sides, polygons

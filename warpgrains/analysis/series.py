@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Self
 from warpgrains.analysis.quantities import QUANTITIES, names_of, quantities
 from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.errors import InputError, OutputError
-from warpgrains.files import Row, read_table, require_writable_path, table_text, write_atomically
+from warpgrains.files import read_table, require_writable_path, table_text, write_atomically
 from warpgrains.locks import Lock
 from warpgrains.scene import checks
 from warpgrains.tables import library
@@ -133,12 +133,9 @@ class Series:
 
     def _read_rows(self, path: Path, resume_at: int | None) -> None:
         """Read the rows to continue from an existing file. Raises OutputError if the file is no series."""
-        if not path.exists():
-            rows: list[Row] = []
-        else:
-            rows = read_table(path)
-            if not rows or tuple(rows[0])[:2] != FIRST:
-                raise OutputError(f"refusing to overwrite '{path}': not a series of warpgrains")
+        rows = read_table(path) if path.exists() else []
+        if path.exists() and (not rows or tuple(rows[0])[:2] != FIRST):
+            raise OutputError(f"refusing to overwrite '{path}': not a series of warpgrains")
         if resume_at is None:
             return
         if rows and tuple(rows[0]) != (*FIRST, *self.names):
@@ -146,11 +143,11 @@ class Series:
                 f"'{path}' has other columns than --measure: choose another --series, or the same --measure"
             )
         try:
-            kept = [row for row in rows if int(row["step"]) <= resume_at]
-            self.rows = [{name: float(cell) for name, cell in row.items()} for row in kept]
+            for row in rows:
+                if int(row["step"]) <= resume_at:
+                    numbers = {name: float(cell) for name, cell in row.items()}
+                    self.rows.append(numbers | {"step": int(row["step"])})
         except (ValueError, TypeError):
             raise InputError(f"'{path}' holds a value that is not a number") from None
-        for row in self.rows:
-            row["step"] = int(row["step"])
         if not self.rows or self.rows[-1]["step"] <= resume_at - self.every:
             raise InputError(f"'{path}' lacks rows before step {resume_at}: the series cannot be continued")

@@ -11,15 +11,13 @@ potential energy, up to a term in their displacements, among the places that the
 only half its square. If they do not, grains still rearrange, and fall again.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import exp, fsum, hypot, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.compress import TOLERANCES
+from warpgrains.analysis.energy import TOLERANCES
 from warpgrains.arrays import FloatArray
 from warpgrains.console import Progress
 from warpgrains.errors import SimulationError

@@ -160,10 +160,8 @@ class Snapshot:
         """All contacts as forces on single grains."""
         m = len(self.pair)
         pair, force = with_walls(self.pair, self.wall), np.concatenate([self.force, self.wall_force])
-        (i, j), normal = (
-            pair.astype(np.int64).T,
-            contact_normals(self.start_scene, self.start, pair, self.time),
-        )
+        normal = contact_normals(self.start_scene, self.start, pair, self.time)
+        i, j = pair.astype(np.int64).T
         return Loads(
             np.concatenate([i[:m], j[:m], i[m:]]),
             np.concatenate([normal[:m], -normal[:m], normal[m:]]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from warpgrains.analysis.snapshot import Snapshot
 
 TABLES = ("grains", "contacts", "wall_contacts")
+UNITS = {"position": "m", "velocity": "m/s", "radius": "m", "mass": "kg", "spin": "rad/s", "angle": "rad"}
 
 
 def columns_of(now: Snapshot, table: str) -> dict[str, Any]:
@@ -46,18 +48,24 @@ def contact_variables(
     return found
 
 
+def grain_variables(arrays: Mapping[str, FloatArray]) -> dict[str, Any]:
+    """Return arrays of grains, at one time or along a first axis of times, as variables of a dataset."""
+    variables: dict[str, Any] = {}
+    for name, array in arrays.items():
+        dims = ("grain", "component") if name in ("position", "velocity") else ("grain",)
+        times = ("time",) * (array.ndim - len(dims))
+        variables[name] = ((*times, *dims), array, {"units": UNITS[name]})
+    return variables
+
+
 def dataset_variables(now: Snapshot, pair: IntArray) -> dict[str, Any]:
     """Return grains and contacts of a snapshot as variables of a dataset."""
-    rough, m = now.scene.has_friction, len(now.pair)
-    vectors = {"position": (now.position, "m"), "velocity": (now.velocity, "m/s")}
-    scalars = {"radius": (now.scene.radius, "m"), "mass": (now.scene.mass, "kg")}
-    if rough:
-        scalars |= {"spin": (now.spin, "rad/s"), "angle": (now.angle, "rad")}
-    grains: dict[str, Any] = {
-        name: (("grain", "component"), values, {"units": unit}) for name, (values, unit) in vectors.items()
-    }
-    grains |= {name: (("grain",), values, {"units": unit}) for name, (values, unit) in scalars.items()}
-    normal = np.concatenate([now.normal, now.loads.normal[2 * m :]])
+    grains = {"position": now.position, "velocity": now.velocity}
+    grains |= {"radius": now.scene.radius, "mass": now.scene.mass}
+    tangential = None
+    if now.scene.has_friction:
+        grains |= {"spin": now.spin, "angle": now.angle}
+        tangential = np.concatenate([now.tangential_force, now.wall_tangential_force])
+    normal = np.concatenate([now.normal, now.loads.normal[2 * len(now.pair) :]])
     force = np.concatenate([now.force, now.wall_force])
-    tangential = np.concatenate([now.tangential_force, now.wall_tangential_force]) if rough else None
-    return {**grains, **contact_variables(pair, normal, force, tangential)}
+    return grain_variables(grains) | contact_variables(pair, normal, force, tangential)

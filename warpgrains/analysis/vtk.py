@@ -1,7 +1,5 @@
 """Export of recordings for ParaView and pyvista: grains, contacts and forces, written by VTK itself."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

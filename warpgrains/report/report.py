@@ -11,7 +11,7 @@ import numpy as np
 from warpgrains import __version__
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError
-from warpgrains.files import require_writable_folder, table_text, write_atomically
+from warpgrains.files import make_folder, table_text, write_atomically
 from warpgrains.pictures.still import save_figure
 from warpgrains.reference.reference import find_c_reference
 from warpgrains.report.figures import draw_paths, draw_steps
@@ -62,7 +62,14 @@ def write_report(
     SimulationError
         A step failed.
     """
-    _prepare(scenes, folder)
+    names = [scene.name for scene in scenes]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"two scenes have the name '{name}': rename one, because a"
+                " report identifies scenes by their names"
+            )
+    make_folder(folder)
     budget = budget or Budget()
     found = Findings()
     pictures: list[Path] = []
@@ -78,22 +85,6 @@ def write_report(
             texts = _write_texts(folder, found, budget)
             bar.update()
     return texts + pictures
-
-
-def _prepare(scenes: Sequence[Scene], folder: Path) -> None:
-    """Create the folder of a report, unless it exists. Raises InputError if it cannot be written."""
-    names = [scene.name for scene in scenes]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(
-                f"two scenes have the name '{name}': rename one, because a"
-                " report identifies scenes by their names"
-            )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"output folder '{folder}' cannot be created: {error.strerror}") from error
-    require_writable_folder(folder)
 
 
 def _measure(scene: Scene, budget: Budget, found: Findings) -> Iterator[str]:

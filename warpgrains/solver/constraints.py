@@ -80,13 +80,8 @@ class StepConstraints:
             wall=self.wall[at_walls],
         )
 
-    @property
-    def wall_grain(self) -> Indices:
-        """Grain of every wall contact, shape (m - k,)."""
-        return self.wall[:, 0]
 
-
-def every_wall(scene: Scene, grain: Indices) -> Indices:
-    """Return contacts (grain, wall) of grains with all walls, ordered by wall, shape (m, 2)."""
+def every_wall(scene: Scene) -> Indices:
+    """Return contacts (grain, wall) of all grains with all walls, ordered by wall, shape (m, 2)."""
     walls = scene.wall_numbers
-    return np.stack([np.tile(grain, len(walls)), np.repeat(walls, len(grain))], axis=1)
+    return np.stack([np.tile(np.arange(scene.n), len(walls)), np.repeat(walls, scene.n)], axis=1)

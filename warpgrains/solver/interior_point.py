@@ -11,13 +11,12 @@ after sweeps are nearly right but on the boundary, from where no long step is po
 centered: q and s move to q_c s_c = mu with q - s unchanged. The same is done after a short step.
 """
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
 
 from warpgrains.arrays import FloatArray
-from warpgrains.solver.projection import PROXIMITY, Projection, Solution
+from warpgrains.solver.projection import PROXIMITY, NormalMatrix, Projection, Solution
 
 FIRST = 30.0  # initial sqrt(mu), in natural residuals
 WIDER = 100.0  # mu after a short step, in means of q s; GROWTH times that after the next,
@@ -29,19 +28,6 @@ LONG, STUCK = 0.9, 3  # steps, and their number without reducing A u + s - b: th
 MOST_RESTARTS = 3  # after short steps; steps with a solution have needed at most two
 STALLED = 25  # steps without halving the residual, after which the method gives up
 NEGLIGIBLE = 0.02  # in tolerances: contacts with smaller corrections are open
-
-
-class Factored(Protocol):
-    """I + A^T diag(d) A and its factors."""
-
-    def take(self, rows: sparse.csr_array) -> None:
-        """Take A."""
-
-    def factor(self, d: FloatArray) -> None:
-        """Factor the matrix."""
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """Return the inverse of the factored matrix times a vector."""
 
 
 class _Iterate(NamedTuple):
@@ -81,7 +67,7 @@ def _begin(problem: Projection, q: FloatArray) -> tuple[_Iterate, float]:
     return _Iterate(problem.free - across @ q, t, np.zeros_like(t)).centred(mu), mu
 
 
-def _direction(problem: Projection, matrix: Factored, at: _Iterate) -> _Iterate:
+def _direction(problem: Projection, matrix: NormalMatrix, at: _Iterate) -> _Iterate:
     """Return Mehrotra's predictor-corrector direction."""
     rows, b, free, _ = problem
     u, q, s = at
@@ -100,7 +86,7 @@ def _direction(problem: Projection, matrix: Factored, at: _Iterate) -> _Iterate:
     return newton(q * s + ahead.s * ahead.q - centering * gap)
 
 
-def solve(problem: Projection, matrix: Factored, q: FloatArray, tolerance: float) -> Solution:
+def solve(problem: Projection, matrix: NormalMatrix, q: FloatArray, tolerance: float) -> Solution:
     """Solve a step from the corrections of some sweeps, to a natural residual of `tolerance` [m/s].
 
     If this residual is not reached, the best corrections are returned; they may be those given.

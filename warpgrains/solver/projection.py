@@ -44,7 +44,7 @@ class Projection(NamedTuple):
 def projection_of(constraints: StepConstraints, free_velocity: FloatArray) -> Projection:
     """Return a step's problem from its constraints and free velocities [m/s], shape (n, 2)."""
     mass, normal = constraints.scene.contact_mass, constraints.normal
-    j, alone, pairs = constraints.second, constraints.wall_grain, len(constraints.second)
+    j, alone, pairs = constraints.second, constraints.wall[:, 0], len(constraints.second)
     i = constraints.first[:pairs]
     mass_i, mass_j = mass[i], mass[j]
     share_i, share_j = (np.sqrt(other / (mass_i + mass_j))[:, np.newaxis] for other in (mass_j, mass_i))
