@@ -149,7 +149,7 @@ def _is_at_rest(simulation: Simulation) -> bool:
     assert state.driven is not None
     assert scene.pressure is not None
     radius, speed = state.driven[OUTER]
-    wall = 0.5 * speed**2 / scene.drives[OUTER, 0]
+    wall = 0.5 * speed**2 / scene.bodies.drives[OUTER].inverse_mass
     energy = wall + 0.5 * float(scene.mass @ (state.velocity**2).sum(axis=1))
     least = 0.5 * float(scene.mass.sum()) * (TOLERANCES * scene.tolerance) ** 2
     excess = _wall_pressure(simulation) / scene.pressure - 1.0

@@ -16,7 +16,7 @@ from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
-from warpgrains.scene.walls import OUTER, body_of
+from warpgrains.scene.walls import OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -162,7 +162,7 @@ def require_state(state: State, scene: Scene) -> None:
     _require_corrections(state.corrections, n, walls)
     if state.lists is not None:
         _require_lists(state.lists, n, walls, bodies)
-        _require_listed(state.corrections, state.lists, n, scene.has_two_circles)
+        _require_listed(state.corrections, state.lists, scene)
 
 
 def _require_driven(driven: Any, scene: Scene) -> int:
@@ -211,9 +211,10 @@ def _require_lists(lists: VerletList, n: int, walls: Sequence[int], bodies: int)
             raise InputError(f"{name} of the state holds NaN")
 
 
-def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_circles: bool) -> None:
+def _require_listed(corrections: Corrections, lists: VerletList, scene: Scene) -> None:
+    n, bodies = scene.n, scene.bodies
     pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
-    body, listed = (body_of(of.wall[:, 1], two_circles) for of in (corrections, lists))
+    body, listed = (bodies.of(of.wall[:, 1]) for of in (corrections, lists))
     walls = np.isin(corrections.wall[:, 0] + n * body, lists.wall[:, 0] + n * listed)
     if not (pairs.all() and walls.all()):
         raise InputError("a contact of the state carries a correction but is not in the list of contacts")
