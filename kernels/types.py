@@ -6,9 +6,10 @@ f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
-Shape = wp.types.vector(length=10, dtype=f64)
-"""A wall inside the annulus: the number of its kind (`kind_number` of the host), its numbers [m], at most
-six, and a circle about the places where grains touch it, center and radius [m]."""
+MOST_NUMBERS = 6  # of a kind of wall, as on the host (scene/obstacle.py)
+Shape = wp.types.vector(length=1 + MOST_NUMBERS + 3, dtype=f64)
+"""A wall inside the annulus: the number of its kind (`kind_number` of the host), its numbers [m], and a
+circle about the places where grains touch it, center and radius [m]."""
 Motion = wp.types.vector(length=8, dtype=f64)
 """How a wall moves: pivot before it moves [m], velocity [m/s], angular velocity [rad/s], the times at which
 it begins and ends [s], and the largest speed of a point that changes its place [m/s]."""

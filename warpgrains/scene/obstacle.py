@@ -16,7 +16,8 @@ from warpgrains.scene.geometry import Circle, distance
 from warpgrains.scene.motion import Motion, Pose
 from warpgrains.scene.walls import Side
 
-MOST_NUMBERS = 6  # of a wall's shape on the device (kernels/types.py)
+MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
+SHAPE = 1 + MOST_NUMBERS + 3  # numbers of a shape: its kind, its numbers and a circle
 
 Kind = TypeVar("Kind")
 
@@ -172,7 +173,8 @@ class Obstacle:
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """Kind, numbers and circle as the kernels keep them, ten numbers (kernels/types.py)."""
+        """Kind, numbers and circle as the kernels keep them (kernels/types.py, `Shape`)."""
+        assert len(self.numbers) <= MOST_NUMBERS, f"{self.one()} has {len(self.numbers)} numbers"
         unused = (0.0,) * (MOST_NUMBERS - len(self.numbers))
         return (float(self.kind_number), *self.numbers, *unused, *self.circle)
 

@@ -1,4 +1,4 @@
-"""A straight wall inside the annulus. This is the host's side; kernels/straight_wall.py is the device's."""
+"""A straight wall inside the annulus. This is the host's side; kernels/segment.py is the device's."""
 
 from dataclasses import replace
 from math import dist
@@ -70,7 +70,7 @@ class Segment(ThinWall):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need (kernels/straight_wall.py)."""
+        """Numbers that the kernels need (kernels/segment.py)."""
         return (*self.start, *self.end)
 
     @property
