@@ -139,18 +139,24 @@ class CellGrid:
 
 @wp.struct
 class VerletNumbers:
-    """The numbers by which a list is valid; a state keeps them."""
+    """The numbers by which a list is valid; a state keeps them under their names (`VerletList`)."""
 
-    frame_velocity: wp.vec2d  # u [m/s]
     frame_shift: wp.vec2d  # path of the frame since the list was built [m]
-    mean_velocity: wp.vec2d  # of the reference velocities v0_i [m/s]
     base_skin: f64  # [m]
     frame_skin: f64  # how far the frame may have come [m]
-    unmonitored_change: f64  # most that a velocity may have changed since it was last looked at [m/s]
-    sampled_change: f64  # that change when grains are looked at [m/s]
-    max_row_sum: f64  # most that one iteration changes a velocity by, in units of zeta
     elapsed: f64  # since the list was built [s]
     lifetime: f64  # for which the list was built [s]
+
+
+@wp.struct
+class VerletWork:
+    """Numbers that are found again before they are used, in a step that begins from a state."""
+
+    frame_velocity: wp.vec2d  # v_f [m/s]
+    mean_velocity: wp.vec2d  # of the reference velocities v0_i [m/s]
+    unmonitored_change: f64  # most that a velocity may have changed since it was last sampled [m/s]
+    sampled_change: f64  # that change when grains are sampled [m/s]
+    max_row_sum: f64  # most that one iteration changes a velocity by, in units of zeta
 
 
 @wp.struct
@@ -173,6 +179,7 @@ class Verlet:
     reference_position: Vectors  # when the list was built [m]
     reference_velocity: Vectors  # v0_i [m/s]
     numbers: VerletNumbers
+    work: VerletWork
     flags: VerletFlags
 
 

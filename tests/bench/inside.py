@@ -117,7 +117,7 @@ class Sweeps:
         self._numbers["control"]["stopped"] = 0
         self._numbers["step"]["iterations"] = self._numbers["step"]["measured"] = 0
         self._numbers["verlet"]["flags"]["list_expired"] = 0
-        self._numbers["verlet"]["numbers"]["unmonitored_change"] = 0.0
+        self._numbers["verlet"]["work"]["unmonitored_change"] = 0.0
 
     def done(self) -> tuple[int, float]:
         """Return how many sweeps were done, and the last zeta [m/s]."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,6 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
-from warpgrains.kernels.types import VerletNumbers
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
@@ -50,7 +48,6 @@ class SceneRecords:
         self._number = {field.name: number for number, field in enumerate(fields())}
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
         self.host = self.device.numpy()
-        self._bytes = self.host.view(np.uint8)
         self._blocks: list[Block | None] = [None] * len(scenes)
         self._memory: NDArray[np.uint8] | None = None
         self._length = np.zeros((len(fields()), len(scenes)), np.int64)
@@ -211,11 +208,6 @@ class SceneRecords:
         assert block is not None
         return block
 
-    def verlet_numbers(self, k: int) -> np.ndarray[Any, Any]:
-        """Return a view of `VerletNumbers` of scene k, which are all floats."""
-        offset, count = _verlet_numbers()
-        return np.ndarray(count, np.float64, self._bytes, k * self.host.itemsize + offset)
-
     def reserve_contacts(self, k: int, contacts: int) -> None:
         """Move scene k to a memory block that holds a list of `contacts` contacts.
 
@@ -271,11 +263,3 @@ class SceneRecords:
         if not self._device.is_cpu:
             self.device.assign(self.host)
             self._block(k).push()
-
-
-@cache
-def _verlet_numbers() -> tuple[int, int]:
-    """Return the offset of `VerletNumbers` in a record [bytes], and their number of floats."""
-    dtype = np.dtype(SceneRecord.numpy_dtype())
-    offset = dtype.fields["verlet"][1] + dtype["verlet"].fields["numbers"][1]
-    return offset, VerletNumbers.numpy_dtype()["itemsize"] // 8

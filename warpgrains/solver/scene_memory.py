@@ -8,7 +8,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.record import Phase
-from warpgrains.scene.state import Corrections, State, VerletList
+from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList
 from warpgrains.scene.walls import OUTER
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import StepHistory
@@ -111,13 +111,11 @@ class SceneMemory:
 
     def state(self) -> State:
         """Return the exact state."""
-        numbers = self._records.verlet_numbers(self._k).copy()
+        numbers = self.record["verlet"]["numbers"]
+        own: dict[str, Any] = {name: self.array(f"verlet.{name}").copy() for name in VERLET}
+        own |= {name: float(numbers[name]) for name in VERLET_NUMBERS}
         lists = VerletList(
-            pair=self.listed_pairs()[0],
-            wall=self._listed_sides(),
-            **{name: self.array(f"verlet.{name}").copy() for name in VERLET},
-            frame=numbers[:6].reshape(3, 2),
-            scalar=numbers[6:],
+            self.listed_pairs()[0], self._listed_sides(), frame_shift=numbers["frame_shift"].copy(), **own
         )
         position, velocity = self.grains("position").copy(), self.grains("velocity").copy()
         more = {}
@@ -138,7 +136,8 @@ class SceneMemory:
             self._list(lists.pair, lists.wall, corrections)
             for name in VERLET:
                 self.array(f"verlet.{name}")[:] = getattr(lists, name)
-            self._records.verlet_numbers(self._k)[:] = np.concatenate([lists.frame.ravel(), lists.scalar])
+            for name in ("frame_shift", *VERLET_NUMBERS):
+                self.record["verlet"]["numbers"][name] = getattr(lists, name)
         if self._scene.has_friction:
             for name in ("spin", "angle"):
                 own = getattr(state, name)
@@ -167,7 +166,7 @@ class SceneMemory:
         """Invalidate the list, so that the next step requests a new one."""
         self.array("verlet.skin")[:] = tuning.NO_SKIN
         self.array("verlet.recent_deviation")[:] = 0.0
-        self._records.verlet_numbers(self._k)[:] = 0.0
+        self.record["verlet"]["numbers"] = 0.0
         self.record["verlet"]["numbers"]["base_skin"] = tuning.first_skin(self._scene)
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
