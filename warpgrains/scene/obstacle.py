@@ -173,7 +173,7 @@ class Obstacle:
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """Kind, numbers and circle as the kernels keep them (kernels/types.py, `Shape`)."""
+        """Kind, numbers and circle as the kernels keep them (kernels/types.py)."""
         assert len(self.numbers) <= MOST_NUMBERS, f"{self.one()} has {len(self.numbers)} numbers"
         unused = (0.0,) * (MOST_NUMBERS - len(self.numbers))
         return (float(self.kind_number), *self.numbers, *unused, *self.circle)
