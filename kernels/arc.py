@@ -6,6 +6,7 @@ from . import law
 from .types import Shape
 
 f64 = wp.float64
+KIND = wp.constant(f64(3.0))
 
 
 @wp.func

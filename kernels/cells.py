@@ -74,7 +74,7 @@ def fill_cell(s: Scene, i: int):
     """Put a grain in its bucket, with its extent; cell_start counts down to where the bucket starts."""
     k = add(s.grid.cell_start, at(s.grid.bucket, i), -1) - 1
     x = at(s.grains.position, i)
-    w = at(s.verlet.reference_velocity, i) - s.verlet.numbers.mean_velocity
+    w = at(s.verlet.reference_velocity, i) - s.verlet.work.mean_velocity
     skin = at(s.grains.radius, i) + at(s.verlet.skin, i)
     put(s.grid.grain, k, i)
     put(s.grid.x, k, x[0])

@@ -191,4 +191,4 @@ def find_row_sums(s: Scene):
     largest = f64(0.0)
     for i in range(n):
         largest = wp.max(largest, at(row_sum, i) + f64(walls))
-    s.verlet.numbers.max_row_sum = largest
+    s.verlet.work.max_row_sum = largest

@@ -297,7 +297,7 @@ def transfer_tangential(s: Scene, i: int):
 @wp.func
 def widen_row_sum(s: Scene):
     """Bound the change of a velocity in one iteration, tangential corrections as large as normal ones."""
-    s.verlet.numbers.max_row_sum = ROOT_TWO * s.verlet.numbers.max_row_sum
+    s.verlet.work.max_row_sum = ROOT_TWO * s.verlet.work.max_row_sum
 
 
 @wp.func

@@ -46,7 +46,7 @@ def renew_skin(s: Scene, i: int):
             put(s.verlet.peak_square, i, f64(0.0))
         else:
             margin = FOUND_OUT
-            w = at(s.verlet.reference_velocity, i) + s.verlet.numbers.frame_velocity
+            w = at(s.verlet.reference_velocity, i) + s.verlet.work.frame_velocity
             put(s.verlet.recent_deviation, i, needed)  # so that skins only grow as long as the step goes on
             put(s.verlet.peak_square, i, seen * seen)
     put(s.verlet.skin, i, s.verlet.numbers.base_skin + margin * s.dt * needed)
@@ -76,9 +76,9 @@ def renew_numbers(s: Scene):
     steps = wp.clamp(wp.floor(s.tuning.room / (s.dt * wp.sqrt(spread))), f64(1.0), LONGEST)
     lifetime = steps * s.dt
     fall = f64(1.2) * s.tuning.acceleration * lifetime * (f64(0.5) * lifetime + s.dt)
-    s.verlet.numbers.unmonitored_change = f64(0.0)
+    s.verlet.work.unmonitored_change = f64(0.0)
     s.verlet.numbers.frame_shift = wp.vec2d(f64(0.0), f64(0.0))
     s.verlet.numbers.elapsed = f64(0.0)
-    s.verlet.numbers.mean_velocity = mean
+    s.verlet.work.mean_velocity = mean
     s.verlet.numbers.lifetime = lifetime
     s.verlet.numbers.frame_skin = s.verlet.numbers.base_skin + fall

@@ -8,6 +8,7 @@ nothing and asks for a list.
 """
 
 from functools import cache
+from typing import NamedTuple
 
 import warp as wp
 
@@ -209,14 +210,20 @@ ANSWERED = [
 
 EXACT = [If(answered, ANSWERED), *ACCELERATED]
 
-Kind = tuple[str, bool]
-"""Method, and whether there is friction."""
+
+class Kind(NamedTuple):
+    """Kind of scenes that share kernels."""
+
+    method: str
+    has_friction: bool
+
+
 METHODS: dict[Kind, list[Stage]] = {
-    ("gauss-seidel", False): GAUSS_SEIDEL,
-    ("accelerated", False): ACCELERATED,
-    ("exact", False): EXACT,
-    ("gauss-seidel", True): GAUSS_SEIDEL_WITH_FRICTION,
-    ("accelerated", True): accelerated_sweeps(True),
+    Kind("gauss-seidel", False): GAUSS_SEIDEL,
+    Kind("accelerated", False): ACCELERATED,
+    Kind("exact", False): EXACT,
+    Kind("gauss-seidel", True): GAUSS_SEIDEL_WITH_FRICTION,
+    Kind("accelerated", True): accelerated_sweeps(True),
 }
 
 
@@ -259,7 +266,7 @@ def expire(has_friction: bool) -> list[Stage]:
 
 def step(kind: Kind) -> list[Stage]:
     """Return the stages of one step of a kind."""
-    has_friction = kind[1]
+    has_friction = kind.has_friction
     free = [
         Each(grain_count, integrate.free_velocity),
         *only(has_friction, [Each(grain_count, friction.free_spin)]),

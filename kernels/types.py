@@ -6,9 +6,10 @@ f64 = wp.float64
 Floats = wp.array(dtype=f64)
 Ints = wp.array(dtype=wp.int32)
 Vectors = wp.array(dtype=wp.vec2d)
-Shape = wp.types.vector(length=10, dtype=f64)
-"""A wall inside the annulus: the number of its kind (`kind_number` of the host), its numbers [m], at most
-six, and a circle about the places where grains touch it, center and radius [m]."""
+MOST_NUMBERS = 6  # of a kind of wall, as on the host (scene/obstacle.py)
+Shape = wp.types.vector(length=1 + MOST_NUMBERS + 3, dtype=f64)
+"""A wall inside the annulus: the number of its kind (`kind_number` of the host), its numbers [m], and a
+circle about the places where grains touch it, center and radius [m]."""
 Motion = wp.types.vector(length=8, dtype=f64)
 """How a wall moves: pivot before it moves [m], velocity [m/s], angular velocity [rad/s], the times at which
 it begins and ends [s], and the largest speed of a point that changes its place [m/s]."""
@@ -139,18 +140,24 @@ class CellGrid:
 
 @wp.struct
 class VerletNumbers:
-    """The numbers by which a list is valid; a state keeps them."""
+    """The numbers by which a list is valid; a state keeps them under their names (`VerletList`)."""
 
-    frame_velocity: wp.vec2d  # u [m/s]
     frame_shift: wp.vec2d  # path of the frame since the list was built [m]
-    mean_velocity: wp.vec2d  # of the reference velocities v0_i [m/s]
     base_skin: f64  # [m]
     frame_skin: f64  # how far the frame may have come [m]
-    unmonitored_change: f64  # most that a velocity may have changed since it was last looked at [m/s]
-    sampled_change: f64  # that change when grains are looked at [m/s]
-    max_row_sum: f64  # most that one iteration changes a velocity by, in units of zeta
     elapsed: f64  # since the list was built [s]
     lifetime: f64  # for which the list was built [s]
+
+
+@wp.struct
+class VerletWork:
+    """Numbers that are found again before they are used, in a step that begins from a state."""
+
+    frame_velocity: wp.vec2d  # v_f [m/s]
+    mean_velocity: wp.vec2d  # of the reference velocities v0_i [m/s]
+    unmonitored_change: f64  # most that a velocity may have changed since it was last sampled [m/s]
+    sampled_change: f64  # that change when grains are sampled [m/s]
+    max_row_sum: f64  # most that one iteration changes a velocity by, in units of zeta
 
 
 @wp.struct
@@ -173,6 +180,7 @@ class Verlet:
     reference_position: Vectors  # when the list was built [m]
     reference_velocity: Vectors  # v0_i [m/s]
     numbers: VerletNumbers
+    work: VerletWork
     flags: VerletFlags
 
 

@@ -37,7 +37,7 @@ f64 = wp.float64
 @wp.func
 def deviation(s: Scene, velocity: wp.vec2d, i: int) -> wp.vec2d:
     """Return v_i - v0_i - v_f [m/s]."""
-    return velocity - at(s.verlet.reference_velocity, i) - s.verlet.numbers.frame_velocity
+    return velocity - at(s.verlet.reference_velocity, i) - s.verlet.work.frame_velocity
 
 
 @wp.func
@@ -65,7 +65,7 @@ def least_monitored(s: Scene) -> f64:
 @wp.func
 def least_monitored_correction(s: Scene) -> f64:
     """Return the correction from which both grains are monitored [m/s]."""
-    return least_monitored(s) / s.verlet.numbers.max_row_sum
+    return least_monitored(s) / s.verlet.work.max_row_sum
 
 
 @wp.func
@@ -87,7 +87,7 @@ def monitor(s: Scene, i: int, velocity: wp.vec2d):
 @wp.func
 def peak_of(s: Scene, i: int) -> f64:
     """Return p_i [m/s], with the changes that were not monitored since."""
-    return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.numbers.unmonitored_change
+    return wp.sqrt(at(s.verlet.peak_square, i)) + s.verlet.work.unmonitored_change
 
 
 @wp.func
@@ -109,14 +109,14 @@ def stayed_silent(s: Scene, i: int, j: int) -> bool:
 def sample(s: Scene, i: int):
     """Raise the peak of grain i to the most that it may have reached unmonitored."""
     v = at(s.grains.next_velocity, i)
-    peak = wp.length(deviation(s, v, i)) + s.verlet.numbers.sampled_change
+    peak = wp.length(deviation(s, v, i)) + s.verlet.work.sampled_change
     put(s.verlet.peak_square, i, larger(at(s.verlet.peak_square, i), peak * peak))
 
 
 @wp.func
 def clear_check(s: Scene):
     """Reset the findings of the check."""
-    s.verlet.numbers.unmonitored_change = f64(0.0)
+    s.verlet.work.unmonitored_change = f64(0.0)
     s.verlet.flags.list_expired = 0
     s.verlet.flags.bad_body = -1
 
@@ -135,7 +135,7 @@ def find_frame(s: Scene):
             w = at(s.verlet.reference_velocity, i)
             u = u + (at(s.grains.next_velocity, i) - w) / f64(n)
             i += 1
-    s.verlet.numbers.frame_velocity = u
+    s.verlet.work.frame_velocity = u
 
 
 @wp.func
@@ -185,7 +185,7 @@ def verify(s: Scene, i: int):
 def check_all(s: Scene, least: f64):
     """Check the frame's skin and the list's lifetime; find the last body that is not finite."""
     numbers = s.verlet.numbers
-    path = wp.length(numbers.frame_shift) + s.dt * wp.length(numbers.frame_velocity)
+    path = wp.length(numbers.frame_shift) + s.dt * wp.length(s.verlet.work.frame_velocity)
     if not (path + least <= numbers.frame_skin):
         s.verlet.flags.list_expired = 1
     if not (numbers.elapsed + f64(0.5) * s.dt <= numbers.lifetime):  # a whole number of steps, rounded
@@ -209,23 +209,23 @@ def outcome_of_check(s: Scene) -> int:
 @wp.func
 def add_unmonitored(s: Scene):
     """Add the largest change of a velocity by a sweep that may not have been monitored."""
-    numbers = s.verlet.numbers
+    work = s.verlet.work
     most = least_monitored(s)
-    change = numbers.unmonitored_change + wp.min(numbers.max_row_sum * s.step.zeta, most)
-    s.verlet.numbers.unmonitored_change = change
+    change = work.unmonitored_change + wp.min(work.max_row_sum * s.step.zeta, most)
+    s.verlet.work.unmonitored_change = change
 
 
 @wp.func
 def is_sampling_due(s: Scene) -> bool:
     """Return whether the changes that were not monitored have added up to one that is."""
-    return s.verlet.numbers.unmonitored_change > least_monitored(s)
+    return s.verlet.work.unmonitored_change > least_monitored(s)
 
 
 @wp.func
 def begin_sampling(s: Scene):
     """Reset the sum of changes that were not monitored, and keep it for `sample`."""
-    s.verlet.numbers.sampled_change = s.verlet.numbers.unmonitored_change
-    s.verlet.numbers.unmonitored_change = f64(0.0)
+    s.verlet.work.sampled_change = s.verlet.work.unmonitored_change
+    s.verlet.work.unmonitored_change = f64(0.0)
 
 
 @wp.func
@@ -238,5 +238,5 @@ def remember(s: Scene, i: int):
 def shift_frame(s: Scene):
     """Move the frame by u dt."""
     numbers = s.verlet.numbers
-    s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * numbers.frame_velocity
+    s.verlet.numbers.frame_shift = numbers.frame_shift + s.dt * s.verlet.work.frame_velocity
     s.verlet.numbers.elapsed = numbers.elapsed + s.dt

@@ -10,11 +10,11 @@ at its start (driven.py).
 
 import warp as wp
 
-from . import annulus, arc, disc, law, straight_wall
+from . import annulus, arc, disc, law, segment
 from .access import at, checked, put
 from .annulus import Annulus
 from .motion import from_frame, moving_time, pose_at, speed_of_surface, to_frame
-from .types import Drive, Motion, Pose, Shape
+from .types import MOST_NUMBERS, Drive, Motion, Pose, Shape
 
 f64 = wp.float64
 
@@ -39,10 +39,15 @@ def wall_body_count(walls: Walls) -> int:
 
 @wp.func
 def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
-    """Return the point nearest to x of a wall without thickness, which grains touch there [m]."""
-    if shape[0] == straight_wall.KIND:
-        return straight_wall.nearest(x, shape)
-    return arc.nearest(x, shape)  # the kind left, 3
+    """Return the point nearest to x of a wall without thickness, which grains touch there [m].
+
+    It is NaN for an unknown kind, which the host refuses (scene/wall_kinds.py).
+    """
+    if shape[0] == segment.KIND:
+        return segment.nearest(x, shape)
+    if shape[0] == arc.KIND:
+        return arc.nearest(x, shape)
+    return wp.vec2d(f64(wp.nan), f64(wp.nan))
 
 
 @wp.func
@@ -92,11 +97,12 @@ def place_at(b: int, x: wp.vec2d, walls: Walls) -> wp.vec2d:
     return x
 
 
-IS_NEAR = """
-    const auto is_near = [&](const auto &shape) {
-        const double dx = shape[7] - x[0], dy = shape[8] - x[1], near = reach + shape[9];
+IS_NEAR = f"""
+    const auto is_near = [&](const auto &shape) {{
+        constexpr int c = 1 + {MOST_NUMBERS};
+        const double dx = shape[c] - x[0], dy = shape[c + 1] - x[1], near = reach + shape[c + 2];
         return dx * dx + dy * dy <= near * near;
-    };
+    }};
 """
 NEXT = """
     int k = begin;

@@ -12,6 +12,7 @@ from warpgrains.kernels.record import Phase, grain_count
 from warpgrains.kernels.stages import Each, Stage, While
 from warpgrains.kernels.step import METHODS, SEARCH, expire, sweeping_order, warm_started
 from warpgrains.solver.crew import Crew
+from warpgrains.solver.sizes import kind_of
 from warpgrains.solver.tuning import paying_threads
 
 from ..support.stages import kernel_of
@@ -95,7 +96,7 @@ class Sweeps:
         self._threshold = float(record.numbers["tuning"]["monitor_threshold"])
         self._numbers, self._start = record.numbers, self.contents()
         self._first = Phase.SWEEP if simulation.scene.method == "gauss-seidel" else Phase.CHECK_LIST
-        self.run = record.command(METHODS[simulation.scene.kernel_kind]).launch
+        self.run = record.command(METHODS[kind_of(simulation.scene)]).launch
 
     def contents(self) -> tuple[np.ndarray, ...]:
         """Return a copy of all that a sweep changes."""
@@ -116,7 +117,7 @@ class Sweeps:
         self._numbers["control"]["stopped"] = 0
         self._numbers["step"]["iterations"] = self._numbers["step"]["measured"] = 0
         self._numbers["verlet"]["flags"]["list_expired"] = 0
-        self._numbers["verlet"]["numbers"]["unmonitored_change"] = 0.0
+        self._numbers["verlet"]["work"]["unmonitored_change"] = 0.0
 
     def done(self) -> tuple[int, float]:
         """Return how many sweeps were done, and the last zeta [m/s]."""

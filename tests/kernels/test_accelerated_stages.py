@@ -197,7 +197,7 @@ def test_skin_at_a_scan(limit: float, peak: float, expired: int, kept: bool) -> 
     record["verlet.peak_limit"][:] = 1e3
     record["verlet.peak_limit"][7], flags["list_expired"] = limit, 0
     record["grains.next_velocity"][:] = 0.0
-    record.verlet_numbers["frame_velocity"] = 0.0, 0.0
+    record.verlet_work["frame_velocity"] = 0.0, 0.0
     if kept:
         record["verlet.peak_square"][7] = peak**2
     else:

@@ -156,10 +156,10 @@ def test_shares_and_their_sums() -> None:
             continue
         assert share == [m[j] / (m[i] + m[j]), m[i] / (m[i] + m[j])]
         row_sum[[i, j]] += share
-    assert listed.record.verlet_numbers["max_row_sum"] == pytest.approx(row_sum.max(), rel=1e-14)
+    assert listed.record.verlet_work["max_row_sum"] == pytest.approx(row_sum.max(), rel=1e-14)
     equal = Listed(cloud("sequential", "gauss-seidel", True), NARROW)
     halves = np.bincount(np.ravel([(i, j) for i, j in equal.bodies if j < N]), minlength=N) / 2.0
-    assert equal.record.verlet_numbers["max_row_sum"] == halves.max() + 1.0
+    assert equal.record.verlet_work["max_row_sum"] == halves.max() + 1.0
 
 
 @pytest.mark.parametrize("iterations", [0, 1, 7])

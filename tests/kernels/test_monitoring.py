@@ -39,8 +39,8 @@ def swept(pairs: IntArray) -> OneRecord:
         record[name][:] = rng.normal(0.0, 1.0, record[name].shape)
     record["verlet.peak_square"][:], record["verlet.peak_limit"][:] = 0.0, np.inf
     record["partial.zeta"][:], record["partial.kept_velocity"][:] = 0.0, np.nan
-    numbers = record.record["verlet"]["numbers"]
-    numbers["frame_velocity"], numbers["base_skin"], numbers["max_row_sum"] = (0.1, -0.2), 1.0, 4.0
+    work = record.verlet_work
+    work["frame_velocity"], work["max_row_sum"], record.verlet_numbers["base_skin"] = (0.1, -0.2), 4.0, 1.0
     record.record["tuning"]["monitor_threshold"] = 4.0 * LARGE
     record.record["verlet"]["flags"]["list_expired"] = 0
     return record
@@ -50,7 +50,7 @@ def peaks(record: OneRecord) -> FloatArray:
     """Return every grain's largest squared deviation after a large correction, contact by contact."""
     velocity, w = record["grains.next_velocity"].copy(), record["verlet.reference_velocity"]
     n, pairs = len(velocity), record.record["contacts"]["count"]["pairs"]
-    u, peak = record.record["verlet"]["numbers"]["frame_velocity"], np.zeros(n)
+    u, peak = record.verlet_work["frame_velocity"], np.zeros(n)
     for k, c in enumerate(record["contacts.contact"][: pairs + n]):
         i, j = c["i"], c["j"]
         product = (velocity[i] - (velocity[j] if j < n else 0.0)) * c["n"]

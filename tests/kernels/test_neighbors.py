@@ -70,7 +70,7 @@ def listed_pairs(sought: Cloud, cell_size: float) -> IntArray:
     record = OneRecord(scene, contacts=1)
     record["grains.position"][:], record["grains.radius"][:] = sought.position, sought.radius
     record["verlet.skin"][:], record["verlet.reference_velocity"][:] = sought.reach, sought.velocity
-    record.verlet_numbers["mean_velocity"] = sought.velocity.mean(axis=0)
+    record.verlet_work["mean_velocity"] = sought.velocity.mean(axis=0)
     record.verlet_numbers["lifetime"] = sought.horizon
     record.record["grid"]["inverse_size"] = 1.0 / cell_size
     poison(record)

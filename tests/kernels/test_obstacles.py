@@ -1,17 +1,21 @@
 """Walls inside the annulus: against the C reference, closed forms, and scenes read and written."""
 
 from ctypes import CDLL
+from importlib import import_module
 from math import acos, cos, hypot, pi, sin, sqrt
 from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 from swept_order import follow_reference
 
 from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation
 from warpgrains.analysis.vtk import export
-from warpgrains.kernels import disc, straight_wall
-from warpgrains.scene.obstacle import Obstacle
+from warpgrains.kernels import types
+from warpgrains.kernels.walls import nearest_on
+from warpgrains.reference.reference import Reference
+from warpgrains.scene.obstacle import MOST_NUMBERS, Obstacle
 from warpgrains.scene.wall_kinds import WALL_KINDS
 from warpgrains.usd.check import report_on_recording
 
@@ -19,7 +23,7 @@ DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
 SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.75)))
 RING = Disc((0.02, -0.05), 0.93, inside=True)
 ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
-SEVEN = type("Seven", (Disc,), {"numbers": (0.0,) * 7})((0.0, -0.5), 0.1)
+UNKNOWN = type("Unknown", (Obstacle,), {"kind": "unknown"})()
 WALLS = (*DISCS, *SEGMENTS, RING, ARC)
 
 
@@ -153,7 +157,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
     ("walls", "message"),
     [
         (3, "walls is 3: it must be a list of walls"),
-        ([7], "walls[0] is 7: it must be a wall, or a table of its keys"),
+        ([7], "walls[0] is 7: it must be a Disc or Segment or Arc, or a table of its keys"),
         ([{"kind": "disk"}], "unknown walls[0].kind 'disk': did you mean 'disc'?"),
         ([{"kind": "disc", "center": (0, 0)}], "walls[0].radius is missing: a disc needs it"),
         ([{"kind": "disc", "center": (0, 0), "radius": -1.0}], "walls[0]: radius of a disc is -1.0"),
@@ -177,7 +181,7 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
             [{"kind": "disc", "middle": (0, 0), "radius": 1.0}],
             "unknown key of walls[0] 'middle'",
         ),
-        ([DISCS[0], SEVEN], f"walls[1].numbers is {(0.0,) * 7}: a wall has at most 6"),
+        ([DISCS[0], UNKNOWN], "walls[1] is Unknown(): it must be a Disc or Segment or Arc, or a table"),
         ([Disc((0.0, 0.5), 0.2)], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
         ([Segment((-1, 0), (1, 1))], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
         (
@@ -192,8 +196,27 @@ def test_bad_walls(walls: object, message: str) -> None:
     assert str(error.value).startswith(message)
 
 
-def test_kernels_know_every_kind_of_wall():
-    numbered = {kind.kind_number for kind in WALL_KINDS.values()}
-    # the last branch of kernels/walls.py takes arcs, and must take no other kind
-    assert numbered == {disc.KIND, straight_wall.KIND, Arc.kind_number}
-    assert len(numbered) == len(WALL_KINDS)
+def test_host_and_kernels_number_the_kinds_of_walls_alike() -> None:
+    for name, kind in WALL_KINDS.items():
+        assert kind.kind_number == import_module(f"warpgrains.kernels.{name}").KIND
+    assert len({kind.kind_number for kind in WALL_KINDS.values()}) == len(WALL_KINDS)
+    assert MOST_NUMBERS == types.MOST_NUMBERS
+
+
+@wp.kernel
+def find_nearest(shape: wp.array(dtype=types.Shape), nearest: types.Vectors) -> None:  # type: ignore[valid-type]
+    k = wp.tid()
+    nearest[k] = nearest_on(wp.vec2d(wp.float64(1.0), wp.float64(2.0)), shape[k])
+
+
+def test_an_unknown_kind_of_wall_is_nowhere(c_library: CDLL) -> None:
+    """Neither the kernels nor the reference take it for another kind."""
+    shapes = np.array([(kind, *ARC.shape[1:]) for kind in (2.0, 3.0, 4.0)])
+    found = wp.zeros(3, dtype=wp.vec2d, device="cpu")
+    given = wp.array(shapes, dtype=types.Shape, device="cpu")
+    wp.launch(find_nearest, 3, [given, found], device="cpu")
+    assert np.isnan(found.numpy()).all(axis=1).tolist() == [False, False, True]
+    in_c = Reference(c_library, around(walls=(ARC,)))
+    in_c._arrays["walls"][0] = 4.0
+    in_c.update()
+    assert np.isnan(in_c.velocity).all()

@@ -116,7 +116,7 @@ def test_check_is_cleared() -> None:
     set_flags(record, list_expired=1, bad_body=1)
     record.run(Serial(verlet.clear_check))
     assert (flag(record, "list_expired"), flag(record, "bad_body")) == (0, -1)
-    assert record.verlet_numbers["unmonitored_change"] == 0.0
+    assert record.verlet_work["unmonitored_change"] == 0.0
 
 
 def test_frame_is_the_mean_and_moves_on() -> None:
@@ -125,8 +125,8 @@ def test_frame_is_the_mean_and_moves_on() -> None:
     for resuming, u in ((0, [3.0, 2.0]), (1, [0.0, 0.0])):
         record.record["control"]["resuming"] = resuming
         record.run(Serial(verlet.find_frame))
-        assert record.verlet_numbers["frame_velocity"].tolist() == u
-    record.verlet_numbers["frame_velocity"] = 3.0, 2.0
+        assert record.verlet_work["frame_velocity"].tolist() == u
+    record.verlet_work["frame_velocity"] = 3.0, 2.0
     record.run(Serial(verlet.shift_frame))
     assert record.verlet_numbers["frame_shift"].tolist() == [0.5 + DT * 3.0, 0.25 + DT * 2.0]
     assert record.verlet_numbers["elapsed"] == ELAPSED + DT
@@ -154,8 +154,8 @@ def test_changes_that_are_not_monitored_add_up(zeta: float, change: float, sampl
     record.record["tuning"]["monitor_threshold"] = MOST / BASE_SKIN
     record.record["step"]["zeta"] = zeta
     record.run(Serial(verlet.add_unmonitored), If(verlet.is_sampling_due, [Serial(verlet.begin_sampling)]))
-    assert record.verlet_numbers["unmonitored_change"] == (0.0 if sampling else change)
-    assert (record.verlet_numbers["sampled_change"] == change) == sampling
+    assert record.verlet_work["unmonitored_change"] == (0.0 if sampling else change)
+    assert (record.verlet_work["sampled_change"] == change) == sampling
 
 
 def test_step_leaves_its_peaks_for_the_next_list() -> None:

@@ -213,28 +213,28 @@ def test_velocity_of_minus_zero_becomes_zero(reference):
 
 
 HEADERS = {
-    "steps as text": ({"plan": {"steps": "40"}}, "steps is '40'"),
-    "steps as number": ({"plan": {"steps": 40.0}}, "steps is 40.0"),
-    "record as number": ({"plan": {"record": 3}}, "record is 3"),
-    "record anywhere": ({"plan": {"record": "/etc/motd.usdc"}}, "record is '/etc/motd.usdc'"),
-    "forces as number": ({"plan": {"forces": 1}}, "forces is 1"),
-    "fps as text": ({"plan": {"fps": "60"}}, "fps is '60'"),
-    "fps of nothing": ({"plan": {"fps": float("nan")}}, "fps is nan"),
-    "color as list": ({"plan": {"color_by": []}}, "color_by is"),
-    "less than was done": ({"plan": {"steps": 10}}, "steps is 20"),
-    "plan as list": ({"plan": []}, "holds an invalid state"),
-    "unknown plan": ({"plan": {"shell": "rm"}}, "shell"),
-    "frames as text": ({"tally": {"frames": "1"}}, "frames is '1'"),
-    "no frames": ({"tally": {"frames": 0}}, "frames is 0"),
-    "many frames": ({"tally": {"frames": 1000}}, "frames is 1000"),
-    "more steps than the state": ({"tally": {"steps": 21}}, "steps is 21"),
-    "negative": ({"tally": {"iterations": -1}}, "iterations is -1"),
-    "nan": ({"tally": {"residual": float("nan")}}, "residual is nan"),
-    "seconds as text": ({"tally": {"step_seconds": "1"}}, "step_seconds is '1'"),
-    "truth": ({"tally": {"restarts": True}}, "restarts is True"),
-    "grains as number": ({"tally": {"infeasible_grains": 3}}, "holds an invalid state"),
-    "grain that is none": ({"tally": {"infeasible_grains": [99]}}, "infeasible grain is 99"),
-    "tally as text": ({"tally": "none"}, "holds an invalid state"),
+    "steps as text": ({"options": {"steps": "40"}}, "steps is '40'"),
+    "steps as number": ({"options": {"steps": 40.0}}, "steps is 40.0"),
+    "record as number": ({"options": {"record": 3}}, "record is 3"),
+    "record anywhere": ({"options": {"record": "/etc/motd.usdc"}}, "record is '/etc/motd.usdc'"),
+    "forces as number": ({"options": {"forces": 1}}, "forces is 1"),
+    "fps as text": ({"options": {"fps": "60"}}, "fps is '60'"),
+    "fps of nothing": ({"options": {"fps": float("nan")}}, "fps is nan"),
+    "color as list": ({"options": {"color_by": []}}, "color_by is"),
+    "less than was done": ({"options": {"steps": 10}}, "steps is 20"),
+    "plan as list": ({"options": []}, "holds an invalid state"),
+    "unknown plan": ({"options": {"shell": "rm"}}, "shell"),
+    "frames as text": ({"statistics": {"frames": "1"}}, "frames is '1'"),
+    "no frames": ({"statistics": {"frames": 0}}, "frames is 0"),
+    "many frames": ({"statistics": {"frames": 1000}}, "frames is 1000"),
+    "more steps than the state": ({"statistics": {"steps": 21}}, "steps is 21"),
+    "negative": ({"statistics": {"iterations": -1}}, "iterations is -1"),
+    "nan": ({"statistics": {"residual": float("nan")}}, "residual is nan"),
+    "seconds as text": ({"statistics": {"step_seconds": "1"}}, "step_seconds is '1'"),
+    "truth": ({"statistics": {"restarts": True}}, "restarts is True"),
+    "grains as number": ({"statistics": {"infeasible_grains": 3}}, "holds an invalid state"),
+    "grain that is none": ({"statistics": {"infeasible_grains": [99]}}, "infeasible grain is 99"),
+    "tally as text": ({"statistics": "none"}, "holds an invalid state"),
     "name as number": ({"scene": {"name": 3}}, "name is 3"),
     "text as list": ({"scene": {"text": []}}, "text is"),
     "state as list": ({"state": []}, "holds an invalid state"),
@@ -276,7 +276,7 @@ def test_checkpoint_of_foreign_hands_makes_no_file_elsewhere(tmp_path, capfd):
     Simulation(Scene.load("column")).run(steps=2, record=there / "other.usdc")
     before = {path: path.read_bytes() for path in there.iterdir()}
     for record in ("../there/new.usdc", "../there/other.usdc", "../there/note.txt"):
-        rewrite(here / "run.npz", {"plan": {"record": record, "steps": 30}})
+        rewrite(here / "run.npz", {"options": {"record": record, "steps": 30}})
         assert exit_code("run", "--resume", here / "run.npz") == 2
         require_refusal(capfd)
         assert {path: path.read_bytes() for path in there.iterdir()} == before
@@ -292,7 +292,9 @@ def test_checkpoint_of_foreign_hands_makes_no_series_elsewhere(tmp_path, capfd, 
         if steps == 0:
             killed.setattr(Simulation, "advance", Mock(side_effect=KeyboardInterrupt))
         simulation.run(steps=20, checkpoint=here / "run.npz")
-    rewrite(here / "run.npz", {"plan": {"measure": "pile_height", "series": "../there/new.csv", "steps": 30}})
+    rewrite(
+        here / "run.npz", {"options": {"measure": "pile_height", "series": "../there/new.csv", "steps": 30}}
+    )
     assert exit_code("run", "--resume", here / "run.npz") == 2
     require_refusal(capfd, "lacks rows before")
     assert not list(there.iterdir())

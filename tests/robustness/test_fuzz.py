@@ -139,7 +139,7 @@ def headers(draw):
     """Return a header with some values of another kind."""
     header = json.loads(saved()[2]["header"].tobytes())
     for _ in range(draw(st.integers(1, 3))):
-        table = header[draw(st.sampled_from(["plan", "tally", "scene", "state"]))]
+        table = header[draw(st.sampled_from(["options", "statistics", "scene", "state"]))]
         if isinstance(table, dict):
             table[draw(st.sampled_from(sorted(table)))] = draw(st.sampled_from(ODD_JSON))
     return header

@@ -10,7 +10,7 @@ import pytest
 from same_bits import contents
 
 from warpgrains import InputError, Scene, Simulation
-from warpgrains.scene.state import Corrections, State, VerletList, first_state
+from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList, first_state
 from warpgrains.simulation.checkpoint import VERSION, Checkpoint, read_checkpoint, write_checkpoint
 from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
@@ -24,14 +24,15 @@ FIELDS = {
         " duration scheme tolerance max_iterations order method stop on_unconverged name text",
         "State": "steps position velocity corrections lists staggered spin angle driven",
         "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction",
-        "VerletList": "pair wall skin recent_deviation reference_position reference_velocity frame scalar",
+        "VerletList": "pair wall skin recent_deviation reference_position reference_velocity"
+        " frame_shift base_skin frame_skin elapsed lifetime",
         "RunOptions": "steps record fps color_by forces draw_as checkpoint every until measure series"
         " measure_every",
         "RunStatistics": "steps frames iterations iterations_max unconverged infeasible infeasible_grains"
         " residual gap_error overlap rebuilds restarts step_seconds other_seconds held met",
     }.items()
 }
-"""Fields of version 9. Whoever changes them must increase `VERSION`."""
+"""Fields of version 10. Whoever changes them must increase `VERSION`."""
 
 
 @pytest.fixture
@@ -94,20 +95,20 @@ class TestRoundTrip:
 class TestFile:
     def test_layout_of_this_version(self, saved):
         """A file that another version could not read needs another number."""
-        assert VERSION == 9
+        assert VERSION == 10
         assert {kind.__name__: [own.name for own in fields(kind)] for kind in STORED} == FIELDS
         with np.load(saved, allow_pickle=False) as archive:
             header = json.loads(archive["header"].tobytes())
             found = {name: archive[name].shape[1:] for name in archive.files}
-            assert (archive["lists.frame"].shape, archive["lists.scalar"].shape) == ((3, 2), (7,))
         parts = ["scene", "state", "corrections", "lists"]
-        assert list(header) == ["format", "version", "warpgrains", "plan", "tally", *parts]
+        assert list(header["lists"]) == ["base_skin", "frame_skin", "elapsed", "lifetime"]
+        assert list(header) == ["format", "version", "warpgrains", "options", "statistics", *parts]
         vectors = "scene.position scene.velocity state.position state.velocity corrections.pair lists.pair"
         vectors += " corrections.wall lists.wall"
-        vectors += " lists.built_position lists.built_velocity lists.frame"
+        vectors += " lists.reference_position lists.reference_velocity"
         numbers = "header scene.radius scene.mass"
         numbers += " corrections.pair_correction corrections.wall_correction"
-        numbers += " lists.reach lists.recent lists.scalar"
+        numbers += " lists.skin lists.recent_deviation lists.frame_shift"
         assert found == dict.fromkeys(vectors.split(), (2,)) | dict.fromkeys(numbers.split(), ())
 
     @pytest.mark.parametrize("damage", ["write", "read", "replace"])
@@ -151,6 +152,9 @@ class TestFile:
         simulation.step()
         simulation.save(saved)
         assert contents(read_checkpoint(saved).state) == contents(simulation.state())
+
+
+NUMBERS = dict.fromkeys(VERLET_NUMBERS, 1.0)
 
 
 def rewrite(path, header=None, **arrays):
@@ -248,10 +252,13 @@ class TestBadFile:
                 "carries a correction but is not in the list of contacts",
             ),
             ({"lists__wall": np.array([15], np.int32)}, "listed wall of the state"),
-            ({"lists__reach": np.zeros(14)}, "skin of the state"),
+            ({"lists__skin": np.zeros(14)}, "skin of the state"),
+            ({"header": {"lists": {**NUMBERS, "elapsed": -1.0}}}, "elapsed of the state is -1.0"),
+            ({"header": {"lists": {**NUMBERS, "lifetime": np.nan}}}, "lifetime of the state is nan"),
+            ({"header": {"lists": {**NUMBERS, "base_skin": "1"}}}, "base_skin of the state is '1'"),
             ({"header": {"state": {"steps": -1}}}, "steps is -1"),
             ({"header": {"state": {}}}, "steps"),
-            ({"header": {"tally": {"strides": 3}}}, "strides"),
+            ({"header": {"statistics": {"strides": 3}}}, "strides"),
         ],
     )
     def test_what_no_scene_can_be_in(self, saved, change, complaint):

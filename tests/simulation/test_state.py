@@ -7,6 +7,7 @@ import pytest
 from same_bits import contents
 
 from warpgrains import Scene, Simulation, SimulationError, State
+from warpgrains.scene.state import VERLET_NUMBERS
 
 ORDERS = ("sequential", "color")
 
@@ -28,6 +29,25 @@ def test_restored_state_continues_with_the_same_bits(scene: Scene) -> None:
         assert contents(simulation.state()) == contents(fresh.state())
         one, other = simulation.step(), fresh.step()
         assert (one.iterations, one.zeta) == (other.iterations, other.zeta)
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"method": "accelerated"}, {"friction": 0.3}, {"method": "accelerated", "friction": 0.3}]
+)
+def test_a_state_needs_no_more_than_it_keeps(scene: Scene, changes: dict) -> None:
+    """A step from a state finds all of `VerletWork` before it uses it."""
+    scene = scene.replace(**changes)
+    simulation, fresh = Simulation(scene), Simulation(scene)
+    simulation.run(steps=100)
+    fresh.restore(simulation.state())
+    verlet = fresh._engine._records.host["verlet"]
+    assert verlet["numbers"].dtype.names == ("frame_shift", *VERLET_NUMBERS)
+    work = verlet["work"]
+    for name in work.dtype.names:
+        work[name] = np.nan
+    reports = [(simulation.step(), fresh.step()) for _ in range(20)]
+    assert sum(one.rebuilds for one, _ in reports) > 0
+    assert contents(simulation.state()) == contents(fresh.state())
 
 
 def test_same_simulation_goes_back(scene: Scene) -> None:

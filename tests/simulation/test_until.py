@@ -8,6 +8,7 @@ from command import exit_code, require_refusal
 from same_bits import contents
 
 from warpgrains import InputError, Scene, Simulation
+from warpgrains.analysis import kinetic_energy
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.simulation.until import TEST_INTERVAL
 
@@ -39,6 +40,16 @@ def test_energy_bound():
     simulation = Simulation(Scene.load("annulus"))
     assert simulation.run(until="rest,energy=1e-4,time=0.1", duration=20.0).met
     assert 0.5 * 0.1 * (simulation.velocity**2).sum() <= 1e-4
+
+
+def test_the_energy_bound_counts_rotation():
+    """A disc that spins in free space loses m r^2 w^2 / 4 by its drag alone."""
+    fields = {"radius": 0.1, "mass": 1.0, "radius_out": 2.0, "gravity": (0.0, 0.0), "friction": 0.5}
+    scene = Scene(position=[(0.0, 0.5)], spin=10.0, spin_drag=0.01, **fields)
+    simulation = Simulation(scene)
+    assert kinetic_energy(simulation) == pytest.approx(0.25)
+    assert simulation.run(until="rest,energy=1e-3,time=0.1", duration=20.0).met
+    assert 0.0 < kinetic_energy(simulation) <= 1e-3
 
 
 def test_a_callable_is_asked():

@@ -35,7 +35,8 @@ def record_with(accelerated: bool = False, **numbers: Any) -> OneRecord:
         "lifetime": 1e3,
     }
     for name, value in (known | numbers).items():
-        record.verlet_numbers[name] = value
+        part = record.verlet_work if name in record.verlet_work.dtype.names else record.verlet_numbers
+        part[name] = value
     set_flags(record, list_expired=0, missed=0, bad_body=-1)
     return record
 

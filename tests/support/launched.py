@@ -12,6 +12,7 @@ from warpgrains.kernels.stages import OPTIONS
 from warpgrains.kernels.step import METHODS, step
 from warpgrains.scene.state import first_state
 from warpgrains.solver.engine import Engine
+from warpgrains.solver.sizes import kind_of
 
 
 def every_stage(name: str) -> tuple[wp.Module, list[wp.Kernel]]:
@@ -35,9 +36,9 @@ def launched_state(scene: Scene, steps: int) -> State:
     engine.load(0, first_state(scene))
     records = engine._records
     records.host["merge"] = 0
-    launcher = Launcher(launched_module(), records.device, 0, step(scene.kernel_kind), threads=1)
+    launcher = Launcher(launched_module(), records.device, 0, step(kind_of(scene)), threads=1)
     with wp.ScopedCapture(device="cpu") as capture:
-        launcher(step(scene.kernel_kind))
+        launcher(step(kind_of(scene)))
     while steps > 0:
         wp.capture_launch(capture.graph)
         outcome = records.host["step"]["outcome"][0]

@@ -66,6 +66,10 @@ class OneRecord:
     def verlet_numbers(self) -> np.ndarray[Any, Any]:
         return self.record["verlet"]["numbers"]
 
+    @property
+    def verlet_work(self) -> np.ndarray[Any, Any]:
+        return self.record["verlet"]["work"]
+
     def run(self, *stages: Stage) -> None:
         inputs = (self._records.device, Crew(1).members[0])
         wp.launch(kernel_of(*stages), dim=1, inputs=inputs, device="cpu")

@@ -25,7 +25,7 @@ def full_order(simulation: Simulation) -> IntArray:
     is_silent = np.ones(n * (n - 1) // 2, bool)
     is_silent[pair_index(swept, n)] = False
     scene = simulation.scene
-    bodies = 1 + len(scene.bodies_inside)
+    bodies = len(scene.bodies)
     walls = np.stack([np.repeat(np.arange(n), bodies), np.tile(-1 - np.arange(bodies), n)], axis=1)
     return np.concatenate([swept, complete(n)[is_silent], walls]).astype(np.int32)
 

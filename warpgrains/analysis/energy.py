@@ -9,6 +9,7 @@ import numpy as np
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
+from warpgrains.scene import energy
 from warpgrains.scene.geometry import left_of
 from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.solver.final_states import StackedGrains
@@ -34,10 +35,7 @@ def kinetic_energy(of: Snapshot | HasState) -> float:
 
 def kinetic_energies(grains: StackedGrains) -> FloatArray:
     """Return the kinetic energies of many runs [J], shape (m,)."""
-    translation = 0.5 * (grains.mass * (grains.velocity**2).sum(axis=-1)).sum(axis=-1)
-    rotation = 0.25 * (grains.mass * grains.radius**2 * grains.spin**2).sum(axis=-1)
-    total: FloatArray = translation + rotation
-    return total
+    return energy.kinetic_energy(grains.mass, grains.radius, grains.velocity, grains.spin)
 
 
 def potential_energy(of: Snapshot | HasState) -> float:

@@ -126,7 +126,7 @@ class Recording(Shown):
             if wall.drive is not None:
                 band = drawn[len(self._reader.walls) - back]
                 middle = np.mean([band.first, band.second], axis=(0, 1))
-                places[-back] = (middle - wall.middle) @ np.array(wall.drive[3:])
+                places[-back] = (middle - wall.middle) @ np.array(wall.drive.direction)
         return scene.with_walls_at(places)
 
     def frame(self, k: int, contacts: bool = True) -> Snapshot:

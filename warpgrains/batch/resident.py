@@ -22,7 +22,7 @@ from warpgrains.solver.final_states import FinalStates
 from warpgrains.solver.memory import free_memory, require_memory
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.service import exact_solver
-from warpgrains.solver.sizes import Counts, Sizes
+from warpgrains.solver.sizes import Counts, Sizes, kind_of
 from warpgrains.solver.statistics import RunStatistics, StepReport
 from warpgrains.solver.tuning import paying_threads
 
@@ -102,7 +102,7 @@ class ResidentSets:
     def _bytes(self) -> Counts:
         """Return the memory of each scene [bytes]."""
         sizes = np.zeros(len(self._scenes), np.int64)
-        kinds = [(scene.kernel_kind, team) for scene, team in zip(self._scenes, self._teams, strict=True)]
+        kinds = [(kind_of(scene), team) for scene, team in zip(self._scenes, self._teams, strict=True)]
         for kind in set(kinds):
             members = [k for k, other in enumerate(kinds) if other == kind]
             first = Sizes.first([self._scenes[k] for k in members], kind[1], self._device)
@@ -214,8 +214,8 @@ class ResidentSets:
         for k in self.present:
             self._states[k] = self.state(k)
         self._resident, self._engines, self._place, self.present = None, [], {}, {}
-        members, kinds = self._sets[number], {self._scenes[k].kernel_kind for k in self._sets[number]}
-        by_kind = [[k for k in members if self._scenes[k].kernel_kind == kind] for kind in sorted(kinds)]
+        members, kinds = self._sets[number], {kind_of(self._scenes[k]) for k in self._sets[number]}
+        by_kind = [[k for k in members if kind_of(self._scenes[k]) == kind] for kind in sorted(kinds)]
         team, engines = self._teams[members[0]], []
         place = {k: (e, index) for e, numbers in enumerate(by_kind) for index, k in enumerate(numbers)}
         for numbers in by_kind:
@@ -238,7 +238,7 @@ class ResidentSets:
             for index, k in enumerate(numbers):
                 if engine.left[index] == 0 if runs is None else runs[k].has_ended:
                     scene = self._scenes[k]
-                    shape = scene.n, len(scene.walls), scene.has_two_circles
+                    shape = scene.n, len(scene.walls), scene.bodies.two_circles
                     groups.setdefault(shape, []).append(index)
             for group in groups.values():
                 yield [numbers[index] for index in group], engine.ends(np.array(group))

@@ -15,7 +15,7 @@ typedef struct {
 #ifdef REFERENCE
     int leapfrog, staggered, round; /* not the text's: scheme, whether v is half a step behind, outer wall */
     int nWalls;                     /* walls inside the annulus: */
-    double *walls, *dvWalls;        /* kind and numbers of each, ten, and corrections by grain and wall */
+    double *walls, *dvWalls;        /* SHAPE numbers of each, and corrections by grain and wall */
     double friction, wallFriction;  /* coefficients between grains, and at walls; 0: none */
     double spinDrag, turningOut;    /* drag on spins; angular velocity of the outer wall */
     double *speedWalls;             /* the same of each wall; with friction, wall 0 may be the inner circle */

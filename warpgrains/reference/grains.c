@@ -179,31 +179,33 @@ static double contactWalls(femGrains *g, int i, double *dvb, double dt, int iter
     return pushFromWall(g, i, nx, ny, dv, g->wallFriction * *dvb, dtb, g->radiusOut * g->turningOut, dt, iter);
 }
 
-/* Gap of a grain at (x, y), and the normal into a wall inside the annulus: 1, center, radius, whether grains
- * are inside; or 2 and both ends of a segment; or 3, center, radius, direction of the middle, and cosine of half an
- * arc. */
+/* Kinds of walls inside the annulus, and the numbers of one: first its kind. */
+enum { DISC = 1, SEGMENT = 2, ARC = 3, SHAPE = 10 };
+
+/* Gap of a grain at (x, y), and the normal into a wall: a disc (center, radius, whether grains are inside), a segment
+ * (both ends), or an arc (center, radius, direction of the middle, and cosine of half of it); else both are NaN. */
 static double wallGap(const double *wall, double x, double y, double r, double *nx, double *ny) {
     double px = wall[1], py = wall[2];
-    if (wall[0] == 2.0) {
+    if (wall[0] == SEGMENT) {
         double dx = wall[3] - wall[1], dy = wall[4] - wall[2];
         double along = ((x - wall[1]) * dx + (y - wall[2]) * dy) / (dx * dx + dy * dy);
         double share = fmin(fmax(along, 0.0), 1.0);
         px = wall[1] + share * dx;
         py = wall[2] + share * dy;
-    }
-    if (wall[0] == 3.0) {
+    } else if (wall[0] == ARC) {
         double dx = x - wall[1], dy = y - wall[2], mx = wall[4], my = wall[5], c = wall[6];
         double rho = sqrt(dx * dx + dy * dy);
         double s = mx * dy - my * dx < 0.0 ? -sqrt(1.0 - c * c) : sqrt(1.0 - c * c);
         int onArc = dx * mx + dy * my >= rho * c;
         px = onArc ? wall[1] + dx * (wall[3] / rho) : wall[1] + wall[3] * (c * mx - s * my);
         py = onArc ? wall[2] + dy * (wall[3] / rho) : wall[2] + wall[3] * (c * my + s * mx);
-    }
+    } else if (wall[0] != DISC)
+        px = NAN;
     double dx = px - x, dy = py - y;
     double distance = sqrt(dx * dx + dy * dy);
     *nx = dx / distance;
     *ny = dy / distance;
-    if (wall[0] != 1.0) return distance - r;
+    if (wall[0] != DISC) return distance - r;
     if (wall[4] == 0.0) return distance - (r + wall[3]);
     *nx = -*nx;
     *ny = -*ny;
@@ -242,12 +244,12 @@ static double contactWall(femGrains *g, int i, int k, double dt, int iter) {
     double speed = hasFriction(g) ? g->speedWalls[k] : 0.0;
     if (g->driven && g->drives[5 * (k + 1)] > 0.0) {
         const double *along = &g->drives[5 * (k + 1) + 3], way = g->places[k + 1];
-        gap = wallGap(&g->walls[10 * k], g->x[i] - way * along[0], g->y[i] - way * along[1], g->r[i], &nx, &ny);
+        gap = wallGap(&g->walls[SHAPE * k], g->x[i] - way * along[0], g->y[i] - way * along[1], g->r[i], &nx, &ny);
     } else if (g->moving)
-        gap = movingWallGap(&g->walls[10 * k], &g->motions[7 * k], g->steps * dt, (g->steps + 1) * dt, g->x[i], g->y[i],
+        gap = movingWallGap(&g->walls[SHAPE * k], &g->motions[7 * k], g->steps * dt, (g->steps + 1) * dt, g->x[i], g->y[i],
                             g->r[i], &nx, &ny, &speed);
     else
-        gap = wallGap(&g->walls[10 * k], g->x[i], g->y[i], g->r[i], &nx, &ny);
+        gap = wallGap(&g->walls[SHAPE * k], g->x[i], g->y[i], g->r[i], &nx, &ny);
     double *dtw = hasFriction(g) ? &g->dtWalls[i * g->nWalls + k] : NULL;
     double friction = hasFriction(g) ? g->frictionWalls[k] : 0.0;
     if (g->driven) return contactDriven(g, i, k + 1, nx, ny, gap, dvw, friction, dtw, speed, dt, iter);

@@ -14,7 +14,7 @@ from warpgrains.arrays import FloatArray, IndexArray, IntArray
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.scheme import free_spin, free_velocity
 from warpgrains.scene.state import State, first_state
-from warpgrains.scene.walls import OUTER, body_of, side_of
+from warpgrains.scene.walls import OUTER
 
 SOURCE = Path(__file__).parent / "grains.c"
 FAST = ("-O3", "-march=native")
@@ -88,14 +88,14 @@ class Reference:
         self._arrays["dvContacts"] = np.zeros(n * (n - 1) // 2)
         pointers = [array.ctypes.data_as(_Doubles) for array in self._arrays.values()]
         gravity = (ctypes.c_double * 2)(*scene.gravity)
-        walls = scene.bodies_inside
-        self._grains = Grains(n, *scene.body_annulus[:2], gravity, scene.drag, *pointers)
+        bodies, walls = scene.bodies, scene.bodies.inside
+        self._grains = Grains(n, *bodies.annulus[:2], gravity, scene.drag, *pointers)
         self._arrays["walls"] = np.array([wall.shape for wall in walls]).ravel()
         self._arrays["dvWalls"] = np.zeros(n * len(walls))
         self._grains.friction, self._grains.wallFriction = scene.friction, scene.friction_at_walls
         self._grains.spinDrag = scene.spin_drag
         self._grains.turningOut = scene.angular_velocity_out
-        self._arrays["frictionWalls"], self._arrays["speedWalls"] = scene.surfaces[1:].T.copy()
+        self._arrays["frictionWalls"], self._arrays["speedWalls"] = bodies.surfaces[1:].T.copy()
         self._arrays["motions"] = np.array([np.hstack(wall.motion) for wall in walls]).ravel()
         self._grains.rough, self._grains.moving = scene.has_friction, scene.has_moving_walls
         self._grains.turning = scene.gravity_rate
@@ -108,7 +108,8 @@ class Reference:
         driven = first_state(scene).driven if state is None else state.driven
         self._grains.driven = driven is not None
         places, speeds = np.zeros((2, 1 + len(walls))) if driven is None else driven.T.copy()
-        self._arrays |= {"drives": scene.drives.ravel(), "places": places, "speeds": speeds}
+        self._arrays["drives"] = np.array([np.hstack(drive) for drive in bodies.drives]).ravel()
+        self._arrays |= {"places": places, "speeds": speeds}
         if driven is not None:
             self._grains.radiusOut = places[OUTER]
         for name in ("walls", "dvWalls", "speedWalls", "frictionWalls", "motions", *_ROTATING, *_DRIVEN):
@@ -122,10 +123,10 @@ class Reference:
             arrays["vx"][:], arrays["vy"][:] = state.velocity.T
             arrays["dvContacts"][pair_index(corrections.pair, n)] = corrections.pair_correction
             (grain, wall), carried = corrections.wall.T, corrections.wall_correction
-            body = body_of(wall, scene.has_two_circles)
+            body = bodies.of(wall)
             inside, own = body > 0, grain * self._walls + body - 1
             arrays["dvWalls"][own[inside]] = carried[inside]
-            signed = side_of(wall, scene.has_two_circles) * carried
+            signed = bodies.sign(wall) * carried
             arrays["dvBoundary"][grain[~inside]] = signed[~inside]
             if corrections.pair_friction is not None and corrections.wall_friction is not None:
                 arrays["w"][:], arrays["angle"][:] = state.spin, state.angle
@@ -171,7 +172,7 @@ class Reference:
         """Return how forces change the speeds of walls in a step [m/s], shape (walls,) (eq. 27)."""
         half = self._grains.leapfrog and not self._grains.staggered
         kick = 0.5 * self._scene.dt if half else self._scene.dt
-        inverse_mass, force, pressure = self._scene.drives[:, :3].T
+        inverse_mass, force, pressure = np.array([drive[:3] for drive in self._scene.bodies.drives]).T
         return np.asarray(kick * ((force - pressure * (2.0 * np.pi * self._grains.radiusOut)) * inverse_mass))
 
     def _iterate(self, iteration: int, order: IntArray | None) -> float:

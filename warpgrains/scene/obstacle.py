@@ -3,7 +3,7 @@
 from dataclasses import MISSING, Field, dataclass
 from functools import cached_property
 from math import inf
-from typing import Any, ClassVar, TypeVar, dataclass_transform
+from typing import Any, ClassVar, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
 
@@ -16,9 +16,23 @@ from warpgrains.scene.geometry import Circle, distance
 from warpgrains.scene.motion import Motion, Pose
 from warpgrains.scene.walls import Side
 
-MOST_NUMBERS = 6  # of a wall's shape on the device (kernels/types.py)
+MOST_NUMBERS = 6  # of a kind of wall, as on the device (kernels/types.py)
+SHAPE = 1 + MOST_NUMBERS + 3  # numbers of a shape: its kind, its numbers and a circle
 
 Kind = TypeVar("Kind")
+
+
+class Drive(NamedTuple):
+    """What drives a wall (kernels/types.py, `Drive`)."""
+
+    inverse_mass: float = 0.0
+    """1 / mass [1/kg]; 0 if no force acts on the wall."""
+    force: float = 0.0
+    """[N]."""
+    pressure: float = 0.0
+    """[N/m]."""
+    direction: tuple[float, float] = (0.0, 0.0)
+    """Unit vector along which the wall moves; 0 for the outer circle."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -115,8 +129,8 @@ class Obstacle:
         return self.border._replace(x=x, y=y)
 
     @property
-    def drive(self) -> tuple[float, float, float, float, float] | None:
-        """Force and mass that drive the wall (kernels/types.py, `Drive`), or None if no force acts on it."""
+    def drive(self) -> Drive | None:
+        """Force and mass that drive the wall, or None if no force acts on it."""
         return None
 
     @property
@@ -159,7 +173,8 @@ class Obstacle:
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """Kind, numbers and circle as the kernels keep them, ten numbers (kernels/types.py)."""
+        """Kind, numbers and circle as the kernels keep them (kernels/types.py)."""
+        assert len(self.numbers) <= MOST_NUMBERS, f"{self.one()} has {len(self.numbers)} numbers"
         unused = (0.0,) * (MOST_NUMBERS - len(self.numbers))
         return (float(self.kind_number), *self.numbers, *unused, *self.circle)
 

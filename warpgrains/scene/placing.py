@@ -18,6 +18,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.console import start_warp
 from warpgrains.scene.geometry import distance, overlapping_pairs
+from warpgrains.scene.obstacle import SHAPE
 from warpgrains.turns import BUILDING
 
 if TYPE_CHECKING:
@@ -206,8 +207,8 @@ def _limits(region: Region) -> tuple[Any, Any]:
 
 
 def _shapes(region: Region) -> FloatArray:
-    """Return the obstacles as the kernels keep them, before they move, shape (walls, 10)."""
-    return np.array([wall.shape for wall in region.obstacles]).reshape(-1, 10)
+    """Return the obstacles as the kernels keep them, before they move, shape (walls, SHAPE)."""
+    return np.array([wall.shape for wall in region.obstacles]).reshape(-1, SHAPE)
 
 
 def _kernels() -> ModuleType:

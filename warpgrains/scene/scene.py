@@ -15,13 +15,12 @@ from warpgrains.arrays import FloatArray
 from warpgrains.described import documented
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.bodies import Bodies
 from warpgrains.scene.compatibility import require_compatible_settings, require_valid_positions
-from warpgrains.scene.disc import Disc
 from warpgrains.scene.document import read_text
 from warpgrains.scene.fields import FIELDS, SceneFields, checked_grains, checked_settings, frozen
 from warpgrains.scene.geometry import left_of, overlapping_pairs
 from warpgrains.scene.gravity import TurningGravity
-from warpgrains.scene.obstacle import Obstacle
 from warpgrains.scene.reader import scene_fields
 from warpgrains.scene.walls import INNER, OUTER, Annulus, Side
 from warpgrains.shown import Shown
@@ -205,12 +204,9 @@ class Scene(SceneFields, Shown):
         return self.pressure is not None or any(wall.drive is not None for wall in self.walls)
 
     @property
-    def drives(self) -> FloatArray:
-        """Force and mass that drive each wall of the device (kernels/types.py, `Drive`), shape (walls, 5)."""
-        mass = float(self.mass.sum()) if self.wall_mass is None else self.wall_mass
-        outer = None if self.pressure is None else (1.0 / mass, 0.0, self.pressure, 0.0, 0.0)
-        drives = (outer, *(wall.drive for wall in self.bodies_inside))
-        return np.array([drive or (0.0,) * 5 for drive in drives])
+    def bodies(self) -> Bodies:
+        """The walls as bodies of the device."""
+        return Bodies(self)
 
     def with_walls_at(self, coordinates: FloatArray | None) -> Self:
         """Return the scene with its driven walls at coordinates of `State.driven` [m]; itself for None."""
@@ -249,47 +245,6 @@ class Scene(SceneFields, Shown):
     def spin_at_start(self) -> FloatArray:
         """Angular velocities at the start [rad/s], shape (n,): `spin`, or 0."""
         return np.zeros(self.n) if self.spin is None else self.spin
-
-    @property
-    def has_two_circles(self) -> bool:
-        """True if the circles are two bodies on the device, as with friction, instead of one."""
-        return (self.has_friction or self.has_driven_walls) and self.radius_in > 0.0
-
-    @property
-    def bodies(self) -> list[int]:
-        """Number of the wall that each body of the device is; body 0 is both circles unless they are two."""
-        return [wall for wall in self.wall_numbers if wall != INNER or self.has_two_circles]
-
-    @property
-    def body_annulus(self) -> Annulus:
-        """The annulus as body 0 of the device, without an inner circle that is a body of its own."""
-        return self.annulus._replace(radius_in=0.0) if self.has_two_circles else self.annulus
-
-    @property
-    def surfaces(self) -> FloatArray:
-        """Friction of each body of the device, and its `surface_speed` [m/s], shape (bodies, 2)."""
-        friction = self.wall_frictions
-        return np.array([(friction[wall], self.surface_speed(wall)) for wall in self.bodies])
-
-    @property
-    def bodies_inside(self) -> tuple[Obstacle, ...]:
-        """The walls inside the annulus on the device, among them the inner circle where it is a body."""
-        circle = (Disc((0.0, 0.0), self.radius_in),) if self.has_two_circles else ()
-        return circle + self.walls
-
-    @property
-    def kernel_kind(self) -> tuple[str, bool]:
-        """Method, and whether there is friction. Scenes of one kind share kernels."""
-        return self.method, self.has_friction
-
-    @property
-    def has_equal_shares(self) -> bool:
-        """True if grains take equal shares of every correction, and K_t = 3 in eq. 22."""
-        if self.has_driven_walls:
-            return False
-        if not self.has_friction:
-            return self.has_equal_masses
-        return self.has_equal_masses and bool((self.contact_mass == self.rim_mass).all())
 
     @property
     def inertia(self) -> FloatArray:

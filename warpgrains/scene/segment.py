@@ -1,4 +1,4 @@
-"""A straight wall inside the annulus. This is the host's side; kernels/straight_wall.py is the device's."""
+"""A straight wall inside the annulus. This is the host's side; kernels/segment.py is the device's."""
 
 from dataclasses import replace
 from math import dist
@@ -11,7 +11,7 @@ from warpgrains.described import described
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band, strip
-from warpgrains.scene.obstacle import Obstacle, ThinWall, kind_of_wall
+from warpgrains.scene.obstacle import Drive, Obstacle, ThinWall, kind_of_wall
 
 
 @kind_of_wall
@@ -70,7 +70,7 @@ class Segment(ThinWall):
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Numbers that the kernels need (kernels/straight_wall.py)."""
+        """Numbers that the kernels need (kernels/segment.py)."""
         return (*self.start, *self.end)
 
     @property
@@ -94,11 +94,11 @@ class Segment(ThinWall):
         return start + share[:, np.newaxis] * along - position
 
     @property
-    def drive(self) -> tuple[float, float, float, float, float] | None:
+    def drive(self) -> Drive | None:
         """Force and mass that drive the segment, or None."""
         if self.force is None or self.mass is None:
             return None
-        return 1.0 / self.mass, self.force, 0.0, *self._normal
+        return Drive(1.0 / self.mass, self.force, direction=self._normal)
 
     def shifted(self, way: float) -> Obstacle:
         """Return the segment moved along its normal [m]."""

@@ -7,7 +7,7 @@ indices would let the kernels access memory outside their arrays.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import require_distinct
-from warpgrains.scene.walls import OUTER, body_of
+from warpgrains.scene.walls import OUTER
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -71,18 +71,28 @@ class VerletList:
         Skin [m] and recent deviation [m/s] of every grain, and wall if one is driven, shape (n,).
     reference_position, reference_velocity : ndarray
         Position [m] and velocity [m/s] of these when the list was built, shape (n, 2).
-    frame, scalar : ndarray
-        The vectors and the numbers of `kernels.types.VerletNumbers`, shapes (3, 2) and (7,).
+    frame_shift : ndarray
+        Path of the frame since the list was built [m], shape (2,).
+    base_skin, frame_skin : float
+        Base of the skins, and the path that the list allows the frame [m].
+    elapsed, lifetime : float
+        Time since the list was built, and that for which it was built [s].
     """
 
     pair: IntArray
     wall: IntArray
-    skin: FloatArray = field(metadata={"stored": "reach"})
-    recent_deviation: FloatArray = field(metadata={"stored": "recent"})
-    reference_position: FloatArray = field(metadata={"stored": "built_position"})
-    reference_velocity: FloatArray = field(metadata={"stored": "built_velocity"})
-    frame: FloatArray
-    scalar: FloatArray
+    skin: FloatArray
+    recent_deviation: FloatArray
+    reference_position: FloatArray
+    reference_velocity: FloatArray
+    frame_shift: FloatArray
+    base_skin: float
+    frame_skin: float
+    elapsed: float
+    lifetime: float
+
+
+VERLET_NUMBERS = ("base_skin", "frame_skin", "elapsed", "lifetime")
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +172,7 @@ def require_state(state: State, scene: Scene) -> None:
     _require_corrections(state.corrections, n, walls)
     if state.lists is not None:
         _require_lists(state.lists, n, walls, bodies)
-        _require_listed(state.corrections, state.lists, n, scene.has_two_circles)
+        _require_listed(state.corrections, state.lists, scene)
 
 
 def _require_driven(driven: Any, scene: Scene) -> int:
@@ -202,18 +212,23 @@ def _require_lists(lists: VerletList, n: int, walls: Sequence[int], bodies: int)
     _require_kind("lists", lists, VerletList)
     _require_pairs("listed pair", lists.pair, n)
     _require_walls("listed wall", lists.wall, n, walls)
-    shapes = {"frame": (3, 2), "scalar": (7,)}
+    shapes: dict[str, tuple[int, ...]] = {"frame_shift": (2,)}
     shapes |= dict.fromkeys(("skin", "recent_deviation"), (bodies,))
     shapes |= dict.fromkeys(("reference_position", "reference_velocity"), (bodies, 2))
     for name, shape in shapes.items():
         _require_array(name, getattr(lists, name), np.float64, shape)
         if np.isnan(getattr(lists, name)).any():
             raise InputError(f"{name} of the state holds NaN")
+    for name in VERLET_NUMBERS:
+        value = getattr(lists, name)
+        if not (isinstance(value, float) and value >= 0.0):
+            raise InputError(f"{name} of the state is {checks.shown(value)}: it must be a number, 0 or more")
 
 
-def _require_listed(corrections: Corrections, lists: VerletList, n: int, two_circles: bool) -> None:
+def _require_listed(corrections: Corrections, lists: VerletList, scene: Scene) -> None:
+    n, bodies = scene.n, scene.bodies
     pairs = np.isin(_keys(corrections.pair, n), _keys(lists.pair, n))
-    body, listed = (body_of(of.wall[:, 1], two_circles) for of in (corrections, lists))
+    body, listed = (bodies.of(of.wall[:, 1]) for of in (corrections, lists))
     walls = np.isin(corrections.wall[:, 0] + n * body, lists.wall[:, 0] + n * listed)
     if not (pairs.all() and walls.all()):
         raise InputError("a contact of the state carries a correction but is not in the list of contacts")

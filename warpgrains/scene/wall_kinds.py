@@ -7,7 +7,7 @@ from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.arc import Arc
 from warpgrains.scene.disc import Disc
-from warpgrains.scene.obstacle import MOST_NUMBERS, Obstacle, is_required
+from warpgrains.scene.obstacle import Obstacle, is_required
 from warpgrains.scene.segment import Segment
 
 WALL_KINDS: dict[str, type[Obstacle]] = {kind.kind: kind for kind in (Disc, Segment, Arc)}
@@ -18,18 +18,15 @@ def checked_walls(field: str, value: Any) -> tuple[Obstacle, ...]:
     """Return walls, each given as an object or by the keys of a `[[walls]]` table."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         raise InputError(f"{field} is {checks.shown(value)}: it must be a list of walls")
-    walls = tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
-    for k, wall in enumerate(walls):
-        if len(wall.numbers) > MOST_NUMBERS:
-            raise InputError(f"{field}[{k}].numbers is {wall.numbers}: a wall has at most {MOST_NUMBERS}")
-    return walls
+    return tuple(_checked_wall(f"{field}[{k}]", wall) for k, wall in enumerate(value))
 
 
 def _checked_wall(field: str, value: Any) -> Obstacle:
-    if isinstance(value, Obstacle):
+    if isinstance(value, Obstacle) and isinstance(value, tuple(WALL_KINDS.values())):
         return value
     if not isinstance(value, Mapping):
-        raise InputError(f"{field} is {checks.shown(value)}: it must be a wall, or a table of its keys")
+        kinds = " or ".join(kind.__name__ for kind in WALL_KINDS.values())
+        raise InputError(f"{field} is {checks.shown(value)}: it must be a {kinds}, or a table of its keys")
     own = dict(value)
     kind = WALL_KINDS[checks.one_of(f"{field}.kind", own.pop("kind", None), WALL_KINDS)]
     keys = kind.keys()

@@ -1,16 +1,14 @@
 """Walls of a scene on the host: an annulus about the origin, and others inside it (obstacle.py).
 
 Wall 0 is the outer circle, wall 1 the inner one (the number is reserved even if there is none), and walls
-2, 3, ... are those of `Scene.walls`. On the device both circles are one body with two sides, followed by the
-others (kernels/walls.py). With friction or a driven wall the inner circle is a separate body, a disc at the
-origin (`Scene.has_two_circles`). Where a contact names two bodies, wall w is the negative number -1 - w.
+2, 3, ... are those of `Scene.walls`. Where a contact names two bodies, wall w is the negative number -1 - w.
 """
 
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from warpgrains.arrays import BoolArray, FloatArray, IntArray
+from warpgrains.arrays import BoolArray, FloatArray
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import ROUNDING, Circle, area_below, distance
@@ -147,30 +145,3 @@ class Annulus(NamedTuple):
 def outward(position: FloatArray) -> FloatArray:
     """Return the unit vectors away from the origin, normal to both circles, shape (n, 2)."""
     return position / distance(position)[:, np.newaxis]
-
-
-def body_of(wall: IntArray, two_circles: bool) -> IntArray:
-    """Return the device's number of each wall. Unless there are two circles, both sides are body 0."""
-    return wall if two_circles else np.maximum(wall - 1, 0)
-
-
-def side_of(wall: IntArray, two_circles: bool) -> FloatArray:
-    """Return the sign of the device's corrections at each wall: -1 at the inner side of the annulus."""
-    return np.where((wall == INNER) & (not two_circles), -1.0, 1.0)
-
-
-def carried_by_walls(
-    body: IntArray, correction: FloatArray, two_circles: bool
-) -> tuple[IntArray, FloatArray]:
-    """Return the walls that carry the corrections [m/s] of the device's walls, and the corrections, >= 0."""
-    return wall_of(body, correction, two_circles), np.abs(correction)
-
-
-def wall_of(body: IntArray, correction: FloatArray, two_circles: bool) -> IntArray:
-    """Return the walls that carry the corrections [m/s] of the device's walls.
-
-    If the circles are one body, the sign tells them apart.
-    """
-    if two_circles:
-        return body.astype(np.int32)
-    return np.where(body > 0, body + 1, np.where(correction < 0.0, INNER, OUTER)).astype(np.int32)

@@ -2,8 +2,7 @@
 
 The entry `header` is JSON text in UTF-8 with the format, the version, and all numbers and texts. Floats are
 written so that the same doubles are read back. Every array is a separate entry `part.field`, named after the
-dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); `_stored_names` lists the fields
-that are stored under another name.
+dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`).
 
 If a field of these, of `RunOptions` or of `RunStatistics` is added, removed, renamed or changes its meaning,
 `VERSION` must increase, so that another version of the program says which version it reads.
@@ -30,7 +29,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 9
+VERSION = 10
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
@@ -127,15 +126,14 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
         "format": FORMAT,
         "version": VERSION,
         "warpgrains": __version__,
-        "plan": None if options is None else options.stored(path),
-        "tally": asdict(checkpoint.statistics),
+        "options": None if options is None else options.stored(path),
+        "statistics": asdict(checkpoint.statistics),
     }
     arrays: Arrays = {}
     for part, record in _parts(checkpoint.scene, state).items():
         content = {field.name: getattr(record, field.name) for field in fields(record)}
         own = [name for name, value in content.items() if isinstance(value, np.ndarray)]
-        stored = _stored_names(type(record))
-        arrays |= {f"{part}.{stored[name]}": content[name] for name in own}
+        arrays |= {f"{part}.{name}": content[name] for name in own}
         elsewhere = (*own, "corrections", "lists")
         header[part] = {name: value for name, value in content.items() if name not in elsewhere}
     return {"header": np.frombuffer(json.dumps(header, default=_table).encode(), np.uint8), **arrays}
@@ -144,11 +142,6 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
 def _table(value: Any) -> Any:
     """Return a wall, or gravity that turns, as its table in a scene file."""
     return value.table
-
-
-def _stored_names(kind: type) -> dict[str, str]:
-    """Return the fields of a dataclass and their names in checkpoints."""
-    return {field.name: field.metadata.get("stored", field.name) for field in fields(kind)}
 
 
 def _parts(scene: Scene, state: State) -> dict[str, Any]:
@@ -193,14 +186,11 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
         return header[name] | own
 
     scene = Scene(**part("scene"))
-    lists = None
-    if "lists" in header:
-        stored = part("lists")
-        lists = VerletList(**{name: stored[own] for name, own in _stored_names(VerletList).items()})
+    lists = VerletList(**part("lists")) if "lists" in header else None
     state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
     require_state(state, scene)
-    options = None if header["plan"] is None else RunOptions.restored(header["plan"], path)
-    statistics = RunStatistics(**header["tally"])
+    options = None if header["options"] is None else RunOptions.restored(header["options"], path)
+    statistics = RunStatistics(**header["statistics"])
     _require_statistics(statistics, state, options)
     return Checkpoint(scene, state, options, statistics)
 

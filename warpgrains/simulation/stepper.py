@@ -210,7 +210,7 @@ class Stepper(PresentState, Shown):
 
 def _has_walls_of(scene: Scene, other: Scene) -> bool:
     """Return whether the walls of two scenes are the same bodies in the same places at all times."""
-    one, two = ((of.annulus, of.has_two_circles, of.walls) for of in (scene, other))
+    one, two = ((of.annulus, of.bodies.two_circles, of.walls) for of in (scene, other))
     return one == two and (scene.dt == other.dt or not scene.has_moving_walls)
 
 

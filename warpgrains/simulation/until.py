@@ -11,6 +11,7 @@ import numpy as np
 
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.energy import kinetic_energy
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -91,7 +92,7 @@ def criterion(until: str | Question | None, scene: Scene) -> EndCriterion | None
     ----------
     until : str or callable, optional
         A callable receives the simulation and returns True to end the run. The text "rest" ends it when, for
-        a `time` [s], no grain was faster than `speed` [m/s] and the kinetic energy was at most `energy` [J]:
+        a `time` [s], no grain was faster than `speed` [m/s] and `kinetic_energy` was at most `energy` [J]:
         "rest,speed=1e-3,time=0.5". The default speed is sqrt(g d) / 1000 with the mean diameter d, or ten
         tolerances if that is larger. The default time is 5 sqrt(d / g).
 
@@ -148,8 +149,9 @@ def _rest(given: dict[str, float], scene: Scene) -> EndCriterion:
     speed, energy = bounds.get("speed", np.inf), bounds.get("energy", np.inf)
 
     def is_at_rest(now: PresentState) -> bool:
-        square = (now.velocity**2).sum(axis=1)
-        return bool(square.max() <= speed**2 and 0.5 * scene.mass @ square <= energy)
+        if (now.velocity**2).sum(axis=1).max() > speed**2:
+            return False
+        return bool(kinetic_energy(scene.mass, scene.radius, now.velocity, now.spin) <= energy)
 
     return EndCriterion(is_at_rest, ceil(time / scene.dt), "rest")
 

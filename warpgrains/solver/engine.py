@@ -27,7 +27,7 @@ from warpgrains.kernels.record import (
     Phase,
 )
 from warpgrains.kernels.stages import OPTIONS
-from warpgrains.kernels.step import fused_step, step
+from warpgrains.kernels.step import Kind, fused_step, step
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
 from warpgrains.solver.crew import Crew
@@ -36,6 +36,7 @@ from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.service import Service
+from warpgrains.solver.sizes import kind_of
 from warpgrains.solver.statistics import StepHistory
 from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
@@ -55,7 +56,7 @@ class Engine:
     Parameters
     ----------
     scenes : sequence of Scene
-        Scenes of the same `Scene.kernel_kind`.
+        Scenes of one kind (`kind_of`).
     device : wp.Device
     team : int
         Threads that share a scene on a CPU.
@@ -103,9 +104,9 @@ class Engine:
     @property
     def kernel(self) -> wp.Kernel:
         """The kernel that advances the scenes on a CPU."""
-        kind = self.scenes[0].kernel_kind
+        kind = kind_of(self.scenes[0])
         with BUILDING:
-            return advance_kernel.kernel(_module_name(*kind), fused_step(kind))
+            return advance_kernel.kernel(_module_name(kind), fused_step(kind))
 
     @property
     def is_compiled(self) -> bool:
@@ -241,9 +242,9 @@ class Engine:
     def _graph(self, k: int) -> wp.Graph:
         """Return the CUDA graph of one step of scene k."""
         if k not in self._graphs:
-            kind = self.scenes[k].kernel_kind
+            kind = kind_of(self.scenes[k])
             stages = step(kind)
-            module = wp.get_module(_module_name(*kind, "gpu"))
+            module = wp.get_module(_module_name(kind, "gpu"))
             wp.set_module_options(OPTIONS, module)
             launcher = Launcher(module, self._records.device, k, stages)
             with wp.ScopedCapture(device=self._device) as capture:
@@ -330,7 +331,7 @@ class Engine:
         return list(self._service.proofs[k])
 
 
-def _module_name(method: str, has_friction: bool, device: str = "") -> str:
+def _module_name(kind: Kind, device: str = "") -> str:
     """Return the name of the module that holds the kernels of a kind, on a CPU or for a device."""
-    parts = ["warpgrains.kernels", method.replace("-", "_"), "friction" * has_friction, device]
+    parts = ["warpgrains.kernels", kind.method.replace("-", "_"), "friction" * kind.has_friction, device]
     return "_".join(filter(None, parts))

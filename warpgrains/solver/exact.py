@@ -13,7 +13,6 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray
 from warpgrains.kernels.record import Phase
-from warpgrains.scene.walls import body_of, side_of
 from warpgrains.solver import active_set, interior_point
 from warpgrains.solver.bordered import BorderedMatrix
 from warpgrains.solver.constraints import StepConstraints
@@ -101,11 +100,12 @@ class FrozenContacts:
     def __init__(self, scene: Scene, memory: SceneMemory):
         (pair, self._place), self._dv = memory.listed_pairs(), memory.array("contacts.dv")
         listed, index = memory.listed_walls()
-        sides = [(number, body_of(np.array(number), False) == listed[:, 1]) for number in scene.wall_numbers]
+        bodies = scene.bodies
+        sides = [(number, bodies.of(np.array(number)) == listed[:, 1]) for number in scene.wall_numbers]
         self._at_wall = np.concatenate([index[own] for _, own in sides])
         grain = np.concatenate([listed[own, 0] for _, own in sides])
         wall = np.stack([grain, np.repeat(scene.wall_numbers, [own.sum() for _, own in sides])], axis=1)
-        self._sign = side_of(wall[:, 1], False)
+        self._sign = bodies.sign(wall[:, 1])
         time = (memory.steps + 1) * scene.dt
         self._constraints = StepConstraints.at(scene, memory.array("grains.position"), pair, wall, time)
         self.problem = projection_of(self._constraints, memory.array("grains.free_velocity"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,8 +14,6 @@ from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.kernels.access import CHECKED
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import STAGE_NAMES
-from warpgrains.kernels.types import VerletNumbers
-from warpgrains.scene.walls import carried_by_walls
 from warpgrains.solver import tuning
 from warpgrains.solver.buffers import Block, Layout, bytes_needed, fields
 from warpgrains.solver.memory import require_memory
@@ -32,7 +29,7 @@ class SceneRecords:
     Parameters
     ----------
     scenes : sequence of Scene
-        Scenes of the same `Scene.kernel_kind`.
+        Scenes of one kind (`kind_of`).
     team : int
         Threads that share a scene.
     device : wp.Device
@@ -51,7 +48,6 @@ class SceneRecords:
         self._number = {field.name: number for number, field in enumerate(fields())}
         self.device = wp.zeros(len(scenes), dtype=SceneRecord, device=device)
         self.host = self.device.numpy()
-        self._bytes = self.host.view(np.uint8)
         self._blocks: list[Block | None] = [None] * len(scenes)
         self._memory: NDArray[np.uint8] | None = None
         self._length = np.zeros((len(fields()), len(scenes)), np.int64)
@@ -106,8 +102,8 @@ class SceneRecords:
         self.set_gravity()
         host["turning"]["start"] = host["gravity"]
         host["turning"]["rate"] = [scene.gravity_rate for scene in scenes]
-        annulus = host["walls"]["annulus"]
-        annulus["radius_in"], annulus["radius_out"] = np.array([scene.body_annulus[:2] for scene in scenes]).T
+        annulus, circles = host["walls"]["annulus"], [scene.bodies.annulus[:2] for scene in scenes]
+        annulus["radius_in"], annulus["radius_out"] = np.array(circles).T
         annulus["angular_velocity_out"] = [scene.angular_velocity_out for scene in scenes]
         annulus["round"] = [scene.wall == "round" for scene in scenes]
         host["scheme"]["leapfrog"] = [scene.scheme == "leapfrog" for scene in scenes]
@@ -126,18 +122,19 @@ class SceneRecords:
         for name in ("radius", "mass", "contact_mass", *(("rim_mass",) if sizes.friction else ())):
             self._write_grains(name, name)
         for k, scene in enumerate(scenes):
+            bodies = scene.bodies
             if sizes.walls[k] > 1:
-                self.array(k, "walls.shape")[:] = [wall.shape for wall in scene.bodies_inside]
+                self.array(k, "walls.shape")[:] = [wall.shape for wall in bodies.inside]
             if sizes.mobile[k]:
-                motions = [(*np.hstack(wall.motion), wall.speed) for wall in scene.bodies_inside]
+                motions = [(*np.hstack(wall.motion), wall.speed) for wall in bodies.inside]
                 self.array(k, "walls.motion")[:] = motions
-            if scene.has_driven_walls:
-                self.array(k, "walls.drive")[:] = scene.drives
+            if sizes.driven[k]:
+                self.array(k, "walls.drive")[:] = [np.hstack(drive) for drive in bodies.drives]
+                inverse = np.array([drive.inverse_mass for drive in bodies.drives])
                 mass = self.array(k, "grains.contact_mass")[scene.n :]
-                inverse = scene.drives[:, 0]
                 mass[:] = np.divide(1.0, inverse, np.zeros(len(inverse)), where=inverse > 0.0)
-            if scene.has_friction:
-                self.array(k, "walls.surface")[:] = scene.surfaces
+            if sizes.friction:
+                self.array(k, "walls.surface")[:] = bodies.surfaces
         host["by_color"] = [scene.order == "color" for scene in scenes]
         host["merge"] = self._device.is_cpu and not sizes.accelerated and sizes.team == 1
 
@@ -202,7 +199,7 @@ class SceneRecords:
         index, pairs = np.arange(contact.shape[1]), count["pairs"][:, np.newaxis]
         row, place = np.nonzero((index >= pairs) & (index < pairs + count["walls"][:, np.newaxis]))
         body = contact["j"][row, place] - n
-        wall, correction = carried_by_walls(body, dv[row, place], scene.has_two_circles)
+        wall, correction = scene.bodies.carried(body, dv[row, place])
         carried[row, contact["i"][row, place], wall] = correction
         return carried
 
@@ -210,11 +207,6 @@ class SceneRecords:
         block = self._blocks[k]
         assert block is not None
         return block
-
-    def verlet_numbers(self, k: int) -> np.ndarray[Any, Any]:
-        """Return a view of `VerletNumbers` of scene k, which are all floats."""
-        offset, count = _verlet_numbers()
-        return np.ndarray(count, np.float64, self._bytes, k * self.host.itemsize + offset)
 
     def reserve_contacts(self, k: int, contacts: int) -> None:
         """Move scene k to a memory block that holds a list of `contacts` contacts.
@@ -273,11 +265,3 @@ class SceneRecords:
         if not self._device.is_cpu:
             self.device.assign(self.host)
             self._block(k).push()
-
-
-@cache
-def _verlet_numbers() -> tuple[int, int]:
-    """Return the offset of `VerletNumbers` in a record [bytes], and their number of floats."""
-    dtype = np.dtype(SceneRecord.numpy_dtype())
-    offset = dtype.fields["verlet"][1] + dtype["verlet"].fields["numbers"][1]
-    return offset, VerletNumbers.numpy_dtype()["itemsize"] // 8

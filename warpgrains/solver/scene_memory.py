@@ -8,8 +8,8 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IntArray
 from warpgrains.kernels.record import Phase
-from warpgrains.scene.state import Corrections, State, VerletList
-from warpgrains.scene.walls import OUTER, body_of, carried_by_walls, side_of, wall_of
+from warpgrains.scene.state import VERLET_NUMBERS, Corrections, State, VerletList
+from warpgrains.scene.walls import OUTER
 from warpgrains.solver import tuning
 from warpgrains.solver.statistics import StepHistory
 
@@ -37,7 +37,7 @@ class SceneMemory:
     """
 
     def __init__(self, records: SceneRecords, k: int, scene: Scene):
-        self._records, self._k, self._scene = records, k, scene
+        self._records, self._k, self._scene, self._bodies = records, k, scene, scene.bodies
         self.record = records.host[k]  # a view
 
     def array(self, name: str) -> np.ndarray[Any, Any]:
@@ -94,7 +94,7 @@ class SceneMemory:
         The annulus counts as its outer circle.
         """
         wall = self.listed_walls()[0]
-        wall[:, 1] = wall_of(wall[:, 1], np.zeros(len(wall)), self._scene.has_two_circles)
+        wall[:, 1], _ = self._bodies.carried(wall[:, 1], np.zeros(len(wall)))
         return wall
 
     def corrections(self) -> Corrections:
@@ -102,7 +102,7 @@ class SceneMemory:
         (pair, at_pair), (wall, at_wall) = self.listed_pairs(), self.listed_walls()
         dv, dv_wall = (self.array("contacts.dv")[index] for index in (at_pair, at_wall))
         active, at_side = dv != 0.0, dv_wall != 0.0
-        wall[:, 1], carried_at_wall = carried_by_walls(wall[:, 1], dv_wall, self._scene.has_two_circles)
+        wall[:, 1], carried_at_wall = self._bodies.carried(wall[:, 1], dv_wall)
         carried = pair[active], dv[active], wall[at_side], carried_at_wall[at_side]
         if not self._scene.has_friction:
             return Corrections(*carried)
@@ -111,13 +111,11 @@ class SceneMemory:
 
     def state(self) -> State:
         """Return the exact state."""
-        numbers = self._records.verlet_numbers(self._k).copy()
+        numbers = self.record["verlet"]["numbers"]
+        own: dict[str, Any] = {name: self.array(f"verlet.{name}").copy() for name in VERLET}
+        own |= {name: float(numbers[name]) for name in VERLET_NUMBERS}
         lists = VerletList(
-            pair=self.listed_pairs()[0],
-            wall=self._listed_sides(),
-            **{name: self.array(f"verlet.{name}").copy() for name in VERLET},
-            frame=numbers[:6].reshape(3, 2),
-            scalar=numbers[6:],
+            self.listed_pairs()[0], self._listed_sides(), frame_shift=numbers["frame_shift"].copy(), **own
         )
         position, velocity = self.grains("position").copy(), self.grains("velocity").copy()
         more = {}
@@ -138,7 +136,8 @@ class SceneMemory:
             self._list(lists.pair, lists.wall, corrections)
             for name in VERLET:
                 self.array(f"verlet.{name}")[:] = getattr(lists, name)
-            self._records.verlet_numbers(self._k)[:] = np.concatenate([lists.frame.ravel(), lists.scalar])
+            for name in ("frame_shift", *VERLET_NUMBERS):
+                self.record["verlet"]["numbers"][name] = getattr(lists, name)
         if self._scene.has_friction:
             for name in ("spin", "angle"):
                 own = getattr(state, name)
@@ -167,7 +166,7 @@ class SceneMemory:
         """Invalidate the list, so that the next step requests a new one."""
         self.array("verlet.skin")[:] = tuning.NO_SKIN
         self.array("verlet.recent_deviation")[:] = 0.0
-        self._records.verlet_numbers(self._k)[:] = 0.0
+        self.record["verlet"]["numbers"] = 0.0
         self.record["verlet"]["numbers"]["base_skin"] = tuning.first_skin(self._scene)
 
     def _list(self, pair: IntArray, wall: IntArray, corrections: Corrections) -> None:
@@ -181,8 +180,8 @@ class SceneMemory:
                 self.array(f"{rows}.start")[:] = 0
             return
         n, key = self._scene.n, np.array([self._scene.n + len(self._scene.walls) + 2, 1])
-        carrying, body = (self._bodies(*of) for of in ((corrections.pair, corrections.wall), (pair, wall)))
-        sign = side_of(corrections.wall[:, 1], self._scene.has_two_circles)
+        carrying, body = (self._in_bodies(*of) for of in ((corrections.pair, corrections.wall), (pair, wall)))
+        sign = self._bodies.sign(corrections.wall[:, 1])
         dv, order = np.zeros(count), np.lexsort(body.T[::-1])
         place = order[np.searchsorted((body @ key)[order], carrying @ key)]
         dv[place] = np.concatenate([corrections.pair_correction, sign * corrections.wall_correction])
@@ -204,9 +203,9 @@ class SceneMemory:
         self.array("workspace.old_place")[:count] = np.arange(count)
         self.array("workspace.old_dv")[:count] = dv[order, np.newaxis]
 
-    def _bodies(self, pair: IntArray, wall: IntArray) -> IntArray:
+    def _in_bodies(self, pair: IntArray, wall: IntArray) -> IntArray:
         """Return contacts as pairs of bodies of the device, shape (m, 2). Walls are bodies >= n."""
-        body = self._scene.n + body_of(wall[:, 1], self._scene.has_two_circles)
+        body = self._scene.n + self._bodies.of(wall[:, 1])
         return np.concatenate([pair, np.stack([wall[:, 0], body], axis=1)])
 
     def give_up_step(self) -> None:

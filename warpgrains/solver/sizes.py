@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
 from warpgrains.kernels.gauss_seidel import KEPT
+from warpgrains.kernels.step import Kind
 from warpgrains.kernels.threads import GPU_PARTIALS
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ class Sizes:
     driven : ndarray
         1 if a force drives a wall, else 0.
     weighted : ndarray
-        0 if grains take equal shares of corrections (`Scene.has_equal_shares`), else 1.
+        0 if grains take equal shares of corrections (`has_equal_shares`), else 1.
     history : ndarray
         Iterations of a step of which zeta and residual are kept.
     accelerated, friction : int
@@ -71,7 +72,7 @@ class Sizes:
         """Return the initial sizes of scenes of one kind."""
         n = np.array([scene.n for scene in scenes])
         partials = team if device.is_cpu else GPU_PARTIALS
-        weighted = np.array([not scene.has_equal_shares for scene in scenes], np.int64)
+        weighted = np.array([not has_equal_shares(scene) for scene in scenes], np.int64)
         walls = np.array([len(scene.bodies) for scene in scenes])
         return cls(
             n,
@@ -93,6 +94,18 @@ class Sizes:
         names = ("grains", "contacts", "walls", "mobile", "driven", "weighted", "history")
         one_of = {name: getattr(self, name)[one] for name in names}
         return replace(self, **one_of)
+
+
+def kind_of(scene: Scene) -> Kind:
+    """Return the kind of a scene."""
+    return Kind(scene.method, scene.has_friction)
+
+
+def has_equal_shares(scene: Scene) -> bool:
+    """Return whether grains take equal shares of every correction, and K_t = 3 in eq. 22."""
+    if scene.has_driven_walls or not scene.has_equal_masses:
+        return False
+    return not scene.has_friction or bool((scene.contact_mass == scene.rim_mass).all())
 
 
 def first_pairs(n: Counts) -> Counts:

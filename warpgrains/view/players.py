@@ -12,6 +12,7 @@ from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import colorings
 from warpgrains.errors import SimulationError
 from warpgrains.pictures.shots import Painter, Shot, setting_of, shot_of
+from warpgrains.scene.energy import kinetic_energy
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import first_state
 
@@ -115,9 +116,8 @@ class Live:
         return self._painter.shot_of(self._simulation)
 
     def _energy(self) -> float:
-        scene, speed = self.scene, np.hypot(*self._simulation.velocity.T)
-        rim = scene.radius * self._simulation.spin
-        return float(0.5 * (scene.mass * speed**2).sum() + 0.25 * (scene.mass * rim**2).sum())
+        scene, now = self.scene, self._simulation
+        return float(kinetic_energy(scene.mass, scene.radius, now.velocity, now.spin))
 
     def readout(self) -> dict[str, str]:
         """Return numbers of the last step by name."""
