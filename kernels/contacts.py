@@ -94,10 +94,10 @@ def surface_of(s: Scene, c: int) -> wp.vec2d:
 
 
 @wp.func
-def apply(s: Scene, velocity: Vectors, rim: Floats, c: int, dv: f64, dvt: f64):
-    """Share the corrections of a contact [m/s] out to its bodies (eqs. 7, 22 and 28)."""
+def apply(s: Scene, velocity: Vectors, rim: Floats, c: int, n: wp.vec2d, dv: f64, dvt: f64):
+    """Share the corrections [m/s] of a contact of normal n out to its bodies (eqs. 7, 22 and 28)."""
     contacts = s.contacts
-    i, n = first_of(contacts.contact, c), normal_of(contacts.contact, c)
+    i = first_of(contacts.contact, c)
     at_wall = c >= pair_count(s)
     impulse = dv * n
     if has_friction(s):

@@ -18,7 +18,7 @@ import warp as wp
 from .accelerated import mass_in_phi
 from .access import at, named, put
 from .contacts import CHUNK, chunks_in, contact_count, part_count
-from .record import Scene, body_count, has_friction, rotates
+from .record import Scene, body_count, grain_count, has_friction, rotates
 from .stopping import count_iteration, phase_after_sweep, reduce_max
 from .threads import Team, thread_range
 
@@ -136,15 +136,20 @@ def begin_momentum(team: Team, s: Scene):
     i, last = thread_range(team, 0, body_count(s))
     while i < last:
         put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
-        if rotates(s, i):
-            put(s.momentum.last_rim, i, at(s.grains.next_rim, i))
         i += 1
     c, last = thread_range(team, 0, contact_count(s))
     while c < last:
         put(s.momentum.last_dv, c, at(s.contacts.dv, c))
-        if has_friction(s):
-            put(s.momentum.last_dvt, c, at(s.contacts.dvt, c))
         c += 1
+    if has_friction(s):
+        i, last = thread_range(team, 0, grain_count(s))
+        while i < last:
+            put(s.momentum.last_rim, i, at(s.grains.next_rim, i))
+            i += 1
+        c, last = thread_range(team, 0, contact_count(s))
+        while c < last:
+            put(s.momentum.last_dvt, c, at(s.contacts.dvt, c))
+            c += 1
     if team.rank == 0:
         s.momentum.state.t = f64(1.0)
         s.momentum.state.beta = f64(0.0)

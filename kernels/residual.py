@@ -36,7 +36,7 @@ def rebuild(team: Team, s: Scene, k: int):
     contacts, grains = s.contacts, s.grains
     while c < end:
         dv, dvt = at(contacts.dv, c), tangential_at(contacts.dvt, c)
-        apply(s, grains.rebuilt_velocity, grains.rebuilt_rim, c, dv, dvt)
+        apply(s, grains.rebuilt_velocity, grains.rebuilt_rim, c, normal_of(contacts.contact, c), dv, dvt)
         c += 1
 
 

@@ -20,8 +20,8 @@ def begin_velocity(s: Scene, i: int):
 
 
 @wp.func
-def freeze(s: Scene, c: int, at_wall: bool):
-    """Write normal and gap of a contact (eq. 4) as grains are placed now."""
+def freeze(s: Scene, c: int, at_wall: bool) -> wp.vec2d:
+    """Write normal and gap of a contact (eq. 4) as grains are placed now. Returns the normal."""
     i, j = first_of(s.contacts.contact, c), second_of(s.contacts.contact, c)
     x, radius = at(s.grains.position, i), at(s.grains.radius, i)
     if at_wall:
@@ -32,10 +32,11 @@ def freeze(s: Scene, c: int, at_wall: bool):
             put(s.contacts.wall_speed, c - pair_count(s), surface_speed(b, point, normal, s.walls))
         put(s.contacts.limits, c - pair_count(s), wp.vec2d(back / s.dt, reach / s.dt))
         set_frame(s.contacts.contact, c, normal, gap / s.dt)
-        return
+        return normal
     normal, distance = law.normal(x, at(s.grains.position, j))
     gap = law.pair_gap(distance, radius, at(s.grains.radius, j))
     set_frame(s.contacts.contact, c, normal, gap / s.dt)
+    return normal
 
 
 @wp.func
@@ -44,13 +45,13 @@ def start(team: Team, s: Scene, k: int):
     c, end = contacts_of(team, s, k)
     at_wall = is_wall_set(s, k)
     while c < end:
-        freeze(s, c, at_wall)
+        n = freeze(s, c, at_wall)
         if s.control.resuming == 0:
             dv, dvt = at(s.contacts.dv_start, c), tangential_at(s.contacts.dvt_start, c)
             put(s.contacts.dv, c, dv)
             if has_friction(s):
                 put(s.contacts.dvt, c, dvt)
-            apply(s, s.grains.next_velocity, s.grains.next_rim, c, dv, dvt)
+            apply(s, s.grains.next_velocity, s.grains.next_rim, c, n, dv, dvt)
         c += 1
 
 

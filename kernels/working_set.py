@@ -65,10 +65,14 @@ def scatter(s: Scene, part: int):
         k = at(working.index, c)
         put(s.contacts.dv, k, at(working.dv, c))
         put(s.momentum.last_dv, k, at(working.last_dv, c))
-        if has_friction(s):
+        c += 1
+    if has_friction(s):
+        c = int(bounds[0])
+        while c < bounds[1]:
+            k = at(working.index, c)
             put(s.contacts.dvt, k, at(working.dvt, c))
             put(s.momentum.last_dvt, k, at(working.last_dvt, c))
-        c += 1
+            c += 1
 
 
 @wp.func
