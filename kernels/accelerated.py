@@ -18,16 +18,15 @@ import warp as wp
 
 from . import law
 from .access import at, larger, named, put, working_first_of, working_normal_of, working_second_of
-from .contacts import chunks_of_set, contact_count, is_wall_set, part_count, range_of_set
+from .contacts import chunks_of_set, is_wall_set, range_of_set
 from .driven import correct_wall
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, body_count, is_driven, pair_count
-from .threads import Team, thread_range, update_max
+from .record import Scene, is_driven, pair_count
+from .threads import Team, update_max
 from .types import Contacts, Grains, WorkingSet
 
 f64 = wp.float64
 ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
-RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta = 1, at first
 
 
 @wp.func
@@ -202,26 +201,3 @@ def correcting_working_sets(
 
 
 sweep_ahead = correcting_working_sets("sweep_ahead", sweep_pairs, sweep_walls, sweep_driven_walls)
-
-
-@wp.func
-def begin_momentum(team: Team, s: Scene):
-    """Empty the working set, and start without momentum unless sweeps are continued."""
-    first, last = thread_range(team, 0, part_count(s))
-    for k in range(first, last):
-        put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))
-        put(s.working.range, k, wp.vec2i(0, 0))
-    if s.control.resuming != 0:
-        return
-    i, last = thread_range(team, 0, body_count(s))
-    while i < last:
-        put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
-        i += 1
-    c, last = thread_range(team, 0, contact_count(s))
-    while c < last:
-        put(s.momentum.last_dv, c, at(s.contacts.dv, c))
-        c += 1
-    if team.rank == 0:
-        s.momentum.state.t = f64(1.0)
-        s.momentum.state.beta = f64(0.0)
-        s.momentum.state.relaxation = RELAXATION

@@ -14,11 +14,11 @@ import warp as wp
 from . import law
 from .accelerated import correcting_working_sets, in_fours, mass_in_phi
 from .access import at, larger, put, working_first_of, working_normal_of, working_second_of
-from .contacts import part_count, surface_of
+from .contacts import surface_of
 from .driven import correct_wall
 from .friction import THIRD, rim_weights
 from .lanes import lanes
-from .momentum import back_off, take_t_on
+from .momentum import back_off, sum_of_parts, take_t_on
 from .record import Scene, pair_count
 from .stopping import end_iteration
 from .threads import reduce_max
@@ -27,60 +27,6 @@ f64 = wp.float64
 GROWTH = wp.constant(f64(1.2))  # of that change, above which momentum stops
 CAP = wp.constant(f64(0.85))
 FADE = wp.constant(f64(500.0))  # sweeps after which the cap falls, as one over their number
-
-
-@wp.func
-def begin_last_rim(s: Scene, i: int):
-    """Start rim speeds without momentum, unless sweeps are continued."""
-    if s.control.resuming == 0:
-        put(s.momentum.last_rim, i, at(s.grains.next_rim, i))
-
-
-@wp.func
-def begin_last_dvt(s: Scene, c: int):
-    """Start tangential corrections without momentum, unless sweeps are continued."""
-    if s.control.resuming == 0:
-        put(s.momentum.last_dvt, c, at(s.contacts.dvt, c))
-
-
-@wp.func
-def select_tangential(s: Scene, part: int):
-    """Copy the tangential corrections of the contacts of a part that are selected."""
-    bounds = at(s.working.range, part)
-    c = int(bounds[0])
-    while c < bounds[1]:
-        k = at(s.working.index, c)
-        put(s.working.dvt, c, at(s.contacts.dvt, k))
-        put(s.working.last_dvt, c, at(s.momentum.last_dvt, k))
-        c += 1
-
-
-@wp.func
-def scatter_tangential(s: Scene, part: int):
-    """Write the tangential corrections of a part of the working set where all contacts have theirs."""
-    bounds = at(s.working.range, part)
-    c = int(bounds[0])
-    while c < bounds[1]:
-        k = at(s.working.index, c)
-        put(s.contacts.dvt, k, at(s.working.dvt, c))
-        put(s.momentum.last_dvt, k, at(s.working.last_dvt, c))
-        c += 1
-
-
-@wp.func
-def take_rebuilt_rim(s: Scene, i: int):
-    """Give a grain the rim speed that its corrections make, and move the last one by as much."""
-    rebuilt, last = at(s.grains.rebuilt_rim, i), at(s.momentum.last_rim, i)
-    put(s.momentum.last_rim, i, last + (rebuilt - at(s.grains.next_rim, i)))
-    put(s.grains.next_rim, i, rebuilt)
-
-
-@wp.func
-def extrapolate_rim(s: Scene, i: int):
-    """Take the rim speed on to y."""
-    u = at(s.grains.next_rim, i)
-    put(s.grains.next_rim, i, u + s.momentum.state.beta * (u - at(s.momentum.last_rim, i)))
-    put(s.momentum.last_rim, i, u)
 
 
 def sweeping_pairs(count: int, weighted: bool) -> wp.Function:
@@ -229,9 +175,7 @@ sweep_ahead_with_friction = correcting_working_sets(
 def end_capped_sweep(s: Scene):
     """Count a sweep, choose the momentum of the next one, and what follows."""
     zeta = reduce_max(s.partial.zeta)
-    total = wp.vec2d()
-    for k in range(part_count(s)):
-        total = total + at(s.momentum.contact_part, k)
+    total = sum_of_parts(s)
     grown = s.momentum.state.beta > f64(0.0) and total[0] > GROWTH * s.momentum.state.change
     s.momentum.state.change = total[0]
     if total[1] > f64(0.0) or grown:

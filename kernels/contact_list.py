@@ -4,12 +4,14 @@ import warp as wp
 
 from . import law
 from .access import at, put, raise_to, set_bodies
-from .record import Phase, Scene, grain_count, is_accelerated, may_have_missed
+from .friction import find_rim_weights
+from .record import Phase, Scene, grain_count, has_friction, is_accelerated, may_have_missed
 from .types import NeighborList
 from .verlet import stayed_silent
 from .walls import wall_body_count
 
 f64 = wp.float64
+ROOT_TWO = wp.constant(f64(2.0**0.5))
 
 
 @wp.func
@@ -55,6 +57,11 @@ def save_contact(s: Scene, k: int):
     put(s.workspace.old.neighbor, k, at(s.neighbors.neighbor, k))
     put(s.workspace.old_color, k, at(s.workspace.color, k))
     put(s.workspace.old_place, k, k)
+    if has_friction(s):
+        last = f64(0.0)
+        if is_accelerated(s):
+            last = at(s.momentum.last_dvt, c)
+        put(s.workspace.old_dvt, k, wp.vec3d(at(s.contacts.dvt, c), at(s.contacts.dvt_start, c), last))
 
 
 @wp.func
@@ -126,6 +133,20 @@ def match_rows(s: Scene, i: int):
 
 
 @wp.func
+def transfer_tangential(s: Scene, k: int, c: int, i: int, j: int):
+    """Write the tangential corrections of contact k of the list, at index c of the sweeping order."""
+    k_old, dvt = at(s.workspace.old_place, k), wp.vec3d(f64(0.0), f64(0.0), f64(0.0))
+    if k_old >= 0:
+        dvt = at(s.workspace.old_dvt, k_old)
+    put(s.contacts.dvt, c, dvt[0])
+    put(s.contacts.dvt_start, c, dvt[1])
+    if is_accelerated(s):
+        put(s.momentum.last_dvt, c, dvt[2])
+    if s.contacts.weights.shape[0] > 0:
+        put(s.contacts.rim_weights, c, find_rim_weights(s, i, j))
+
+
+@wp.func
 def transfer_warm_start(s: Scene, i: int):
     """Write a grain's contacts in sweeping order, with the corrections of the old list, or zero."""
     k, end = at(s.neighbors.start, i), at(s.neighbors.start, i + 1)
@@ -145,6 +166,8 @@ def transfer_warm_start(s: Scene, i: int):
             put(s.momentum.last_dv, c, dv[2])
         if s.contacts.weights.shape[0] > 0:
             put(s.contacts.weights, c, mass_shares(s, i, j))
+        if has_friction(s):
+            transfer_tangential(s, k, c, i, j)
         k += 1
 
 
@@ -191,4 +214,6 @@ def find_row_sums(s: Scene):
     largest = f64(0.0)
     for i in range(n):
         largest = wp.max(largest, at(row_sum, i) + f64(walls))
+    if has_friction(s):
+        largest = ROOT_TWO * largest  # tangential corrections may be as large as normal ones
     s.verlet.work.max_row_sum = largest

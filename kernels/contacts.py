@@ -8,9 +8,11 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, gap_rate_of, normal_of, put, second_of
-from .record import Scene, grain_count, is_driven, pair_count
+from .driven import push_wall
+from .friction import rim_weights
+from .record import Scene, grain_count, has_friction, is_driven, pair_count
 from .threads import Team, thread_range
-from .types import Contacts, Vectors
+from .types import Contacts, Floats, Vectors
 
 f64 = wp.float64
 CHUNK = wp.constant(128)
@@ -92,14 +94,34 @@ def surface_of(s: Scene, c: int) -> wp.vec2d:
 
 
 @wp.func
-def apply(contacts: Contacts, velocity: Vectors, c: int, impulse: wp.vec2d, at_wall: bool):
-    """Share a contact's dv n [m/s] out to its grains (eq. 7), or give it to the one at a wall."""
+def apply(s: Scene, velocity: Vectors, rim: Floats, c: int, n: wp.vec2d, dv: f64, dvt: f64):
+    """Share the corrections [m/s] of a contact of normal n out to its bodies (eqs. 7, 22 and 28)."""
+    contacts = s.contacts
     i = first_of(contacts.contact, c)
+    at_wall = c >= pair_count(s)
+    impulse = dv * n
+    if has_friction(s):
+        impulse = impulse + dvt * law.tangent(n)
+        part = rim_weights(s, c, at_wall)
+        put(rim, i, at(rim, i) - dvt * part[1])
+        if not at_wall:
+            j = second_of(contacts.contact, c)
+            put(rim, j, at(rim, j) - dvt * part[2])
     if at_wall:
         put(velocity, i, at(velocity, i) - impulse)
+        if is_driven(s):
+            push_wall(s, velocity, c, dv)
         return
     j, weight = second_of(contacts.contact, c), wp.vec2d(f64(0.5), f64(0.5))
     if contacts.weights.shape[0] > 0:
         weight = at(contacts.weights, c)
     put(velocity, i, at(velocity, i) - impulse * weight[0])
     put(velocity, j, at(velocity, j) + impulse * weight[1])
+
+
+@wp.func
+def tangential_at(dvts: Floats, c: int) -> f64:
+    """Return a tangential correction [m/s]; 0 without friction, where the array is empty."""
+    if dvts.shape[0] > 0:
+        return at(dvts, c)
+    return f64(0.0)

@@ -1,5 +1,8 @@
 """Gauss-Seidel: corrections contact by contact, in place, sweep after sweep (MODEL.md, eqs. 5 to 8).
 
+With friction, a visit corrects the normal velocity and then, by eq. 23, the velocity at which the surfaces
+slip. For discs the two depend on each other by Coulomb's bound alone, so one visit solves a contact exactly.
+
 Grains are monitored where a correction is large (verlet.py), a block of pairs at a time: whether a correction
 is large cannot be foreseen, and to find it out pair by pair costs a processor as much as the correction.
 """
@@ -19,12 +22,13 @@ from .access import (
     put,
     second_of,
 )
-from .contacts import contacts_of, gap_rates_now, is_wall_set
+from .contacts import contacts_of, gap_rates_now, is_wall_set, surface_of
 from .driven import correct_wall
+from .friction import THIRD, rim_weights
 from .record import Scene, is_driven
 from .stopping import end_iteration
 from .threads import Team, partial_index, reduce_max, update_max
-from .types import Contacts, Vectors
+from .types import Vectors
 from .verlet import add_unmonitored, least_monitored_correction, monitor
 
 f64 = wp.float64
@@ -60,11 +64,63 @@ def kept_velocity(kept: Vectors, k: int, velocity: Vectors, i: int) -> wp.vec2d:
     ...
 
 
-def in_blocks(correct_block: wp.Function) -> wp.Function:
-    """Return the function that corrects pairs a block at a time, and monitors their grains after each."""
+def sweeping_pairs(weighted: bool, friction: bool) -> wp.Function:
+    """Return the function that corrects pairs a block at a time, in place, and monitors their grains.
+
+    It takes `(scene, begin, end, k)`, keeps velocities from index k on, and returns the largest change of a
+    correction.
+    """
+
+    @wp.func(inline=False)
+    def correct_block(s: Scene, begin: int, end: int, k: int):
+        """Correct a block of pairs. Returns the largest change, and bits of the large ones."""
+        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
+        rim = s.grains.next_rim
+        contact = s.contacts.contact
+        dvs = s.contacts.dv
+        dvts = s.contacts.dvt
+        weights = s.contacts.weights
+        rim_weights = s.contacts.rim_weights
+        kept = s.partial.kept_velocity
+        mu = f64(s.friction)
+        large = least_monitored_correction(s)
+        weight = wp.vec2d(f64(0.5), f64(0.5))
+        rim_weight = wp.vec3d(THIRD, f64(1.0), f64(1.0))
+        zeta, bits = f64(0.0), wp.uint64(0)
+        c = int(begin)
+        while c < end:
+            i, j, n = first_of(contact, c), second_of(contact, c), normal_of(contact, c)
+            if wp.static(weighted):
+                weight = at(weights, c)
+            vi, vj = at(velocity, i), at(velocity, j)
+            dv_before = at(dvs, c)
+            difference = vi - vj
+            dv = law.pair_correction(wp.dot(difference, n), dv_before, gap_rate_of(contact, c))
+            push, change = dv * n, wp.abs(dv)
+            if wp.static(friction):
+                if wp.static(weighted):
+                    rim_weight = at(rim_weights, c)
+                ui, uj, dvt_before = at(rim, i), at(rim, j), at(dvts, c)
+                vt = law.speed_along(difference, n) + ui + uj
+                dvt = law.friction_correction(rim_weight[0] * vt, dvt_before, mu * (dv_before + dv))
+                push = push + dvt * law.tangent(n)
+                put(rim, i, ui - dvt * rim_weight[1])
+                put(rim, j, uj - dvt * rim_weight[2])
+                put(dvts, c, dvt_before + dvt)
+                change = larger(change, wp.abs(dvt))
+            vi = vi - push * weight[0]
+            vj = vj + push * weight[1]
+            put(velocity, i, vi)
+            put(velocity, j, vj)
+            put(dvs, c, dv_before + dv)
+            keep_velocities(kept, k + 2 * (c - begin), vi, vj)
+            zeta = larger(zeta, change)
+            bits = (bits << ONE) | wp.where(change > large, ONE, NONE)
+            c += 1
+        return zeta, bits
 
     @wp.func
-    def sweep_blocks(s: Scene, begin: int, end: int, k: int) -> f64:
+    def sweep_pairs(s: Scene, begin: int, end: int, k: int) -> f64:
         zeta = f64(0.0)
         c = int(begin)
         while c < end:
@@ -75,51 +131,7 @@ def in_blocks(correct_block: wp.Function) -> wp.Function:
             c = stop
         return zeta
 
-    return sweep_blocks
-
-
-def sweeping_pairs(weighted: bool) -> wp.Function:
-    """Return the function that corrects pairs, in place, and monitors their grains.
-
-    It takes `(scene, begin, end, k)`, keeps velocities from index k on, and returns the largest |dv|.
-    """
-
-    @wp.func
-    def correct(velocity: Vectors, contacts: Contacts, kept: Vectors, c: int, k: int) -> f64:
-        """Correct one pair; its grains take their shares of it. Returns |dv|."""
-        i, j = first_of(contacts.contact, c), second_of(contacts.contact, c)
-        n = normal_of(contacts.contact, c)
-        weight = wp.vec2d(f64(0.5), f64(0.5))
-        if wp.static(weighted):
-            weight = at(contacts.weights, c)
-        vi, vj = at(velocity, i), at(velocity, j)
-        dv_before = at(contacts.dv, c)
-        dv = law.pair_correction(wp.dot(vi - vj, n), dv_before, gap_rate_of(contacts.contact, c))
-        vi = vi - dv * n * weight[0]
-        vj = vj + dv * n * weight[1]
-        put(velocity, i, vi)
-        put(velocity, j, vj)
-        put(contacts.dv, c, dv_before + dv)
-        keep_velocities(kept, k, vi, vj)
-        return wp.abs(dv)
-
-    @wp.func(inline=False)
-    def correct_block(s: Scene, begin: int, end: int, k: int):
-        """Correct a block of pairs. Returns the largest |dv|, and bits of the large ones."""
-        velocity = s.grains.next_velocity  # assigned one by one: a tuple is read again for every pair
-        contacts = s.contacts
-        kept = s.partial.kept_velocity
-        large = least_monitored_correction(s)
-        zeta, bits = f64(0.0), wp.uint64(0)
-        c = int(begin)
-        while c < end:
-            change = correct(velocity, contacts, kept, c, k + 2 * (c - begin))
-            zeta = larger(zeta, change)
-            bits = (bits << ONE) | wp.where(change > large, ONE, NONE)
-            c += 1
-        return zeta, bits
-
-    return in_blocks(correct_block)
+    return sweep_pairs
 
 
 @wp.func
@@ -134,9 +146,6 @@ def monitor_block(s: Scene, begin: int, end: int, k: int, bits: wp.uint64):
         place = k + 2 * (c - begin)
         monitor(s, i, kept_velocity(kept, place, velocity, i))
         monitor(s, j, kept_velocity(kept, place + 1, velocity, j))
-
-
-sweep_equal, sweep_weighted = sweeping_pairs(False), sweeping_pairs(True)
 
 
 @wp.func
@@ -154,7 +163,7 @@ def correct_driven_wall(s: Scene, c: int, dv_before: f64) -> wp.vec2d:
     return wp.vec2d(found[0], change)
 
 
-def sweeping_walls(driven: bool) -> wp.Function:
+def sweeping_walls(driven: bool, friction: bool) -> wp.Function:
     """Return the function that corrects contacts with walls, in place, and monitors their grains.
 
     It returns the largest change. `driven`: a force drives one of the walls (eq. 29).
@@ -163,6 +172,7 @@ def sweeping_walls(driven: bool) -> wp.Function:
     @wp.func(inline=not driven)
     def sweep_walls(s: Scene, begin: int, end: int) -> f64:
         velocity = s.grains.next_velocity
+        rim = s.grains.next_rim
         contacts = s.contacts
         large = least_monitored_correction(s)
         zeta = f64(0.0)
@@ -178,7 +188,17 @@ def sweeping_walls(driven: bool) -> wp.Function:
                 gap, back = gap_rates_now(contacts, c, v)
                 dv = law.projection(wp.dot(v, n), dv_before, gap, back) - dv_before
                 change = wp.abs(dv)
-            put(velocity, i, v - dv * n)
+            push = dv * n
+            if wp.static(friction):
+                surface, rim_weight = surface_of(s, c), rim_weights(s, c, True)
+                u, dvt_before = at(rim, i), at(contacts.dvt, c)
+                vt = law.speed_along(v, n) + (u - surface[1])
+                dvt = law.friction_correction(rim_weight[0] * vt, dvt_before, surface[0] * (dv_before + dv))
+                push = push + dvt * law.tangent(n)
+                put(rim, i, u - dvt * rim_weight[1])
+                put(contacts.dvt, c, dvt_before + dvt)
+                change = larger(change, wp.abs(dvt))
+            put(velocity, i, v - push)
             put(contacts.dv, c, dv_before + dv)
             zeta = larger(zeta, change)
             if change > large:
@@ -189,33 +209,30 @@ def sweeping_walls(driven: bool) -> wp.Function:
     return sweep_walls
 
 
-sweep_walls, sweep_driven_walls = sweeping_walls(False), sweeping_walls(True)
+def sweeping(friction: bool) -> wp.Function:
+    """Return the stage that corrects the contacts of a set."""
+    sweep_equal, sweep_weighted = sweeping_pairs(False, friction), sweeping_pairs(True, friction)
+    sweep_walls, sweep_driven_walls = sweeping_walls(False, friction), sweeping_walls(True, friction)
 
-
-def correcting_sets(
-    name: str, equal: wp.Function, weighted: wp.Function, walls: wp.Function, driven_walls: wp.Function
-) -> wp.Function:
-    """Return the stage that corrects the contacts of a set, by one of four functions."""
-
-    @named(name)
-    def correct_set(team: Team, s: Scene, k: int):
+    @named(f"sweep{'_with_friction' * friction}")
+    def sweep_set(team: Team, s: Scene, k: int):
         zeta = f64(0.0)
         first_kept = KEPT * partial_index(team, s.partial.zeta.shape[0])
         begin, end = contacts_of(team, s, k)
         if is_wall_set(s, k) and is_driven(s):
-            zeta = driven_walls(s, begin, end)
+            zeta = sweep_driven_walls(s, begin, end)
         elif is_wall_set(s, k):
-            zeta = walls(s, begin, end)
+            zeta = sweep_walls(s, begin, end)
         elif s.contacts.weights.shape[0] > 0:
-            zeta = weighted(s, begin, end, first_kept)
+            zeta = sweep_weighted(s, begin, end, first_kept)
         else:
-            zeta = equal(s, begin, end, first_kept)
+            zeta = sweep_equal(s, begin, end, first_kept)
         update_max(team, s.partial.zeta, zeta)
 
-    return correct_set
+    return sweep_set
 
 
-sweep = correcting_sets("sweep", sweep_equal, sweep_weighted, sweep_walls, sweep_driven_walls)
+sweep, sweep_with_friction = sweeping(False), sweeping(True)
 
 
 @wp.func

@@ -5,7 +5,7 @@ import warp as wp
 from . import law
 from .access import at, put
 from .driven import begin_driven_walls, end_driven_walls
-from .record import Scene
+from .record import Scene, rotates
 from .walls import place_walls
 
 f64 = wp.float64
@@ -21,8 +21,20 @@ def begin_step(s: Scene):
 
 
 @wp.func
+def free_spin(s: Scene, i: int):
+    """Find the rim speed without contacts (eq. 21)."""
+    radius, spin = at(s.grains.radius, i), at(s.grains.spin, i)
+    inertia = law.inertia(at(s.grains.mass, i), radius)
+    if s.scheme.leapfrog != 0:
+        spin = law.leapfrog_spin(spin, s.spin_drag, inertia, s.dt, s.scheme.staggered != 0)
+    else:
+        spin = law.free_spin(spin, s.spin_drag, inertia, s.dt)
+    put(s.grains.free_rim, i, radius * spin)
+
+
+@wp.func
 def free_velocity(s: Scene, i: int):
-    """Compute v* (eqs. 2, 16, 17)."""
+    """Compute v* (eqs. 2, 16, 17), and with friction the speed of the rim."""
     v = at(s.grains.velocity, i)
     m = at(s.grains.mass, i)
     if s.scheme.leapfrog != 0:
@@ -31,17 +43,33 @@ def free_velocity(s: Scene, i: int):
     else:
         v = law.free_velocity(v, s.gravity, s.drag, m, s.dt)
     put(s.grains.free_velocity, i, v)
+    if rotates(s, i):
+        free_spin(s, i)
+
+
+@wp.func
+def turn(s: Scene, i: int):
+    """Take the spin from the rim speed that contacts have corrected, and turn the grain (eq. 24)."""
+    spin = at(s.grains.next_rim, i) / at(s.grains.radius, i)
+    put(s.grains.last_spin, i, at(s.grains.spin, i))
+    put(s.grains.spin, i, spin)
+    put(s.grains.angle, i, at(s.grains.angle, i) + s.dt * spin)
 
 
 @wp.func
 def move(s: Scene, i: int):
-    """Move a grain, or a driven wall, with the velocity that the contacts have corrected (eq. 3)."""
+    """Move a grain, or a driven wall, with the velocity that the contacts have corrected (eq. 3).
+
+    With friction, a grain turns as well.
+    """
     x = at(s.grains.position, i)
     v = at(s.grains.next_velocity, i)
     put(s.grains.last_position, i, x)
     put(s.grains.last_velocity, i, at(s.grains.velocity, i))
     put(s.grains.position, i, x + s.dt * v)
     put(s.grains.velocity, i, v)
+    if rotates(s, i):
+        turn(s, i)
 
 
 @wp.func

@@ -16,13 +16,14 @@ the two would hold a push that no correction has, and that every sweep repeats.
 import warp as wp
 
 from .accelerated import mass_in_phi
-from .access import at, put
-from .contacts import CHUNK, chunks_in, part_count
-from .record import Scene, body_count
+from .access import at, named, put
+from .contacts import CHUNK, chunks_in, contact_count, part_count
+from .record import Scene, body_count, grain_count, has_friction, rotates
 from .stopping import end_iteration
 from .threads import Team, reduce_max, thread_range
 
 f64 = wp.float64
+RELAXATION = wp.constant(f64(0.25))  # by how much a sweep goes too far at beta = 1, at first
 ROUNDING = wp.constant(f64(2.0e-15))
 RELAXATION_BACKOFF = wp.constant(f64(0.8))  # what a rejected sweep leaves of the over-relaxation
 MOMENTUM_BACKOFF = wp.constant(f64(0.5))  # what a stop leaves of t
@@ -56,11 +57,18 @@ def back_off(s: Scene):
 
 
 @wp.func
+def sum_of_parts(s: Scene) -> wp.vec2d:
+    """Return the sums over all contacts that a sweep has taken by parts."""
+    total = wp.vec2d()
+    for k in range(part_count(s)):
+        total = total + at(s.momentum.contact_part, k)
+    return total
+
+
+@wp.func
 def accept_or_reject(s: Scene, zeta: f64):
     """Reject a sweep after which phi has risen; otherwise choose t and beta of the next one."""
-    part = wp.vec2d(f64(0.0), f64(0.0))
-    for k in range(part_count(s)):
-        part = part + at(s.momentum.contact_part, k)
+    part = sum_of_parts(s)
     energy = f64(0.0)
     size = f64(0.0)
     for k in range(chunks_in(body_count(s))):
@@ -104,34 +112,85 @@ def roll_back_velocity(s: Scene, i: int):
 
 @wp.func
 def take_rebuilt_velocity(s: Scene, i: int):
-    """Set a body's velocity to the rebuilt one, and shift the last one by the difference."""
+    """Set the velocity of a body, and that of its rim, to the rebuilt one, and shift the last one as much."""
     rebuilt = at(s.grains.rebuilt_velocity, i)
     last = at(s.momentum.last_velocity, i)
     put(s.momentum.last_velocity, i, last + (rebuilt - at(s.grains.next_velocity, i)))
     put(s.grains.next_velocity, i, rebuilt)
+    if rotates(s, i):
+        rebuilt_rim, last_rim = at(s.grains.rebuilt_rim, i), at(s.momentum.last_rim, i)
+        put(s.momentum.last_rim, i, last_rim + (rebuilt_rim - at(s.grains.next_rim, i)))
+        put(s.grains.next_rim, i, rebuilt_rim)
 
 
 @wp.func
-def extrapolate(team: Team, s: Scene):
-    """Extrapolate the velocities to y, and sum up the kinetic part of phi."""
-    n = body_count(s)
-    grains, contacts = s.grains, s.contacts
-    last_velocity = s.momentum.last_velocity
-    beta = s.momentum.state.beta
-    begin, end = thread_range(team, 0, chunks_in(n))
-    for k in range(begin, end):
-        energy = f64(0.0)
-        size = f64(0.0)
-        i = k * CHUNK
-        stop = wp.min(n, (k + 1) * CHUNK)
-        while i < stop:
-            v = at(grains.next_velocity, i)
-            change = v - at(last_velocity, i)
-            y = v + beta * change
-            put(last_velocity, i, v)
-            put(grains.next_velocity, i, y)
-            m = mass_in_phi(grains, contacts, i)
-            energy = energy + m * wp.dot(change, v + y)
-            size = size + m * wp.dot(v, v)
+def begin_momentum(team: Team, s: Scene):
+    """Empty the working set, and start without momentum unless sweeps are continued."""
+    first, last = thread_range(team, 0, part_count(s))
+    for k in range(first, last):
+        put(s.momentum.contact_part, k, wp.vec2d(f64(0.0), f64(0.0)))
+        put(s.working.range, k, wp.vec2i(0, 0))
+    if s.control.resuming != 0:
+        return
+    i, last = thread_range(team, 0, body_count(s))
+    while i < last:
+        put(s.momentum.last_velocity, i, at(s.grains.next_velocity, i))
+        i += 1
+    c, last = thread_range(team, 0, contact_count(s))
+    while c < last:
+        put(s.momentum.last_dv, c, at(s.contacts.dv, c))
+        c += 1
+    if has_friction(s):
+        i, last = thread_range(team, 0, grain_count(s))
+        while i < last:
+            put(s.momentum.last_rim, i, at(s.grains.next_rim, i))
             i += 1
-        put(s.momentum.grain_part, k, wp.vec2d(energy, size))
+        c, last = thread_range(team, 0, contact_count(s))
+        while c < last:
+            put(s.momentum.last_dvt, c, at(s.contacts.dvt, c))
+            c += 1
+    if team.rank == 0:
+        s.momentum.state.t = f64(1.0)
+        s.momentum.state.beta = f64(0.0)
+        s.momentum.state.relaxation = RELAXATION
+
+
+def extrapolating(friction: bool) -> wp.Function:
+    """Return the stage that extrapolates to y and, without friction, sums the kinetic part of phi."""
+
+    @named(f"extrapolate{'_with_friction' * friction}")
+    def extrapolate(team: Team, s: Scene):
+        n = body_count(s)
+        grains, contacts = s.grains, s.contacts
+        last_velocity = s.momentum.last_velocity
+        last_rim = s.momentum.last_rim
+        beta = s.momentum.state.beta
+        begin, end = thread_range(team, 0, chunks_in(n))
+        for k in range(begin, end):
+            energy = f64(0.0)
+            size = f64(0.0)
+            i = k * CHUNK
+            stop = wp.min(n, (k + 1) * CHUNK)
+            while i < stop:
+                v = at(grains.next_velocity, i)
+                change = v - at(last_velocity, i)
+                y = v + beta * change
+                put(last_velocity, i, v)
+                put(grains.next_velocity, i, y)
+                if wp.static(friction):
+                    if rotates(s, i):
+                        u = at(grains.next_rim, i)
+                        put(grains.next_rim, i, u + beta * (u - at(last_rim, i)))
+                        put(last_rim, i, u)
+                else:
+                    m = mass_in_phi(grains, contacts, i)
+                    energy = energy + m * wp.dot(change, v + y)
+                    size = size + m * wp.dot(v, v)
+                i += 1
+            if wp.static(not friction):
+                put(s.momentum.grain_part, k, wp.vec2d(energy, size))
+
+    return extrapolate
+
+
+extrapolate, extrapolate_with_friction = extrapolating(False), extrapolating(True)

@@ -235,6 +235,18 @@ def is_driven(s: Scene) -> bool:
 
 
 @wp.func
+def rotates(s: Scene, i: int) -> bool:
+    """Return whether a body has a spin: a grain of a scene with friction."""
+    return i < s.grains.spin.shape[0]
+
+
+@wp.func
+def has_friction(s: Scene) -> bool:
+    """Return whether contacts have tangential corrections."""
+    return rotates(s, 0)
+
+
+@wp.func
 def pair_count(s: Scene) -> int:
     """Return the number of listed pairs."""
     return s.contacts.count.pairs

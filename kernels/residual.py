@@ -11,10 +11,11 @@ carry, at most eta each.
 import warp as wp
 
 from . import law
-from .access import at, first_of, gap_rate_of, larger, named, normal_of, put, vn_of
-from .contacts import apply, contact_count, contacts_of, gap_rates_now, is_wall_set
-from .driven import missing_correction, push_wall
-from .record import Scene, is_driven, pair_count
+from .access import at, first_of, gap_rate_of, larger, named, normal_of, put, second_of
+from .contacts import apply, contact_count, contacts_of, gap_rates_now, surface_of, tangential_at
+from .driven import missing_correction
+from .friction import rim_weights
+from .record import Scene, is_driven, pair_count, rotates
 from .threads import Team, thread_range, update_max
 
 f64 = wp.float64
@@ -22,43 +23,65 @@ f64 = wp.float64
 
 @wp.func
 def begin_rebuild(s: Scene, i: int):
-    """Begin with the free velocity of a body."""
+    """Begin with the free velocity of a body, and the free speed of its rim."""
     put(s.grains.rebuilt_velocity, i, at(s.grains.free_velocity, i))
+    if rotates(s, i):
+        put(s.grains.rebuilt_rim, i, at(s.grains.free_rim, i))
 
 
 @wp.func
 def rebuild(team: Team, s: Scene, k: int):
     """Apply the corrections of the contacts of a set."""
     c, end = contacts_of(team, s, k)
-    at_wall = is_wall_set(s, k)
-    contacts = s.contacts
-    velocity = s.grains.rebuilt_velocity
+    contacts, grains = s.contacts, s.grains
     while c < end:
-        apply(contacts, velocity, c, at(contacts.dv, c) * normal_of(contacts.contact, c), at_wall)
-        if at_wall and is_driven(s):
-            push_wall(s, velocity, c, at(contacts.dv, c))
+        dv, dvt = at(contacts.dv, c), tangential_at(contacts.dvt, c)
+        apply(s, grains.rebuilt_velocity, grains.rebuilt_rim, c, normal_of(contacts.contact, c), dv, dvt)
         c += 1
 
 
-@wp.func
-def residual_of(s: Scene, c: int) -> f64:
-    """Return the residual of a contact [m/s]."""
-    velocity, contact, dv = s.grains.rebuilt_velocity, s.contacts.contact, at(s.contacts.dv, c)
-    if c >= pair_count(s):
-        if is_driven(s):
+def measuring(friction: bool) -> wp.Function:
+    """Return the stage that finds the largest residual of a thread's share of the contacts.
+
+    With friction, the residual of a contact is the larger one of its normal and tangential part (eq. 25).
+    """
+
+    @wp.func
+    def residual(s: Scene, c: int) -> f64:
+        """Return the residual of a contact [m/s]."""
+        velocity, contact, dv = s.grains.rebuilt_velocity, s.contacts.contact, at(s.contacts.dv, c)
+        i, j = first_of(contact, c), second_of(contact, c)
+        n, gap = normal_of(contact, c), gap_rate_of(contact, c)
+        v = at(velocity, i)
+        at_wall = c >= pair_count(s)
+        change, compliance = f64(0.0), f64(1.0)
+        if at_wall and is_driven(s):
             change, compliance = missing_correction(s, velocity, c)
-            return compliance * wp.abs(change)
-        v = at(velocity, first_of(contact, c))
-        gap, back = gap_rates_now(s.contacts, c, v)
-        return law.wall_residual(wp.dot(v, normal_of(contact, c)), dv, gap, back)
-    return law.natural_residual(vn_of(velocity, contact, c), dv, gap_rate_of(contact, c))
+        elif at_wall:
+            gap, back = gap_rates_now(s.contacts, c, v)
+            if wp.static(not friction):  # walls have one side where there is friction
+                return law.wall_residual(wp.dot(v, n), dv, gap, back)
+            change = law.pair_correction(wp.dot(v, n), dv, gap)
+        else:
+            v = v - at(velocity, j)
+            change = law.pair_correction(wp.dot(v, n), dv, gap)
+        worst = compliance * wp.abs(change)
+        if wp.static(friction):
+            rim, dvt = s.grains.rebuilt_rim, at(s.contacts.dvt, c)
+            u, mu = at(rim, i), f64(s.friction)
+            if at_wall:
+                surface = surface_of(s, c)
+                u, mu = u - surface[1], surface[0]
+            else:
+                u = u + at(rim, j)
+            share = rim_weights(s, c, at_wall)[0]
+            vt = law.speed_along(v, n) + u
+            slip = law.friction_correction(share * vt, dvt, mu * (dv + change)) / share
+            worst = wp.max(worst, wp.abs(slip))
+        return worst
 
-
-def keeping_worst(name: str, residual: wp.Function) -> wp.Function:
-    """Return the stage that finds the largest residual of a thread's share of the contacts."""
-
-    @named(name)
-    def keep_worst(team: Team, s: Scene):
+    @named(f"measure_residual{'_with_friction' * friction}")
+    def measure(team: Team, s: Scene):
         worst = f64(0.0)
         c, end = thread_range(team, 0, contact_count(s))
         while c < end:
@@ -66,7 +89,7 @@ def keeping_worst(name: str, residual: wp.Function) -> wp.Function:
             c += 1
         update_max(team, s.partial.residual, worst)
 
-    return keep_worst
+    return measure
 
 
-measure_residual = keeping_worst("measure_residual", residual_of)
+measure_residual, measure_with_friction = measuring(False), measuring(True)

@@ -19,7 +19,6 @@ from . import (
     coloring,
     contact_list,
     exact,
-    friction,
     gauss_seidel,
     integrate,
     momentum,
@@ -74,141 +73,98 @@ SEARCH = [
 
 TILES = [Each(grain_count, coloring.gather), Serial(coloring.tile_pairs)]
 
+ORDER = [
+    Serial(coloring.group_pairs),
+    Serial(coloring.place_pairs),
+    If(coloring.is_tiled, TILES),
+    Serial(coloring.place_walls),
+    Each(grain_count, contact_list.transfer_warm_start),
+    Serial(contact_list.find_row_sums),
+]
+"""Sort the list and its corrections into sweeping order."""
 
-def only(wanted: bool, stages: list[Stage]) -> list[Stage]:
-    """Return stages, or none where they are not wanted."""
-    return stages if wanted else []
+WARM_START = [
+    Each(body_count, warm_start.begin_velocity),
+    Sets(warm_start.start),
+    Serial(verlet.clear_check),
+    Serial(verlet.find_frame),
+    Each(body_count, verlet.begin_check),
+    Serial(stopping.begin_iterating),
+]
+"""Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
 
 
-def sweeping_order(has_friction: bool) -> list[Stage]:
-    """Return the stages that sort the list and its corrections into sweeping order."""
+def rebuild(has_friction: bool) -> list[Stage]:
+    """Rebuild the velocities from the corrections, and measure their residual."""
     return [
-        Serial(coloring.group_pairs),
-        Serial(coloring.place_pairs),
-        If(coloring.is_tiled, TILES),
-        Serial(coloring.place_walls),
-        Each(grain_count, contact_list.transfer_warm_start),
-        *only(has_friction, [Each(grain_count, friction.transfer_tangential)]),
-        Serial(contact_list.find_row_sums),
-        *only(has_friction, [Serial(friction.widen_row_sum)]),
+        Each(body_count, residual.begin_rebuild),
+        Sets(residual.rebuild),
+        Shared(residual.measure_with_friction if has_friction else residual.measure_residual),
     ]
 
 
-def warm_started(has_friction: bool) -> list[Stage]:
-    """Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
-    return [
-        Each(body_count, warm_start.begin_velocity),
-        *only(has_friction, [Each(grain_count, friction.begin_rim)]),
-        Sets(friction.start_with_friction if has_friction else warm_start.start),
-        Serial(verlet.clear_check),
-        Serial(verlet.find_frame),
-        Each(body_count, verlet.begin_check),
-        Serial(stopping.begin_iterating),
-    ]
-
-
-REBUILD = [
-    Each(body_count, residual.begin_rebuild),
-    Sets(residual.rebuild),
-    Shared(residual.measure_residual),
-]
-
-REBUILD_WITH_FRICTION = [
-    Each(body_count, residual.begin_rebuild),
-    Each(grain_count, friction.begin_rebuilt_rim),
-    Sets(friction.rebuild_with_friction),
-    Shared(friction.measure_with_friction),
-]
-
-
-def plain_sweeps(sweep: wp.Function, rebuild: list[Stage]) -> list[Stage]:
+def plain_sweeps(has_friction: bool) -> list[Stage]:
     """Return the stages that sweep all contacts until the changes, or the residual, are small."""
     return [
         While(
             sweeping,
             [
-                Sets(sweep),
+                Sets(gauss_seidel.sweep_with_friction if has_friction else gauss_seidel.sweep),
                 Serial(gauss_seidel.end_sweep),
                 If(verlet.is_sampling_due, [Serial(verlet.begin_sampling), Each(body_count, verlet.sample)]),
-                If(measuring, [*rebuild, Serial(stopping.end_measurement)]),
-            ],
-        ),
-    ]
-
-
-GAUSS_SEIDEL = plain_sweeps(gauss_seidel.sweep, REBUILD)
-GAUSS_SEIDEL_WITH_FRICTION = plain_sweeps(friction.sweep_with_friction, REBUILD_WITH_FRICTION)
-
-
-def accelerated_sweeps(has_friction: bool) -> list[Stage]:
-    """Sweep the working set with momentum."""
-    scatter = [
-        Each(part_count, working_set.scatter),
-        *only(has_friction, [Each(part_count, accelerated_friction.scatter_tangential)]),
-    ]
-    check_list = [*scatter, Each(body_count, working_set.check_peak), Serial(stopping.end_list_check)]
-    take_rebuilt = [
-        Each(body_count, momentum.take_rebuilt_velocity),
-        *only(has_friction, [Each(grain_count, accelerated_friction.take_rebuilt_rim)]),
-    ]
-    measure = [
-        *scatter,
-        *(REBUILD_WITH_FRICTION if has_friction else REBUILD),
-        If(stopping.is_rebuild_due, take_rebuilt),
-        Serial(stopping.end_measurement),
-    ]
-    scan = [
-        Sets(working_set.select_set),
-        *only(has_friction, [Each(part_count, accelerated_friction.select_tangential)]),
-        Serial(working_set.end_scan),
-    ]
-    return [
-        Shared(accelerated.begin_momentum),
-        *only(
-            has_friction,
-            [
-                Each(grain_count, accelerated_friction.begin_last_rim),
-                Each(contact_count, accelerated_friction.begin_last_dvt),
-            ],
-        ),
-        While(
-            iterating,
-            [
-                If(checking_list, check_list),
-                If(measuring, measure),
-                If(scanning, scan),
-                If(
-                    sweeping,
-                    [Shared(momentum.extrapolate), *(SWEEP_WITH_FRICTION if has_friction else SWEEP)],
-                ),
+                If(measuring, [*rebuild(has_friction), Serial(stopping.end_measurement)]),
             ],
         ),
     ]
 
 
 SWEEP = [
+    Shared(momentum.extrapolate),
     Sets(accelerated.sweep_ahead),
     Serial(momentum.end_sweep_ahead),
     If(rejected, [Each(part_count, momentum.roll_back), Each(body_count, momentum.roll_back_velocity)]),
 ]
 
 SWEEP_WITH_FRICTION = [
-    Each(grain_count, accelerated_friction.extrapolate_rim),
+    Shared(momentum.extrapolate_with_friction),
     Sets(accelerated_friction.sweep_ahead_with_friction),
     Serial(accelerated_friction.end_capped_sweep),
 ]
 
-ACCELERATED = accelerated_sweeps(False)
+
+def accelerated_sweeps(has_friction: bool) -> list[Stage]:
+    """Sweep the working set with momentum."""
+    scatter = Each(part_count, working_set.scatter)
+    measure = [
+        scatter,
+        *rebuild(has_friction),
+        If(stopping.is_rebuild_due, [Each(body_count, momentum.take_rebuilt_velocity)]),
+        Serial(stopping.end_measurement),
+    ]
+    return [
+        Shared(momentum.begin_momentum),
+        While(
+            iterating,
+            [
+                If(
+                    checking_list,
+                    [scatter, Each(body_count, working_set.check_peak), Serial(stopping.end_list_check)],
+                ),
+                If(measuring, measure),
+                If(scanning, [Sets(working_set.select_set), Serial(working_set.end_scan)]),
+                If(sweeping, SWEEP_WITH_FRICTION if has_friction else SWEEP),
+            ],
+        ),
+    ]
+
 
 ANSWERED = [
-    *REBUILD,
+    *rebuild(False),
     Each(grain_count, exact.take_corrected_velocity),
     Serial(verlet.clear_check),
     Each(grain_count, verlet.begin_peak),
     Serial(stopping.end_correction),
 ]
-
-EXACT = [If(answered, ANSWERED), *ACCELERATED]
 
 
 class Kind(NamedTuple):
@@ -219,76 +175,60 @@ class Kind(NamedTuple):
 
 
 METHODS: dict[Kind, list[Stage]] = {
-    Kind("gauss-seidel", False): GAUSS_SEIDEL,
-    Kind("accelerated", False): ACCELERATED,
-    Kind("exact", False): EXACT,
-    Kind("gauss-seidel", True): GAUSS_SEIDEL_WITH_FRICTION,
+    Kind("gauss-seidel", False): plain_sweeps(False),
+    Kind("accelerated", False): accelerated_sweeps(False),
+    Kind("exact", False): [If(answered, ANSWERED), *accelerated_sweeps(False)],
+    Kind("gauss-seidel", True): plain_sweeps(True),
     Kind("accelerated", True): accelerated_sweeps(True),
 }
 
-
-def save(has_friction: bool) -> list[Stage]:
-    """Keep the list and what its contacts carry, for the next list."""
-    return [
-        Each(grain_count, contact_list.save_row),
-        Each(contact_list.listed_count, contact_list.save_contact),
-        *only(has_friction, [Each(contact_list.listed_count, friction.save_tangential)]),
-    ]
+SAVE = [Each(grain_count, contact_list.save_row), Each(contact_list.listed_count, contact_list.save_contact)]
+"""Keep the list and what its contacts carry, for the next list."""
 
 
-def finish(has_friction: bool) -> list[Stage]:
-    """Move the grains, and report."""
-    return [
-        Each(body_count, integrate.move),
-        *only(has_friction, [Each(grain_count, friction.turn)]),
-        Each(contact_count, warm_start.keep_correction),
-        *only(has_friction, [Each(contact_count, friction.keep_tangential)]),
-        Serial(integrate.end_step),
-        Each(body_count, verlet.remember),
-        Serial(verlet.shift_frame),
-        Shared(statistics.overlaps),
-        Serial(statistics.report),
-        Serial(statistics.add_step),
-        If(recoloring, [*save(has_friction), Serial(contact_list.color_anew)]),
-    ]
+FINISH = [
+    Each(body_count, integrate.move),
+    Each(contact_count, warm_start.keep_correction),
+    Serial(integrate.end_step),
+    Each(body_count, verlet.remember),
+    Serial(verlet.shift_frame),
+    Shared(statistics.overlaps),
+    Serial(statistics.report),
+    Serial(statistics.add_step),
+    If(recoloring, [*SAVE, Serial(contact_list.color_anew)]),
+]
+"""Move the grains, and report."""
 
-
-def expire(has_friction: bool) -> list[Stage]:
-    """Ask for another list."""
-    return [
-        *save(has_friction),
-        Serial(contact_list.expire),
-        Serial(skins.adapt_base_skin),
-        Each(body_count, skins.renew_skin),
-        Serial(skins.renew_numbers),
-    ]
+EXPIRE = [
+    *SAVE,
+    Serial(contact_list.expire),
+    Serial(skins.adapt_base_skin),
+    Each(body_count, skins.renew_skin),
+    Serial(skins.renew_numbers),
+]
+"""Ask for another list."""
 
 
 def step(kind: Kind) -> list[Stage]:
     """Return the stages of one step of a kind."""
-    has_friction = kind.has_friction
-    free = [
-        Each(grain_count, integrate.free_velocity),
-        *only(has_friction, [Each(grain_count, friction.free_spin)]),
-    ]
     return [
         Serial(stopping.begin),
-        If(beginning, [Serial(integrate.begin_step), *free]),
+        If(beginning, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),
         While(
             unsolved,
             [
                 While(searching, SEARCH),
-                If(unordered, sweeping_order(has_friction)),
+                If(unordered, ORDER),
                 Serial(stopping.start_attempt),
                 If(
                     attempting,
                     [
-                        If(starting, warm_started(has_friction)),
+                        If(starting, WARM_START),
                         *METHODS[kind],
                         Each(body_count, verlet.verify),
                         Serial(stopping.judge),
-                        If(accepted, finish(has_friction)),
-                        If(expired, expire(has_friction)),
+                        If(accepted, FINISH),
+                        If(expired, EXPIRE),
                     ],
                 ),
             ],

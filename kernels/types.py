@@ -203,8 +203,10 @@ class Momentum:
     last_dvt: Floats  # tangential ones; empty without friction
     last_rim: Floats  # rim speeds that go with them
     last_velocity: Vectors  # velocities that go with them [m/s]
-    contact_part: Vectors  # cost in phi less gain, and slope of phi along the momentum
-    grain_part: Vectors  # sums of M s.(v + y) and M v.v, where y = v + beta s
+    contact_part: (
+        Vectors  # cost in phi less gain (with friction: MomentumState.change); slope along the momentum
+    )
+    grain_part: Vectors  # sums of M s.(v + y) and M v.v, where y = v + beta s; unused with friction
     state: MomentumState
 
 

@@ -4,18 +4,19 @@ import warp as wp
 
 from . import law
 from .access import at, first_of, put, second_of, set_frame
-from .contacts import apply, contacts_of, is_wall_set
-from .driven import push_wall
-from .record import Scene, grain_count, is_driven, pair_count
+from .contacts import apply, contacts_of, is_wall_set, tangential_at
+from .record import Scene, grain_count, has_friction, pair_count, rotates
 from .threads import Team
 from .walls import surface_speed, wall_frame
 
 
 @wp.func
 def begin_velocity(s: Scene, i: int):
-    """The velocities to correct are the free ones."""
+    """Begin with the free velocity of a body, and the free speed of its rim."""
     if s.control.resuming == 0:
         put(s.grains.next_velocity, i, at(s.grains.free_velocity, i))
+        if rotates(s, i):
+            put(s.grains.next_rim, i, at(s.grains.free_rim, i))
 
 
 @wp.func
@@ -46,15 +47,17 @@ def start(team: Team, s: Scene, k: int):
     while c < end:
         n = freeze(s, c, at_wall)
         if s.control.resuming == 0:
-            dv = at(s.contacts.dv_start, c)
+            dv, dvt = at(s.contacts.dv_start, c), tangential_at(s.contacts.dvt_start, c)
             put(s.contacts.dv, c, dv)
-            apply(s.contacts, s.grains.next_velocity, c, dv * n, at_wall)
-            if at_wall and is_driven(s):
-                push_wall(s, s.grains.next_velocity, c, dv)
+            if has_friction(s):
+                put(s.contacts.dvt, c, dvt)
+            apply(s, s.grains.next_velocity, s.grains.next_rim, c, n, dv, dvt)
         c += 1
 
 
 @wp.func
 def keep_correction(s: Scene, c: int):
-    """Let the next step start with the correction of a contact."""
+    """Let the next step start with the corrections of a contact."""
     put(s.contacts.dv_start, c, at(s.contacts.dv, c))
+    if has_friction(s):
+        put(s.contacts.dvt_start, c, at(s.contacts.dvt, c))

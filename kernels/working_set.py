@@ -26,7 +26,7 @@ from .access import (
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, is_driven, pair_count
+from .record import Scene, has_friction, is_driven, pair_count
 from .stopping import stop_or_sweep
 from .threads import Team, reduce_max, thread_range, update_max
 from .verlet import keep_peak
@@ -66,6 +66,13 @@ def scatter(s: Scene, part: int):
         put(s.contacts.dv, k, at(working.dv, c))
         put(s.momentum.last_dv, k, at(working.last_dv, c))
         c += 1
+    if has_friction(s):
+        c = int(bounds[0])
+        while c < bounds[1]:
+            k = at(working.index, c)
+            put(s.contacts.dvt, k, at(working.dvt, c))
+            put(s.momentum.last_dvt, k, at(working.last_dvt, c))
+            c += 1
 
 
 @wp.func
@@ -165,6 +172,17 @@ select_walls, select_driven_walls = selecting_walls(False), selecting_walls(True
 
 
 @wp.func
+def select_tangential(s: Scene, begin: int, end: int):
+    """Copy the tangential corrections of selected contacts, from index begin to end of the working set."""
+    c = int(begin)
+    while c < end:
+        k = at(s.working.index, c)
+        put(s.working.dvt, c, at(s.contacts.dvt, k))
+        put(s.working.last_dvt, c, at(s.momentum.last_dvt, k))
+        c += 1
+
+
+@wp.func
 def select_set(team: Team, s: Scene, k: int):
     """Select the contacts of a set that are swept, and find the largest violation of the others."""
     violation = f64(0.0)
@@ -183,6 +201,8 @@ def select_set(team: Team, s: Scene, k: int):
         else:
             after, worst = select_pairs(s, begin, end)
         violation = larger(violation, worst)
+        if has_friction(s):
+            select_tangential(s, begin, after)
         put(s.working.range, part + chunk, wp.vec2i(begin, after))
     update_max(team, s.partial.zeta, violation)
 

@@ -13,11 +13,11 @@ from warpgrains.kernels.conditions import searching
 from warpgrains.kernels.record import WITHOUT_ROOM, Phase, grain_count
 from warpgrains.kernels.record import Scene as SceneOnDevice
 from warpgrains.kernels.stages import Each, Serial, While
-from warpgrains.kernels.step import SEARCH, save, sweeping_order
+from warpgrains.kernels.step import ORDER, SAVE, SEARCH
 
 N, WIDE, NARROW, NOTHING = 120, 0.35, 0.05, 0.0
-EXPIRE = [*save(False), Serial(contact_list.expire)]
-LISTED = [While(searching, SEARCH), *sweeping_order(False)]
+EXPIRE = [*SAVE, Serial(contact_list.expire)]
+LISTED = [While(searching, SEARCH), *ORDER]
 NOW, START, LAST = "contacts.dv", "contacts.dv_start", "momentum.last_dv"
 Bodies = tuple[int, int]  # a grain, and another one or the wall, which is body N
 
@@ -184,11 +184,11 @@ def test_new_colors_are_asked_for_once() -> None:
     carried, control = listed.carried(), listed.record.record["control"]
     control["recoloring"], control["unordered"] = 1, 0
     listed.record["workspace.old.start"][:], listed.record["workspace.old_place"][:] = -7, -7
-    listed.record.run(*save(False), Serial(contact_list.color_anew))
+    listed.record.run(*SAVE, Serial(contact_list.color_anew))
     assert (control["recoloring"], control["unordered"]) == (0, 1)
     assert np.array_equal(listed.record["workspace.old.start"], listed.record["neighbors.start"])
     listed.record[NOW][:] = np.nan
-    listed.record.run(*sweeping_order(False))
+    listed.record.run(*ORDER)
     assert listed.carried() == carried
 
 
