@@ -24,7 +24,7 @@ INTERRUPTED = 130
 NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 STDIN, STDOUT, STDERR = 0, 1, 2
-_ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def in_columns(rows: Mapping[str, object]) -> str:
@@ -205,4 +205,4 @@ def _redirected(stream: int, target: int) -> Iterator[None]:
 def _flush() -> None:
     sys.stdout.flush()
     sys.stderr.flush()
-    ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)
+    ctypes.CDLL(None).fflush(None)
