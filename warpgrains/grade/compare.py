@@ -15,6 +15,7 @@ counts. It may take another number of iterations if zeta equals the tolerance up
 iterations that both have done are compared.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ DOUBLE, FLOAT = (float(np.finfo(kind).eps) for kind in (np.float64, np.float32))
 """Relative rounding errors of double and float."""
 
 _ROUNDINGS = 32
-_UPDATE_ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")
+_ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")  # corrections cause the rest
 
 
 class Difference(NamedTuple):
@@ -79,7 +80,7 @@ class _Comparison:
             return self._first_of_iteration()
         first = self._first_before_end()
         if self._found.calls == self._expected.calls:
-            return first or self._first_in_state(_UPDATE_ORDER)
+            return first or self._first_in("state", _ORDER)
         if first or self._may_end_differently():
             return first
         calls = Words("number of calls of femGrainsContactIterate")
@@ -97,8 +98,7 @@ class _Comparison:
         return abs(excess[0]) <= self._speed and bool(np.all(excess[:-1] >= -self._speed))
 
     def _first_of_iteration(self) -> Difference | None:
-        first = self._first_in_state(("dvContacts", "dvBoundary"))
-        first = first or self._first_in_state(("vx", "vy", "x", "y", "r", "m"))
+        first = self._first_in("state", _ORDER)
         if first is None and self._probe.call.iteration > 0:  # zeta of the first one is undefined
             return self._of_zeta(self._expected.zeta, self._found.zeta, self._probe.call.iteration)
         return first
@@ -109,22 +109,13 @@ class _Comparison:
 
     def _first_before_end(self) -> Difference | None:
         """Compare the start, the arguments and the results of the iterations."""
-        n = self._probe.call.n
         if self._found.calls == 0:
             return None
-        for k, name in enumerate(("x", "y", "vx", "vy")):
-            part = slice(k * n, (k + 1) * n)
-            most = self._length if k < 2 else self._speed
-            wrong = np.flatnonzero(~_same(self._expected.before[part], self._found.before[part], most))
-            if wrong.size:
-                i = int(wrong[0])
-                values = (self._expected.before[part][i], self._found.before[part][i])
-                quantity = Words("{entry} before the iterations", entry=f"{name}[{i}]")
-                return self._difference(quantity, *values)
-        for k, (of_reference, of_homework) in enumerate(
-            zip(self._expected.record, self._found.record, strict=False)
-        ):
-            (right, dt, zeta), (iteration, with_dt, returned) = of_reference, of_homework
+        first = self._first_in("before", FIELDS[:4])
+        if first:
+            return first
+        both = zip(self._expected.record, self._found.record, strict=False)
+        for k, ((right, dt, zeta), (iteration, with_dt, returned)) in enumerate(both):
             if (iteration > 0) != (right > 0):
                 quantity = Words("iter in call {call} of femGrainsContactIterate", call=k + 1)
                 return self._difference(quantity, right, iteration)
@@ -136,18 +127,23 @@ class _Comparison:
                 return first
         return None
 
-    def _first_in_state(self, names: tuple[str, ...]) -> Difference | None:
+    def _first_in(self, attribute: str, names: Sequence[str]) -> Difference | None:
+        """Compare named arrays in an attribute of the answers, `before` or `state`."""
         n = self._probe.call.n
+        all_expected, all_found = getattr(self._expected, attribute), getattr(self._found, attribute)
         for name in names:
             k = FIELDS.index(name)
             part = slice(k * n, (k + 1) * n if k < 7 else None)
-            expected, found = self._expected.state[part], self._found.state[part]
+            expected, found = all_expected[part], all_found[part]
             wrong = np.flatnonzero(~_same(expected, found, self._length if k < 2 else self._speed))
             if wrong.size:
                 i = int(wrong[0])
                 entry = f"{name}[{i}]"
-                contact = self._contact(name, i)
-                return self._difference(Words(entry, entry), expected[i], found[i], contact=contact)
+                is_before = attribute == "before"
+                quantity = (
+                    Words("{entry} before the iterations", entry=entry) if is_before else Words(entry, entry)
+                )
+                return self._difference(quantity, expected[i], found[i], contact=self._contact(name, i))
         return None
 
     def _contact(self, name: str, index: int) -> Words | None:
@@ -174,12 +170,10 @@ class _Comparison:
         iteration: int | None = None,
         contact: Words | None = None,
     ) -> Difference:
-        probe = self._probe
-        if iteration is None and probe.call.iteration >= 0:
-            iteration = probe.call.iteration
-        return Difference(
-            probe.scene, probe.step, iteration, contact, quantity, float(expected), float(found)
-        )
+        scene, step, call = self._probe
+        if iteration is None and call.iteration >= 0:
+            iteration = call.iteration
+        return Difference(scene, step, iteration, contact, quantity, float(expected), float(found))
 
 
 def _same(expected: FloatArray, found: FloatArray, most: float) -> np.ndarray:

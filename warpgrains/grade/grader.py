@@ -15,10 +15,10 @@ from time import monotonic
 
 from warpgrains.errors import InputError
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
-from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, CompileError, Compiler, read_homework
+from warpgrains.grade.compiler import WITHOUT, CompileError, Compiler, read_homework
 from warpgrains.grade.diagnosis import Model, hint_of
 from warpgrains.grade.probes import Probe, make_probes
-from warpgrains.grade.sandbox import DEFAULT, Answer, Child, EndedError, Function, Limits, Processes
+from warpgrains.grade.sandbox import CONTACT, DEFAULT, UPDATE, Answer, Child, EndedError, Limits, Processes
 from warpgrains.grade.verdict import BOTH, NOTHING, Part, Shown, Verdict
 from warpgrains.grade.words import Words
 from warpgrains.reference.reference import SOURCE
@@ -119,7 +119,7 @@ class Grader:
         folder = self._folder / "run"
         try:
             library, _ = self._compiler.compile_homework(read_homework(source), folder)
-            child = self._child({name: Function(library, name) for name in (UPDATE, CONTACT)}, self._limits)
+            child = self._child(dict.fromkeys((UPDATE, CONTACT), library), self._limits)
         except (CompileError, EndedError) as error:
             raise InputError(f"'{source}' cannot be run: {error}") from None
         if child.updates and child.iterates:
@@ -163,7 +163,7 @@ class Grader:
             return Part(name, "does not compile")
         if not may_run:
             return Part(name, "not run")
-        own = {each: Function(libraries[name], each) for each in (UPDATE, CONTACT) if name in (each, BOTH)}
+        own = {each: libraries[name] for each in (UPDATE, CONTACT) if name in (each, BOTH)}
         answers: dict[int, Answer] = {}
         warnings: tuple[Words, ...] = ()
         ends: dict[str, tuple[int, EndedError]] = {}  # the probe at which it ended, by scene
@@ -248,14 +248,9 @@ class Grader:
         remark = Words("it differs as if float were used: use double" if is_float else _UNKNOWN)
         return replace(part, hint=hint_of(first, function == CONTACT), remark=remark)
 
-    def _child(
-        self, functions: Mapping[str, Function], limits: Limits = DEFAULT, until: float = inf
-    ) -> Child:
+    def _child(self, own: dict[str, Path], limits: Limits = DEFAULT, until: float = inf) -> Child:
         """Start a child process with some functions of the homework and the others of the reference."""
-        update, contact = (
-            functions.get(name, Function(self._reference[name], name)) for name in (UPDATE, CONTACT)
-        )
-        return Child(self._program, update, contact, self._processes, limits, until)
+        return Child(self._program, self._reference | own, self._processes, limits, until)
 
 
 def _warnings(child: Child) -> tuple[Words, ...]:

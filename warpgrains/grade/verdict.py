@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from warpgrains.grade.compare import Difference
 from warpgrains.grade.diagnosis import Hint, Mistake
-from warpgrains.grade.sandbox import Answer, Call
+from warpgrains.grade.sandbox import CONTACT, FIELDS, UPDATE, Answer, Call
 from warpgrains.grade.words import Words, in_language
 
 BOTH = "both together"
@@ -14,9 +14,8 @@ MOST_SHOWN = 3  # largest number of grains of a scene that is printed
 
 NOTHING = Words("", "")
 
-_PARTS = ("femGrainsUpdate", "femGrainsContactIterate", BOTH)
+_PARTS = (UPDATE, CONTACT, BOTH)
 _COLORS = {"right": "32", "not run": "33"}  # red by default
-_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
 class Shown(NamedTuple):
@@ -31,21 +30,16 @@ class Shown(NamedTuple):
         """Return the scene before the call as a table: column names, then one row per grain."""
         arrays = self.call.state[: 7 * self.call.n].reshape(7, -1).T
         rows = [[str(i), *(f"{value:.6g}" for value in row)] for i, row in enumerate(arrays)]
-        return [["", *_GRAIN], *rows]
+        return [["", *FIELDS[:7]], *rows]
 
     def numbers(self) -> Words:
         """Return the parameters of the scene as C assignments."""
         call = self.call
-        numbers = {
-            **({"iter": call.iteration} if call.iteration >= 0 else {}),
-            "dt": call.dt,
-            **({} if call.iteration >= 0 else {"tol": call.tolerance, "iterMax": call.max_iterations}),
-            "radiusIn": call.radius_in,
-            "radiusOut": call.radius_out,
-            "gravity[0]": call.gravity[0],
-            "gravity[1]": call.gravity[1],
-            "gamma": call.drag,
-        }
+        numbers: dict[str, float] = {"iter": call.iteration} if call.iteration >= 0 else {}
+        numbers |= {"dt": call.dt}
+        numbers |= {"tol": call.tolerance, "iterMax": call.max_iterations} if call.iteration < 0 else {}
+        numbers |= {"radiusIn": call.radius_in, "radiusOut": call.radius_out}
+        numbers |= {"gravity[0]": call.gravity[0], "gravity[1]": call.gravity[1], "gamma": call.drag}
         corrections = call.state[7 * call.n :]
         numbers |= {f"dvContacts[{k}]": value for k, value in enumerate(corrections) if value}
         text = ", ".join(f"{name} = {value:.6g}" for name, value in numbers.items())
@@ -96,6 +90,14 @@ class Part:
     def first(self) -> Words | None:
         """The first error."""
         return next(filter(None, self.scenes.values()), None) or self.ended
+
+    @property
+    def words(self) -> list[Words]:
+        """A short word on each scene, for a table."""
+        return [
+            wrong if wrong == "not run" else Words("wrong" if wrong else "right")
+            for wrong in self.scenes.values()
+        ]
 
     def advice(self) -> list[tuple[Words, Words]]:
         """Return the mistakes, equations of the text and suggested checks, each with its heading."""
@@ -149,6 +151,11 @@ class Verdict:
             return Words("does not compile")
         return Words("right" if all(part.status == "right" for part in self.parts) else "wrong")
 
+    @property
+    def scenes(self) -> list[str]:
+        """Names of the scenes in which the homework was called."""
+        return list(next((part.scenes for part in self.parts if part.scenes), {}))
+
     def reported_parts(self) -> list[Part]:
         """Return the parts to report: both functions together only if each alone is right."""
         alone = [part for part in self.parts if part.name != BOTH]
@@ -177,13 +184,11 @@ class Verdict:
         return "\n".join(lines)
 
     def _table(self, color: bool, language: str) -> list[str]:
-        scenes = list(next((part.scenes for part in self.parts if part.scenes), {}))
         names = [str(in_language(Words(part.name), language)) for part in self.parts]
         width = max(map(len, names)) + 2
-        lines = ["".join([" " * width, *(f"{scene:<14}" for scene in scenes)]).rstrip()]
+        lines = ["".join([" " * width, *(f"{scene:<14}" for scene in self.scenes)]).rstrip()]
         for name, part in zip(names, self.parts, strict=True):
-            words = [word_of(part.scenes[scene]) for scene in scenes] if part.scenes else [Words(part.status)]
-            told = [(str(in_language(word, language)), word) for word in words]
+            told = [(str(in_language(w, language)), w) for w in part.words or [Words(part.status)]]
             cells = [_colored(said, word, color) + " " * (14 - len(said)) for said, word in told]
             lines.append("".join([f"{name:<{width}}", *cells]).rstrip())
         return lines
@@ -233,16 +238,10 @@ class Verdict:
         """Return the first error on one line; empty if there is none."""
         if self.problem or self.status == "right":
             return self.problem
-        errors = (line for line in self.compiler.splitlines() if "error" in line)
-        first = next((part.first for part in self.parts if part.first), None)
-        if self.status == "does not compile":
-            return next(errors, "") or str(in_language(first or "", language))
-        return str(in_language(first or "", language))
-
-
-def word_of(wrong: Words) -> Words:
-    """Return the short word for an error in a table."""
-    return wrong if wrong == "not run" else Words("wrong" if wrong else "right")
+        errors = [line for line in self.compiler.splitlines() if "error" in line]
+        if self.status == "does not compile" and errors:
+            return errors[0]
+        return str(in_language(next((part.first for part in self.parts if part.first), ""), language))
 
 
 def _colored(said: str, word: str, color: bool) -> str:
