@@ -23,7 +23,7 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.grade.probes import Probe
 from warpgrains.grade.sandbox import FIELDS, Answer
-from warpgrains.grade.words import Words, joined
+from warpgrains.grade.words import Words
 
 DOUBLE, FLOAT = (float(np.finfo(kind).eps) for kind in (np.float64, np.float32))
 """Relative rounding errors of double and float."""
@@ -33,23 +33,21 @@ _ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")  # correct
 
 
 class Difference(NamedTuple):
-    """The first difference from the reference: its `quantity`, such as "vx[3]", and its place in the run."""
+    """The first difference from the reference, in a `quantity` such as "vx[3]"."""
 
-    scene: str
-    step: int
-    iteration: int | None
-    contact: Words | None
+    probe: Probe
     quantity: Words
     expected: float
     found: float
+    iteration: int | None = None
+    """Iteration of a call of femGrainsUpdate."""
+    contact: Words | None = None
 
     def words(self) -> Words:
         """Return a sentence with the expected and the actual value."""
-        place = [Words("scene {scene}", scene=self.scene), Words("step {step}", step=self.step)]
-        place += [] if self.iteration is None else [Words("iteration {iteration}", iteration=self.iteration)]
-        place += [] if self.contact is None else [self.contact]
+        place = self.probe.place(self.iteration, self.contact)
         expected, found = _distinct_digits(self.expected, self.found)
-        values = {"place": joined(place), "quantity": self.quantity, "found": found, "expected": expected}
+        values = {"place": place, "quantity": self.quantity, "found": found, "expected": expected}
         return Words("{place}: {quantity} is {found}, expected {expected}", **values)
 
 
@@ -75,16 +73,19 @@ class _Comparison:
         self._length = call.dt * self._speed + rounding * call.radius_out
 
     def first(self) -> Difference | None:
-        probe = self._probe
-        if probe.call.iteration >= 0:
-            return self._first_of_iteration()
+        iteration = self._probe.call.iteration
+        if iteration >= 0:
+            first = self._first_in("state", _ORDER)
+            if first or iteration == 0:  # where zeta is undefined
+                return first
+            return self._of_zeta(self._expected.zeta, self._found.zeta, iteration)
         first = self._first_before_end()
         if self._found.calls == self._expected.calls:
             return first or self._first_in("state", _ORDER)
         if first or self._may_end_differently():
             return first
         calls = Words("number of calls of femGrainsContactIterate")
-        return self._difference(calls, self._expected.calls, self._found.calls)
+        return Difference(self._probe, calls, self._expected.calls, self._found.calls)
 
     def _may_end_differently(self) -> bool:
         """Return whether the step may take another number of iterations than the reference."""
@@ -97,15 +98,9 @@ class _Comparison:
         excess = longer.record[shorter.calls - 1 :, 2] - call.tolerance
         return abs(excess[0]) <= self._speed and bool(np.all(excess[:-1] >= -self._speed))
 
-    def _first_of_iteration(self) -> Difference | None:
-        first = self._first_in("state", _ORDER)
-        if first is None and self._probe.call.iteration > 0:  # zeta of the first one is undefined
-            return self._of_zeta(self._expected.zeta, self._found.zeta, self._probe.call.iteration)
-        return first
-
     def _of_zeta(self, expected: float, found: float, iteration: int) -> Difference | None:
         same = _same(np.array([expected]), np.array([found]), self._speed)[0]
-        return None if same else self._difference(Words("zeta", "zeta"), expected, found, iteration)
+        return None if same else Difference(self._probe, Words("zeta", "zeta"), expected, found, iteration)
 
     def _first_before_end(self) -> Difference | None:
         """Compare the start, the arguments and the results of the iterations."""
@@ -118,10 +113,10 @@ class _Comparison:
         for k, ((right, dt, zeta), (iteration, with_dt, returned)) in enumerate(both):
             if (iteration > 0) != (right > 0):
                 quantity = Words("iter in call {call} of femGrainsContactIterate", call=k + 1)
-                return self._difference(quantity, right, iteration)
+                return Difference(self._probe, quantity, right, iteration)
             if with_dt != dt:
                 quantity = Words("dt in call {call} of femGrainsContactIterate", call=k + 1)
-                return self._difference(quantity, dt, with_dt)
+                return Difference(self._probe, quantity, dt, with_dt)
             first = self._of_zeta(zeta, returned, k) if right > 0 else None
             if first:
                 return first
@@ -139,11 +134,11 @@ class _Comparison:
             if wrong.size:
                 i = int(wrong[0])
                 entry = f"{name}[{i}]"
-                is_before = attribute == "before"
-                quantity = (
-                    Words("{entry} before the iterations", entry=entry) if is_before else Words(entry, entry)
-                )
-                return self._difference(quantity, expected[i], found[i], contact=self._contact(name, i))
+                quantity = Words(entry, entry)
+                if attribute == "before":
+                    quantity = Words("{entry} before the iterations", entry=entry)
+                contact = self._contact(name, i)
+                return Difference(self._probe, quantity, expected[i], found[i], contact=contact)
         return None
 
     def _contact(self, name: str, index: int) -> Words | None:
@@ -161,19 +156,6 @@ class _Comparison:
         if name != "dvBoundary" and not wall:
             return Words("grain {i}", i=index)
         return Words("grain {i} at the inner wall" if wall < 0.0 else "grain {i} at the outer wall", i=index)
-
-    def _difference(
-        self,
-        quantity: Words,
-        expected: float,
-        found: float,
-        iteration: int | None = None,
-        contact: Words | None = None,
-    ) -> Difference:
-        scene, step, call = self._probe
-        if iteration is None and call.iteration >= 0:
-            iteration = call.iteration
-        return Difference(scene, step, iteration, contact, quantity, float(expected), float(found))
 
 
 def _same(expected: FloatArray, found: FloatArray, most: float) -> np.ndarray:

@@ -82,19 +82,19 @@ def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
     }
 
 
-def hint_of(first: Difference | None, is_iteration: bool) -> Hint:
+def hint_of(first: Difference | None) -> Hint:
     """Return the hint for the equation of the first wrong value, or for indices beyond `dvContacts`."""
     groups = (each for group in _table()["group"] for each in (group, group.get("wall", {})))
-    entry = _entry(first, is_iteration) if first else "index"
+    entry = _entry(first) if first else "index"
     return next(_hint(group) for group in groups if entry in group.get("shows", ()))
 
 
-def _entry(first: Difference, is_iteration: bool) -> str:
+def _entry(first: Difference) -> str:
     """Return the name of a wrong value in the lists `shows`."""
-    entry = first.quantity.partition("[")[0]
-    if not is_iteration:
+    entry, iteration = first.quantity.partition("[")[0], first.probe.call.iteration
+    if iteration < 0:
         return "free" if "before" in first.quantity else "position" if entry in ("x", "y") else "loop"
-    if first.iteration == 0:
+    if iteration == 0:
         return "iter"
     return "wall" if entry in ("vx", "vy") and "wall" in (first.contact or "") else entry
 

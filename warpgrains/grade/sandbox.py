@@ -166,27 +166,18 @@ class Call(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Result of a call.
-
-    Attributes
-    ----------
-    zeta : float
-        Return value of femGrainsContactIterate [m/s].
-    calls : int
-        Number of calls of femGrainsContactIterate by femGrainsUpdate.
-    state : ndarray
-        Arrays of the struct after the call.
-    before : ndarray
-        x, y, vx, vy before the first of these calls, shape (4 n,).
-    record : ndarray
-        iter, dt and zeta of the recorded calls, shape (calls or fewer, 3).
-    """
+    """Result of a call."""
 
     zeta: float
+    """Return value of femGrainsContactIterate [m/s]."""
     calls: int
+    """Number of calls of femGrainsContactIterate by femGrainsUpdate."""
     state: FloatArray
+    """Arrays of the struct after the call."""
     before: FloatArray
+    """x, y, vx, vy before the first of these calls, shape (4 n,)."""
     record: FloatArray
+    """iter, dt and zeta of the recorded calls, shape (calls or fewer, 3)."""
 
     def __eq__(self, other: object) -> bool:
         """Return whether all bits are equal."""

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from warpgrains.grade.compare import Difference
 from warpgrains.grade.diagnosis import Hint, Mistake
 from warpgrains.grade.sandbox import CONTACT, FIELDS, UPDATE, Answer, Call
 from warpgrains.grade.words import Words, in_language
@@ -21,7 +20,6 @@ _COLORS = {"right": "32", "not run": "33"}  # red by default
 class Shown(NamedTuple):
     """The smallest scene with a wrong answer."""
 
-    difference: Difference
     call: Call
     expected: Answer
     found: Answer
@@ -48,43 +46,27 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """Verdict on one function, or on both together.
-
-    Attributes
-    ----------
-    name, status : str
-        Status: right, wrong, missing, does not compile, or not run.
-    scenes : mapping
-        What is wrong in each scene, as text; empty if nothing is.
-    ended : Words or None
-        What the homework did instead of answering, and at which call.
-    mistakes : tuple of Mistake
-        Mistakes that together explain all wrong values.
-    hint : Hint or None
-        The equation of the first wrong value, if no mistakes explain all values.
-    remark : Words
-        A further remark; may be empty.
-    shown : Shown or None
-        The smallest scene with a wrong value.
-    printed : str
-        The beginning of the homework's output.
-    warnings : tuple of Words
-        Forbidden features that do not change the grade.
-    values : bytes
-        All answers of a single function, if any answer is wrong.
-    """
+    """Verdict on one function, or on both together."""
 
     name: str
     status: str
+    """One of: right, wrong, missing, does not compile, not run."""
     scenes: Mapping[str, Words] = field(default_factory=dict)
+    """What is wrong in each scene; empty if nothing is."""
     ended: Words | None = None
+    """What the homework did instead of answering, and at which call."""
     mistakes: tuple[Mistake, ...] = ()
+    """Mistakes that together explain all wrong values."""
     hint: Hint | None = None
+    """The equation of the first wrong value, if no mistakes explain all values."""
     remark: Words = NOTHING
     shown: Shown | None = None
     printed: str = ""
+    """The beginning of the homework's output."""
     warnings: tuple[Words, ...] = ()
+    """Forbidden features that do not change the grade."""
     values: bytes = b""
+    """All answers of a single function, if any answer is wrong."""
 
     @property
     def first(self) -> Words | None:
@@ -114,33 +96,21 @@ def _advice(hint: Hint) -> list[tuple[Words, Words]]:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on a homework.
-
-    Attributes
-    ----------
-    file : str
-    compiler : str
-        The compiler's messages.
-    parts : tuple of Part
-        femGrainsUpdate, femGrainsContactIterate, and both; empty if it does not compile.
-    warnings : tuple of Words
-        Forbidden features that do not change the grade.
-    problem : str
-        Reason why the file cannot be read; empty if it can.
-    values : str
-        A hash that two homeworks share if their wrong values are bit-identical; empty if all values are
-        right.
-    seconds : float
-        Wall time [s].
-    """
+    """Verdict on a homework."""
 
     file: str
     compiler: str = ""
+    """The compiler's messages."""
     parts: tuple[Part, ...] = ()
+    """femGrainsUpdate, femGrainsContactIterate, and both; empty if it does not compile."""
     warnings: tuple[Words, ...] = ()
+    """Forbidden features that do not change the grade."""
     problem: str = ""
+    """Reason why the file cannot be read; empty if it can."""
     values: str = ""
+    """A hash that two homeworks share if their wrong values are bit-identical; empty without wrong values."""
     seconds: float = 0.0
+    """Wall time [s]."""
 
     @property
     def status(self) -> Words:
