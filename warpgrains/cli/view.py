@@ -22,7 +22,7 @@ from warpgrains.view.players import Live, Player, Recorded
 def view(arguments: Namespace) -> bool:
     """Serve the page until Ctrl-C."""
     try:
-        from warpgrains.view.page import Page
+        from warpgrains.view.page import KEYS, Page
     except ModuleNotFoundError as error:
         raise missing_extra("view", error, "view") from error
     port = checks.whole_number("--port", arguments.port, most=65535)
@@ -35,9 +35,9 @@ def view(arguments: Namespace) -> bool:
             player = _homework(arguments, held)
         else:
             player = _recorded(arguments) if is_recorded else _live(arguments)
-        keys = "R run, S stop, N one step, 0 restart; Ctrl-C here ends it"
+        keys = ", ".join(f"{key} {name}" for key, name in KEYS.items())
         with suppress(KeyboardInterrupt):
-            Page(player, port).run(lambda url: print(f"{url} ({keys})", flush=True))
+            Page(player, port).run(lambda url: print(f"{url} ({keys}; Ctrl-C here ends it)", flush=True))
     return False
 
 
