@@ -8,7 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import in_columns, progress_bar, start_warp, stdout_to_stderr
+from warpgrains.console import in_columns, progress_bar, stdout_to_stderr
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
@@ -16,6 +16,7 @@ from warpgrains.simulation.until import name_and_bounds
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder, Tables
+from warpgrains.warp_start import find_device, start_warp
 
 if TYPE_CHECKING:
     from warpgrains.sweep.plot import SweepPlot
@@ -106,7 +107,6 @@ def _finish(
     with progress_bar(total, total - len(left), unit="run", bar_format=_BAR) as bar:
         if arguments.scheduler is None and arguments.slurm is None:
             start_warp()
-            from warpgrains.solver.tuning import find_device
             from warpgrains.sweep.runner import finish_runs
 
             find_device(execution.device)

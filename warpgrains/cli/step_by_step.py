@@ -12,12 +12,13 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from warpgrains.console import STDIN, start_warp
+from warpgrains.console import STDIN
 from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path, table_text, write_atomically
 from warpgrains.locks import lock_own
 from warpgrains.scene.scene import Scene
 from warpgrains.solver.statistics import StepReport
+from warpgrains.warp_start import start_warp
 
 _KEYS = "N: next step   R: run   S: stop   Q: quit"
 _COLUMNS = ("step", "time [s]", "iterations", "zeta [m/s]", "residual [m/s]", "contacts", "overlap [m]")

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warpgrains.cli.sandboxed import run_sandboxed
-from warpgrains.console import in_columns, start_warp, stdout_to_stderr
+from warpgrains.console import in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import FILMS, require_drawing
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.files import require_writable_path
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.scene.scene import Scene
+from warpgrains.warp_start import start_warp
 
 if TYPE_CHECKING:
     from warpgrains.analysis.compress import Packing

@@ -6,7 +6,6 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from warpgrains.console import start_warp
 from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.grade.grader import Grader
@@ -17,6 +16,7 @@ from warpgrains.scene.scene import Scene
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.view.homework import Homework
 from warpgrains.view.players import Live, Player, Recorded
+from warpgrains.warp_start import start_warp
 
 
 def view(arguments: Namespace) -> bool:

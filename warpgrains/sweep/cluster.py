@@ -16,11 +16,12 @@ from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import exit_on_interrupt, start_warp
+from warpgrains.console import exit_on_interrupt
 from warpgrains.errors import InputError, missing_extra
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
 from warpgrains.sweep.sweep import Run
 from warpgrains.sweep.sweep_folder import SweepFolder
+from warpgrains.warp_start import start_warp
 
 if TYPE_CHECKING:
     from distributed import Client, Future
