@@ -81,7 +81,7 @@ def grade(arguments: Namespace) -> int:
         print(json.dumps(told if is_class else told[0]))
     else:
         print(_lines(verdicts, table, site) if is_class else verdicts[0].text(_has_color(), arguments.lang))
-    return max(RESULTS.get(str(verdict.status), NOT_GRADED) for verdict in verdicts)
+    return max(RESULTS.get(verdict.status, NOT_GRADED) for verdict in verdicts)
 
 
 def _write_pages(folder: Path, verdicts: list[Verdict], language: str, is_class: bool) -> None:

@@ -104,7 +104,7 @@ class Pages:
         return f"<span{kind}>{self._say(cell)}</span>" if kind else self._say(cell)
 
     def _say(self, text: object) -> str:
-        return escape(str(in_language(text, self._language)))
+        return escape(in_language(text, self._language))
 
     def _page(self, title: str, parts: Sequence[str]) -> str:
         head = f'<!doctype html><html lang="{self._language}"><head><meta charset="utf-8">{GENERATOR}'

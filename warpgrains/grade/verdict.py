@@ -136,7 +136,7 @@ class Verdict:
         """Return the verdict as text for people."""
 
         def say(text: object) -> str:
-            return _printable(str(in_language(text, language)))
+            return _printable(in_language(text, language))
 
         def paragraph(heading: str, said: Words) -> str:
             return say(Words("{heading}: {said}", heading=Words(heading), said=said))
@@ -154,11 +154,11 @@ class Verdict:
         return "\n".join(lines)
 
     def _table(self, color: bool, language: str) -> list[str]:
-        names = [str(in_language(Words(part.name), language)) for part in self.parts]
+        names = [in_language(Words(part.name), language) for part in self.parts]
         width = max(map(len, names)) + 2
         lines = ["".join([" " * width, *(f"{scene:<14}" for scene in self.scenes)]).rstrip()]
         for name, part in zip(names, self.parts, strict=True):
-            told = [(str(in_language(w, language)), w) for w in part.words or [Words(part.status)]]
+            told = [(in_language(w, language), w) for w in part.words or [Words(part.status)]]
             cells = [_colored(said, word, color) + " " * (14 - len(said)) for said, word in told]
             lines.append("".join([f"{name:<{width}}", *cells]).rstrip())
         return lines
@@ -193,7 +193,7 @@ class Verdict:
         status = {part.name: part.status for part in self.parts}
 
         def say(texts: Any) -> str:
-            return "; ".join(str(in_language(text, language)) for text in texts)
+            return "; ".join(in_language(text, language) for text in texts)
 
         return {
             "file": self.file,
@@ -211,7 +211,7 @@ class Verdict:
         errors = [line for line in self.compiler.splitlines() if "error" in line]
         if self.status == "does not compile" and errors:
             return errors[0]
-        return str(in_language(next((part.first for part in self.parts if part.first), ""), language))
+        return in_language(next((part.first for part in self.parts if part.first), ""), language)
 
 
 def _colored(said: str, word: str, color: bool) -> str:
