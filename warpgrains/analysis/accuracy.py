@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.simulation.simulation import Simulation
 
 
@@ -67,7 +67,7 @@ def certify(simulation: Simulation) -> ErrorBound:
     """
     if simulation.scene.has_driven_walls:
         raise InputError("certify: steps in which a force drives a wall cannot be certified")
-    try:
+    with requiring("certify"):
         from warpgrains.analysis.coulomb_step import solve_with_frozen_slip
         from warpgrains.analysis.exact_step import (
             StepProblem,
@@ -75,8 +75,6 @@ def certify(simulation: Simulation) -> ErrorBound:
             solve_exactly,
             solve_with_clarabel,
         )
-    except ModuleNotFoundError as error:
-        raise missing_extra("certify", error) from error
     velocity = simulation.velocity
     solve = solve_with_frozen_slip if simulation.scene.has_friction else solve_exactly
     if simulation.scene.has_friction:

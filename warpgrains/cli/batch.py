@@ -9,7 +9,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from warpgrains.console import in_columns, progress_bar, stdout_to_stderr
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import name_and_bounds
@@ -65,10 +65,8 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
     """Return the requested plot, if any. An invalid one is refused here, before hours of runs."""
     if arguments.plot is None:
         return None
-    try:
+    with requiring("--plot"):
         from warpgrains.sweep.plot import SweepPlot
-    except ModuleNotFoundError as error:
-        raise missing_extra("--plot", error) from error
     return SweepPlot.parse(arguments.plot)
 
 

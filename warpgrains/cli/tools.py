@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from warpgrains.cli.sandboxed import run_sandboxed
 from warpgrains.console import in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import FILMS, require_drawing
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.files import require_writable_path
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.scene.scene import Scene
@@ -114,11 +114,9 @@ def _print_packing(arguments: Namespace, packing: "Packing | Rest", seconds: flo
 
 def report(arguments: Namespace) -> bool:
     """Measure speed against error of scenes, and print the names of the written files."""
-    try:
+    with requiring("report"):
         for library in ("matplotlib", "scipy", "clarabel"):
             import_module(library)
-    except ModuleNotFoundError as error:
-        raise missing_extra("report", error) from error
     scenes = [Scene.load(name) for name in arguments.scenes or shipped_scenes()]
     if not arguments.scenes:
         # with friction there is no one exact solution, and with driven walls none that is computed

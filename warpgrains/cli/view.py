@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from warpgrains.drawing.kinds import RECORDINGS
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.grade.grader import Grader
 from warpgrains.grade.sandbox import Processes
 from warpgrains.reference.reference import MOST_GRAINS
@@ -21,10 +21,8 @@ from warpgrains.warp_start import start_warp
 
 def view(arguments: Namespace) -> bool:
     """Serve the page until Ctrl-C."""
-    try:
+    with requiring("view", "view"):
         from warpgrains.view.page import KEYS, Page
-    except ModuleNotFoundError as error:
-        raise missing_extra("view", error, "view") from error
     port = checks.whole_number("--port", arguments.port, most=65535)
     is_recorded = Path(arguments.what).suffix in RECORDINGS
     if is_recorded and arguments.homework is not None:

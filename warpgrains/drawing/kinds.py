@@ -3,7 +3,7 @@
 from math import inf
 from typing import NamedTuple
 
-from warpgrains.errors import missing_extra
+from warpgrains.errors import requiring
 
 RECORDINGS = (".usdc", ".usda", ".usdz")
 FILMS = (".mp4", ".gif", ".webp")
@@ -41,10 +41,8 @@ FASTEST = {".mp4": inf, ".gif": 50.0, ".webp": 50.0}
 
 def require_drawing(what: str, is_film: bool = False) -> None:
     """Raise InputError unless the libraries for a picture, or a film of it, are installed."""
-    try:
+    with requiring(what, "film" if is_film else "report"):
         import matplotlib.axes  # noqa: F401
 
         if is_film:
             import imageio_ffmpeg  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise missing_extra(what, error, "film" if is_film else "report") from error
