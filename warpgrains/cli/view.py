@@ -3,6 +3,7 @@
 import sys
 from argparse import Namespace
 from contextlib import ExitStack, suppress
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,7 +23,9 @@ from warpgrains.warp_start import start_warp
 def view(arguments: Namespace) -> bool:
     """Serve the page until Ctrl-C."""
     with requiring("view", "view"):
-        from warpgrains.view.page import KEYS, Page
+        import_module("viser")
+    from warpgrains.view.page import KEYS, Page
+
     port = checks.whole_number("--port", arguments.port, most=65535)
     is_recorded = Path(arguments.what).suffix in RECORDINGS
     if is_recorded and arguments.homework is not None:
