@@ -55,27 +55,21 @@ __all__ = [
     "pack",
 ]
 
-_HOME = {
-    "Arc": "scene.arc",
-    "Batch": "batch.batch",
-    "Disc": "scene.disc",
-    "InputError": "errors",
-    "OutputError": "errors",
-    "Packing": "analysis.compress",
-    "Recording": "analysis.recording",
-    "Rest": "analysis.pack",
-    "Scene": "scene.scene",
-    "SceneError": "errors",
-    "SceneSummary": "batch.batch",
-    "Segment": "scene.segment",
-    "Simulation": "simulation.simulation",
-    "SimulationError": "errors",
-    "State": "scene.state",
-    "StepReport": "solver.statistics",
-    "Summary": "solver.statistics",
-    "compress": "analysis.compress",
-    "pack": "analysis.pack",
+_NAMES = {
+    "analysis.compress": ("Packing", "compress"),
+    "analysis.pack": ("Rest", "pack"),
+    "analysis.recording": ("Recording",),
+    "batch.batch": ("Batch", "SceneSummary"),
+    "errors": ("InputError", "OutputError", "SceneError", "SimulationError"),
+    "scene.arc": ("Arc",),
+    "scene.disc": ("Disc",),
+    "scene.scene": ("Scene",),
+    "scene.segment": ("Segment",),
+    "scene.state": ("State",),
+    "simulation.simulation": ("Simulation",),
+    "solver.statistics": ("StepReport", "Summary"),
 }
+_HOME = {name: home for home, names in _NAMES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

@@ -9,22 +9,17 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from functools import cache
+from contextlib import AbstractContextManager, contextmanager
 from math import inf
-from tempfile import TemporaryFile
 from time import monotonic
 from typing import Any, NoReturn, Protocol
-
-from warpgrains.turns import BUILDING
 
 BETWEEN_LINES = 30.0  # seconds between two lines, without a terminal
 INTERRUPTED = 130
 """Exit code of a command that Ctrl-C ended."""
-NO_DRIVER = "Could not find or load the NVIDIA CUDA driver"
 
 STDIN, STDOUT, STDERR = 0, 1, 2
-_ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def in_columns(rows: Mapping[str, object]) -> str:
@@ -151,46 +146,14 @@ def stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
         sys.exit(128 + received[0])
 
 
-@contextmanager
-def stdout_to_stderr() -> Iterator[None]:
+def stdout_to_stderr() -> AbstractContextManager[None]:
     """Redirect standard output to standard error, also that of C libraries."""
-    with _redirected(STDOUT, STDERR):
-        yield
-
-
-def start_warp() -> None:
-    """Initialize Warp without its banner and without its remark that the machine has no GPU.
-
-    Messages about loaded modules are off too, unless Warp's `log_level` has been set.
-    """
-    with BUILDING:
-        _start_warp()
-
-
-@cache
-def _start_warp() -> None:
-    import warp
-
-    if warp.config.log_level == warp.LOG_INFO:
-        warp.config.log_level = warp.LOG_WARNING
-    warp.config.use_precompiled_headers = False  # slower if only one kernel is compiled
-    with TemporaryFile() as remarks:
-        try:
-            with _redirected(STDERR, remarks.fileno()):
-                warp.init()
-        except OSError as error:
-            raise OSError(
-                f"the cache of compiled kernels cannot be written ({error}):"
-                " set WARP_CACHE_PATH to a writable folder"
-            ) from error
-        remarks.seek(0)
-        for remark in remarks.read().decode(errors="replace").splitlines():
-            if NO_DRIVER not in remark:
-                print(remark, file=sys.stderr)
+    return redirected(STDOUT, STDERR)
 
 
 @contextmanager
-def _redirected(stream: int, target: int) -> Iterator[None]:
+def redirected(stream: int, target: int) -> Iterator[None]:
+    """Redirect a standard stream to a file by their descriptors, also the output of C libraries."""
     _flush()
     kept = os.dup(stream)
     os.dup2(target, stream)
@@ -205,4 +168,4 @@ def _redirected(stream: int, target: int) -> Iterator[None]:
 def _flush() -> None:
     sys.stdout.flush()
     sys.stderr.flush()
-    ctypes.CDLL("ucrtbase" if os.name == "nt" else None).fflush(None)
+    ctypes.CDLL(None).fflush(None)

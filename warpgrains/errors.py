@@ -1,5 +1,8 @@
 """Exceptions for users. Each message is one clear line."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class InputError(ValueError):
     """Invalid input. The message names the field, the grain or file, and the value.
@@ -45,6 +48,10 @@ class SimulationError(RuntimeError):
     """
 
 
-def missing_extra(what: str, error: ModuleNotFoundError, extra: str = "report") -> InputError:
-    """Return the error for a feature whose library, part of an extra, is not installed."""
-    return InputError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'")
+@contextmanager
+def requiring(what: str, extra: str = "report") -> Iterator[None]:
+    """Raise InputError if a library of an extra, which the block imports for `what`, is not installed."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise InputError(f"{what} needs {error.name}: pip install 'warpgrains[{extra}]'") from error

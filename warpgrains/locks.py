@@ -7,8 +7,8 @@ child does not hold it.
 
 Between machines that share a file system, the locks are those of the file system. On NFS, Linux maps flock to
 a lock on the server, which survives a crashed machine for the server's grace period. If there are no locks
-(some Lustre mounts, Windows), a warning says so and the work continues. The locks are advisory: other
-programs can still delete or replace the files.
+(some Lustre mounts), a warning says so and the work continues. The locks are advisory: other programs can
+still delete or replace the files.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ import errno
 import os
 import socket
 from collections.abc import Callable, Iterable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from fcntl import LOCK_EX, LOCK_NB, LOCK_UN, flock, lockf
 from functools import partial
 from pathlib import Path
 from typing import Self
@@ -26,11 +27,6 @@ from weakref import WeakSet
 
 from warpgrains.errors import OutputError
 from warpgrains.files import resolve_link
-
-try:
-    from fcntl import LOCK_EX, LOCK_NB, LOCK_UN, flock, lockf
-except ImportError:  # Windows
-    flock = None  # type: ignore[assignment]
 
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP)
 _LONGEST_NAME = 300  # bytes of the description of a lock's owner
@@ -81,11 +77,12 @@ class Lock:
 
 def lock_own(path: Path, is_own: Callable[[Path], bool], kind: str) -> Lock:
     """Return the lock on a file; raise OutputError if it exists and is not of a kind that may be replaced."""
-    lock = Lock(path)
-    if path.exists() and not is_own(path):
-        lock.release()
-        raise OutputError(f"refusing to overwrite '{path}': not a {kind}")
-    return lock
+    with ExitStack() as held:
+        lock = held.enter_context(Lock(path))
+        if path.exists() and not is_own(path):
+            raise OutputError(f"refusing to overwrite '{path}': not a {kind}")
+        held.pop_all()
+        return lock
 
 
 class RunLocks:
@@ -100,16 +97,13 @@ class RunLocks:
 
     def acquire(self, numbers: Iterable[int]) -> list[int]:
         """Lock runs; return the numbers of those that no other process holds."""
-        return [number for number in numbers if self._acquire(number)]
-
-    def _acquire(self, number: int) -> bool:
-        return _is_locked(lambda: lockf(self._descriptor, LOCK_EX | LOCK_NB, 1, number), self._path)
+        lock = partial(lockf, self._descriptor, LOCK_EX | LOCK_NB, 1)
+        return [number for number in numbers if _is_locked(partial(lock, number), self._path)]
 
     def release(self, numbers: Iterable[int]) -> None:
         """Unlock runs by their numbers."""
-        if flock is not None:
-            for number in numbers:
-                lockf(self._descriptor, LOCK_UN, 1, number)
+        for number in numbers:
+            lockf(self._descriptor, LOCK_UN, 1, number)
 
     def close(self) -> None:
         """Unlock all runs and close the file."""
@@ -124,47 +118,38 @@ def _forget_all() -> None:
         lock.forget()
 
 
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget_all)
+os.register_at_fork(after_in_child=_forget_all)
 
 
 def _acquire(file: Path, path: Path) -> int:
     """Return the locked descriptor of the file that stands under its name; releasing takes the name away."""
     while True:
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
-        try:
-            if not _is_locked(partial(_flock, descriptor), path):
+        with ExitStack() as closing:
+            closing.callback(os.close, descriptor)
+            if not _is_locked(partial(flock, descriptor, LOCK_EX | LOCK_NB), path):
                 holder = os.pread(descriptor, _LONGEST_NAME, 0).decode(errors="replace").strip()
                 raise OutputError(f"'{path}' is being written by {holder or 'another process'}")
             if _is_under(file, descriptor):
                 os.ftruncate(descriptor, 0)
                 os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
+                closing.pop_all()
                 return descriptor
-        except BaseException:
-            os.close(descriptor)
-            raise
-        os.close(descriptor)
-
-
-def _flock(descriptor: int) -> None:
-    flock(descriptor, LOCK_EX | LOCK_NB)
 
 
 def _is_locked(lock: Callable[[], None], path: Path) -> bool:
     """Call `lock`; return True if this process holds the lock, or if the file system has no locks."""
     try:
-        if flock is not None:
-            lock()
-            return True
+        lock()
     except (BlockingIOError, PermissionError):
         return False
     except OSError as error:
         if error.errno not in _WITHOUT_LOCKS:
             raise
-    warn(
-        f"the file system of '{path}' does not support locks: make sure that only one process writes it",
-        stacklevel=4,
-    )
+        warn(
+            f"the file system of '{path}' does not support locks: make sure that only one process writes it",
+            stacklevel=4,
+        )
     return True
 
 

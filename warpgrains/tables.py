@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warpgrains.errors import missing_extra
+from warpgrains.errors import requiring
 
 if TYPE_CHECKING:
     import pandas
@@ -19,10 +19,8 @@ COMPONENTS = {"pair": ("i", "j"), "wall": ("grain", "wall")}
 
 def library(name: str, what: str) -> Any:
     """Import a library of the extra ``[data]``. Raises InputError if it is not installed."""
-    try:
+    with requiring(what, "data"):
         return import_module(name)
-    except ModuleNotFoundError as error:
-        raise missing_extra(what, error, "data") from error
 
 
 class Tabular:

@@ -19,7 +19,7 @@ from warpgrains.scene.fields import METHODS, ORDERS
 from warpgrains.simulation.until import CountedRun, criterion
 from warpgrains.solver import engine, sizes, threads, tuning
 from warpgrains.solver.statistics import RunStatistics
-from warpgrains.solver.tuning import find_device
+from warpgrains.warp_start import find_device
 
 LARGE = 9  # of the mixed scenes
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from warpgrains import Batch, Scene
-from warpgrains.console import start_warp
+from warpgrains.warp_start import start_warp
 
 from .compiled import COMPILER, CReference
 from .piles import pile

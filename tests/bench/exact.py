@@ -23,8 +23,8 @@ import numpy as np
 from warpgrains import Scene, Simulation, State
 from warpgrains.analysis.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
-from warpgrains.console import start_warp
 from warpgrains.scene.document import shipped_scenes
+from warpgrains.warp_start import start_warp
 
 from ..support.sample_scenes import dense_start
 from .rows import SPEEDUP, Subject, open_table, row

@@ -20,8 +20,8 @@ import numpy as np
 
 from warpgrains import Scene, Simulation, State
 from warpgrains.arrays import FloatArray
-from warpgrains.console import start_warp
 from warpgrains.scene.state import Corrections, first_state
+from warpgrains.warp_start import start_warp
 
 from .flow import ACCELERATED, flowing
 from .piles import ITERATIONS, settled_pile

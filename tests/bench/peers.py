@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray
-from warpgrains.console import start_warp
+from warpgrains.warp_start import start_warp
 
 from .box2d3 import Box2d3, is_source
 from .flow import DURATION, flowing

@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 
 import warpgrains as wg
-from warpgrains.console import start_warp
+from warpgrains.warp_start import start_warp
 
 GRAINS, STEPS, REPEATS = 10_000, 40, 5
 

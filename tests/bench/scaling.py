@@ -11,7 +11,7 @@ from statistics import median
 import numpy as np
 
 from warpgrains import Segment, Simulation
-from warpgrains.console import start_warp
+from warpgrains.warp_start import start_warp
 
 from .options import Options
 from .piles import advance, pile, settled_pile

@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
-from warpgrains.console import start_warp
 from warpgrains.report.rows import SCHEMES, SECOND_ORDER
+from warpgrains.warp_start import start_warp
 
 from .rows import open_table
 from .timing import say

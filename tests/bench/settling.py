@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from warpgrains import Scene, Simulation
-from warpgrains.console import start_warp
 from warpgrains.scene.fields import ORDERS
+from warpgrains.warp_start import start_warp
 
 from .rows import SPEEDUP, Subject, open_table, row
 from .timing import say

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from warpgrains.console import start_warp
+from warpgrains.warp_start import start_warp
 
 from . import accelerated, against_c, busy, lists, moving, scaling, solo, threads
 from .options import Options

@@ -18,8 +18,8 @@ import numpy as np
 
 from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
-from warpgrains.console import start_warp
 from warpgrains.scene.scheme import SCHEMES
+from warpgrains.warp_start import start_warp
 
 from .rows import open_table
 from .timing import say

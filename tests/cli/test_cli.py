@@ -153,7 +153,7 @@ def test_option_without_a_default_has_the_type_of_its_field(monkeypatch):
     monkeypatch.setattr(commands, "OPTIONS", described_fields(Options))
     monkeypatch.setattr(commands, "FLAGS", {"limit": "--limit"})
     parser = ArgumentParser()
-    commands._add_outputs(parser)
+    commands.Command("", "", "", list(commands._outputs())).add_options(parser)
     assert parser.parse_args(["--limit", "0.5"]).limit == 0.5
 
 

@@ -10,8 +10,8 @@ from warpgrains.scene.state import first_state
 from warpgrains.solver.advance import advance
 from warpgrains.solver.engine import Engine
 from warpgrains.solver.final_states import COUNTED
-from warpgrains.solver.tuning import find_device
 from warpgrains.sweep import results
+from warpgrains.warp_start import find_device
 
 
 @pytest.mark.parametrize("which", [[0, 1, 2], [2, 0], [1]])

@@ -7,7 +7,6 @@ import warp as wp
 
 from warpgrains import Scene
 from warpgrains.arrays import IntArray
-from warpgrains.console import start_warp
 from warpgrains.kernels.record import SceneRecord
 from warpgrains.kernels.stages import OPTIONS, Stage, fuse
 from warpgrains.kernels.threads import TeamRecord
@@ -15,6 +14,7 @@ from warpgrains.solver.crew import Crew
 from warpgrains.solver.engine import CPU_BLOCK
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
+from warpgrains.warp_start import start_warp
 
 KERNELS: dict[str, wp.Kernel] = {}
 

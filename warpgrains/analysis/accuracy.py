@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.simulation.simulation import Simulation
 
 
@@ -67,15 +67,13 @@ def certify(simulation: Simulation) -> ErrorBound:
     """
     if simulation.scene.has_driven_walls:
         raise InputError("certify: steps in which a force drives a wall cannot be certified")
-    try:
+    with requiring("certify"):
         from warpgrains.analysis.exact_step import (
             StepProblem,
             package_witness,
             solve_exactly,
             solve_with_clarabel,
         )
-    except ModuleNotFoundError as error:
-        raise missing_extra("certify", error) from error
     velocity = simulation.velocity
     if simulation.scene.has_friction:
         velocity = np.column_stack([velocity, simulation.scene.radius * simulation.spin])

@@ -10,7 +10,7 @@ from warpgrains.analysis.region import Region
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.region import Region as Space
@@ -145,10 +145,8 @@ def _counted(
     now: Snapshot, label: IndexArray, bins: int, reach: float | None, region: Where
 ) -> PartialDistributions:
     """Return pairs and g(r) of grains with labels."""
-    try:
+    with requiring("radial_distribution"):
         from scipy.spatial import cKDTree
-    except ModuleNotFoundError as error:
-        raise missing_extra("radial_distribution", error) from error
     counted, position = region_and_centers(now, region)
     inside = counted.contains(position)
     kinds, kind = np.unique(label, return_inverse=True)

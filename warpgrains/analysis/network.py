@@ -7,7 +7,7 @@ import numpy as np
 from warpgrains.analysis.region_table import Where, grains_in
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.scene.geometry import left_of
 
 MOST_FREEDOMS = 3000  # of `rigidity`: a singular value decomposition of a matrix of this size takes some 20 s
@@ -124,11 +124,9 @@ def clusters(of: Snapshot | HasState, least: float = 0.0) -> IndexArray:
     >>> np.bincount(analysis.clusters(simulation))  # sizes of the clusters
     array([14,  1])
     """
-    try:
+    with requiring("clusters"):
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
-    except ModuleNotFoundError as error:
-        raise missing_extra("clusters", error) from error
     now = snapshot(of)
     i, j = _contacts(now, least).pair.T
     graph = coo_array((np.ones(len(i), bool), (i, j)), shape=(now.n, now.n))

@@ -11,7 +11,7 @@ import numpy as np
 from warpgrains.analysis.region_table import Where, region_of
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot, upwards
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.errors import missing_extra
+from warpgrains.errors import requiring
 from warpgrains.scene.geometry import area_below, area_in_disc
 from warpgrains.scene.walls import Annulus
 from warpgrains.solver.final_states import StackedGrains
@@ -159,10 +159,8 @@ def _corners(position: FloatArray, radius: FloatArray) -> tuple[IndexArray, Floa
 
     Lengths are in units of the outer radius.
     """
-    try:
+    with requiring("cell areas"):
         from scipy.spatial import ConvexHull
-    except ModuleNotFoundError as error:
-        raise missing_extra("cell areas", error) from error
     n, angle = len(position), 2.0 * np.pi * np.arange(3) / 3.0
     places = np.concatenate([position, BEYOND * np.stack([np.cos(angle), np.sin(angle)], axis=1)])
     height = (places**2).sum(axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 from warpgrains.analysis.recording import Recording
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_ends, contact_normals, with_walls
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.files import draft_of, make_folder, require_writable_path, resolve_link, write_atomically
 
 SUFFIXES = (".vtkhdf", ".pvd")
@@ -36,10 +36,8 @@ def export(recording: str | Path, output: str | Path) -> int:
     """
     output = Path(output)
     require_writable_path("output", output, *SUFFIXES)
-    try:
+    with requiring("export", "data"):
         import vtkmodules.vtkIOHDF  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise missing_extra("export", error, "data") from error
     source = Recording(recording)
     (_write_series if output.suffix == ".pvd" else _write_hdf)(source, output)
     return len(source)

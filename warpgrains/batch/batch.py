@@ -21,8 +21,8 @@ from warpgrains.simulation.until import CountedRun, Question, criterion
 from warpgrains.solver.advance import OnProgress
 from warpgrains.solver.statistics import RunStatistics, StepReport, Summary
 from warpgrains.solver.threads import cores
-from warpgrains.solver.tuning import find_device
 from warpgrains.turns import ExclusiveUse
+from warpgrains.warp_start import find_device
 
 T = TypeVar("T")
 

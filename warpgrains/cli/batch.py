@@ -8,14 +8,15 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import in_columns, progress_bar, start_warp, stdout_to_stderr
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.console import in_columns, progress_bar, stdout_to_stderr
+from warpgrains.errors import InputError, requiring
 from warpgrains.scene import checks
 from warpgrains.simulation.options import DEFAULT_RATE
 from warpgrains.simulation.until import name_and_bounds
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder
+from warpgrains.warp_start import find_device, start_warp
 
 if TYPE_CHECKING:
     from warpgrains.sweep.plot import SweepPlot
@@ -81,10 +82,8 @@ def _plot(arguments: Namespace) -> SweepPlot | None:
     """Return the requested plot, if any. An invalid one is refused here, before hours of runs."""
     if arguments.plot is None:
         return None
-    try:
+    with requiring("--plot"):
         from warpgrains.sweep.plot import SweepPlot
-    except ModuleNotFoundError as error:
-        raise missing_extra("--plot", error) from error
     return SweepPlot.parse(arguments.plot)
 
 
@@ -126,7 +125,6 @@ def _finish(
     """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
     if arguments.scheduler is None and arguments.slurm is None:
         start_warp()
-        from warpgrains.solver.tuning import find_device
         from warpgrains.sweep.runner import finish_runs
 
         find_device(execution.device)

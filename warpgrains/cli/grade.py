@@ -7,6 +7,7 @@ import sys
 from argparse import Namespace
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,9 +22,11 @@ from warpgrains.grade.page import GENERATOR, Pages
 from warpgrains.grade.sandbox import Processes
 from warpgrains.grade.template import write_template
 from warpgrains.grade.verdict import Verdict
-from warpgrains.locks import Lock
+from warpgrains.locks import lock_own
 
-RIGHT, WRONG, NOT_GRADED = 0, 1, 2
+RESULTS = {"right": 0, "wrong": 1}
+NOT_GRADED = 2
+"""Exit codes, by the status of the worst homework."""
 
 _BAR = "{percentage:3.0f}%|{bar}| {n}/{total} homeworks [{elapsed}, {remaining} left]"
 
@@ -43,70 +46,54 @@ def grade(arguments: Namespace) -> int:
                 "--template takes no other option and no HOMEWORK: it only writes an empty homework"
             )
         print("\n".join(map(str, write_template(Path(arguments.template)))))
-        return RIGHT
+        return False
     if arguments.homework is None:
         raise InputError(
             "HOMEWORK is missing: give a file or a folder, or --template to write an empty homework"
         )
-    path = Path(arguments.homework)
-    return _grade_folder(path, arguments) if path.is_dir() else _grade_one(path, arguments)
-
-
-def _grade_one(path: Path, arguments: Namespace) -> int:
-    if arguments.output is not None:
-        raise InputError("-o needs a folder of homeworks: for one homework, use --json")
-    if arguments.html is not None:
-        _require_pages(Path(arguments.html))
-    verdict = _grade_all([path], arguments.strict)[0]
-    if verdict.problem:
-        raise InputError(verdict.problem)
-    if arguments.html is not None:
-        write_atomically(
-            Path(arguments.html) / "index.html", Pages(arguments.lang).homework(verdict).encode()
-        )
-    print(json.dumps(verdict.as_json()) if arguments.json else verdict.text(_has_color(), arguments.lang))
-    return _code(verdict)
-
-
-def _grade_folder(folder: Path, arguments: Namespace) -> int:
-    paths = sorted(path for path in folder.rglob("*.c") if not path.is_dir())
+    path, table, site = Path(arguments.homework), arguments.output, arguments.html
+    is_class = path.is_dir()
+    paths = sorted(each for each in path.rglob("*.c") if not each.is_dir()) if is_class else [path]
     if not paths:
-        raise InputError(f"folder '{folder}' holds no homework: no file ends in .c")
-    if arguments.html is not None:
-        _require_pages(Path(arguments.html))
-    if arguments.output is None:
-        if not arguments.json and arguments.html is None:
-            raise InputError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
+        raise InputError(f"folder '{path}' holds no homework: no file ends in .c")
+    if is_class and table is site is None and not arguments.json:
+        raise InputError("a folder of homeworks needs -o TABLE.csv, --html DIR, or --json")
+    if not is_class and table is not None:
+        raise InputError("-o needs a folder of homeworks: for one homework, use --json")
+    if site is not None:
+        _require_pages(Path(site))
+    with ExitStack() as held:
+        if table is not None:
+            require_writable_path("table", Path(table), ".csv")
+            held.enter_context(lock_own(Path(table), _is_table, "table of grades"))
         verdicts = _grade_all(paths, arguments.strict)
-    else:
-        output = Path(arguments.output)
-        require_writable_path("table", output, ".csv")
-        with Lock(output):
-            _require_table(output)
-            verdicts = _grade_all(paths, arguments.strict)
-            rows = [
-                verdict.as_row(arguments.lang) | {"file": _in_utf8(str(path.relative_to(folder)))}
-                for path, verdict in zip(paths, verdicts, strict=True)
-            ]
-            write_atomically(output, table_text(rows).encode())
-    if arguments.html is not None:
-        names = [_in_utf8(str(path.relative_to(folder))) for path in paths]
+        if not is_class and verdicts[0].problem:
+            raise InputError(verdicts[0].problem)
+        names = [_in_utf8(str(each.relative_to(path) if is_class else each)) for each in paths]
         named = [replace(verdict, file=name) for verdict, name in zip(verdicts, names, strict=True)]
-        _write_pages(Path(arguments.html), named, arguments.lang)
+        if table is not None:
+            rows = [verdict.as_row(arguments.lang) for verdict in named]
+            write_atomically(Path(table), table_text(rows).encode())
+    if site is not None:
+        _write_pages(Path(site), named, arguments.lang, is_class)
     if arguments.json:
-        print(json.dumps([verdict.as_json() for verdict in verdicts]))
+        told = [verdict.as_json() for verdict in verdicts]
+        print(json.dumps(told if is_class else told[0]))
     else:
-        print(_lines(verdicts, arguments.output, arguments.html))
-    return max(map(_code, verdicts))
+        print(_lines(verdicts, table, site) if is_class else verdicts[0].text(_has_color(), arguments.lang))
+    return max(RESULTS.get(verdict.status, NOT_GRADED) for verdict in verdicts)
 
 
-def _write_pages(folder: Path, verdicts: list[Verdict], language: str) -> None:
-    """Write a page for each homework of a class, and an index page."""
-    pages = Pages(language)
-    links = [f"{k:03}_{re.sub(r'[^A-Za-z0-9.-]', '_', v.file)[-100:]}.html" for k, v in enumerate(verdicts)]
+def _write_pages(folder: Path, verdicts: list[Verdict], language: str, is_class: bool) -> None:
+    """Write the page of a homework, or those of the homeworks of a class and an index page."""
+    pages, links = Pages(language), ["index.html"]
+    if is_class:
+        safe = [re.sub(r"[^A-Za-z0-9.-]", "_", verdict.file)[-100:] for verdict in verdicts]
+        links = [f"{k:03}_{name}.html" for k, name in enumerate(safe)]
     for verdict, link in zip(verdicts, links, strict=True):
         write_atomically(folder / link, pages.homework(verdict).encode())
-    write_atomically(folder / "index.html", pages.course(verdicts, links).encode())
+    if is_class:
+        write_atomically(folder / "index.html", pages.course(verdicts, links).encode())
 
 
 def _require_pages(folder: Path) -> None:
@@ -141,10 +128,8 @@ def _grade_all(paths: list[Path], strict: bool) -> list[Verdict]:
         return list(tqdm(pool.map(grade_one, paths), total=len(paths), bar_format=_BAR, disable=is_quiet))
 
 
-def _require_table(output: Path) -> None:
-    """Raise OutputError if the file exists and is no table of grades."""
-    if output.exists() and not {"file", "status", "mistakes"} <= set((read_table(output) or [{}])[0]):
-        raise OutputError(f"refusing to overwrite '{output}': not a table of grades")
+def _is_table(path: Path) -> bool:
+    return {"file", "status", "mistakes"} <= set((read_table(path) or [{}])[0])
 
 
 def _lines(verdicts: list[Verdict], table: str | None, pages: str | None) -> str:
@@ -169,7 +154,3 @@ def _in_utf8(text: str) -> str:
 
 def _has_color() -> bool:
     return sys.stdout.isatty() and "NO_COLOR" not in os.environ
-
-
-def _code(verdict: Verdict) -> int:
-    return {"right": RIGHT, "wrong": WRONG}.get(str(verdict.status), NOT_GRADED)

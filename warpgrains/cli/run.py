@@ -17,7 +17,7 @@ from typing import Any
 from tqdm import tqdm
 
 from warpgrains.cli.step_by_step import step_by_step
-from warpgrains.console import exit_on_interrupt, in_columns, start_warp, stdout_to_stderr
+from warpgrains.console import exit_on_interrupt, in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import RECORDING
 from warpgrains.errors import InputError
 from warpgrains.frame_log import log_of
@@ -28,6 +28,7 @@ from warpgrains.simulation.checkpoint import lock_checkpoint, read_checkpoint
 from warpgrains.simulation.options import FLAGS, RunOptions, require_needed, steps_of
 from warpgrains.simulation.run import OpenRun, carry_out
 from warpgrains.solver.statistics import RunStatistics, named
+from warpgrains.warp_start import start_warp
 
 # Options that a resumed run reads from its checkpoint.
 KEPT = {"scene": "SCENE", "order": "--order", "method": "--method", "overrides": "--set"} | FLAGS

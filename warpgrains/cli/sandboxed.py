@@ -9,6 +9,7 @@ file can hang, fill the memory or crash its reader; here it does so in the subpr
 import errno
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -75,10 +76,6 @@ def _end(code: int) -> str:
 
 
 def _limit_memory(most: int) -> None:
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(resource.RLIMIT_AS, (most, hard))

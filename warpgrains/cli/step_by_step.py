@@ -12,12 +12,13 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from warpgrains.console import STDIN, start_warp
+from warpgrains.console import STDIN
 from warpgrains.errors import InputError
 from warpgrains.files import require_writable_path, table_text, write_atomically
-from warpgrains.locks import Lock
+from warpgrains.locks import lock_own
 from warpgrains.scene.scene import Scene
 from warpgrains.solver.statistics import StepReport
+from warpgrains.warp_start import start_warp
 
 _KEYS = "N: next step   R: run   S: stop   Q: quit"
 _COLUMNS = ("step", "time [s]", "iterations", "zeta [m/s]", "residual [m/s]", "contacts", "overlap [m]")
@@ -41,18 +42,15 @@ def step_by_step(scene: Scene, steps: int, arguments: Namespace) -> None:
         return
     output = Path(arguments.history)
     require_writable_path("history", output, ".csv")
-    with Lock(output):
-        _require_history(output)
+    with lock_own(output, _is_history, "history of warpgrains"):
         rows = _step_by_step(scene, steps, arguments)
         if not rows:
             raise InputError(f"no step was taken: history '{output}' is not written")
         write_atomically(output, table_text(rows).encode())
 
 
-def _require_history(output: Path) -> None:
-    """Raise InputError if the file exists and is no history."""
-    if output.exists() and not output.read_bytes().startswith(",".join(_HISTORY).encode()):
-        raise InputError(f"refusing to overwrite '{output}': not a history of warpgrains")
+def _is_history(path: Path) -> bool:
+    return path.read_bytes().startswith(",".join(_HISTORY).encode())
 
 
 def _step_by_step(scene: Scene, steps: int, arguments: Namespace) -> list[dict[str, Any]]:

@@ -5,12 +5,20 @@ import warnings
 from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from warpgrains.cli.sandboxed import run_sandboxed
-from warpgrains.console import in_columns, start_warp, stdout_to_stderr
+from warpgrains.console import in_columns, stdout_to_stderr
 from warpgrains.drawing.kinds import FILMS, require_drawing
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.files import require_writable_path
+from warpgrains.scene.document import shipped_scenes
+from warpgrains.scene.scene import Scene
+from warpgrains.warp_start import start_warp
+
+if TYPE_CHECKING:
+    from warpgrains.analysis.compress import Packing
+    from warpgrains.analysis.pack import Rest
 
 
 def check(arguments: Namespace) -> bool:
@@ -64,11 +72,7 @@ def export(arguments: Namespace) -> bool:
 
 def compress(arguments: Namespace) -> bool:
     """Compress the grains of a scene, and print what the packing is like."""
-    from warpgrains.scene.scene import Scene
-
-    scene = Scene.load(arguments.scene, arguments.overrides or [])
-    if arguments.output is not None:
-        require_writable_path("checkpoint", Path(arguments.output), ".npz")
+    scene = _scene_to_pack(arguments, "checkpoint", ".npz")
     with stdout_to_stderr(), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the results say whether the grains are at rest
         start_warp()
@@ -77,19 +81,12 @@ def compress(arguments: Namespace) -> bool:
         packing = compress(scene, arguments.pressure, arguments.duration, progress=True)
         if arguments.output is not None:
             packing.simulation.save(arguments.output)
-    results = packing.results() | {"output": arguments.output}
-    time = {"time": f"{packing.run.seconds:.2f} s", "output": arguments.output or "none (-o saves one)"}
-    print(json.dumps(results) if arguments.json else in_columns(packing.summary() | time))
-    return False
+    return _print_packing(arguments, packing, packing.run.seconds)
 
 
 def pack(arguments: Namespace) -> bool:
     """Let the grains of a scene settle, and print how well they rest."""
-    from warpgrains.scene.scene import Scene
-
-    scene = Scene.load(arguments.scene, arguments.overrides or [])
-    if arguments.output is not None:
-        require_writable_path("packing", Path(arguments.output), ".npz", ".csv")
+    scene = _scene_to_pack(arguments, "packing", ".npz", ".csv")
     with stdout_to_stderr():
         start_warp()
         from warpgrains.analysis.pack import pack
@@ -97,22 +94,29 @@ def pack(arguments: Namespace) -> bool:
         rest = pack(scene, arguments.steps, progress=True, threads=arguments.threads)
         if arguments.output is not None:
             rest.save(arguments.output)
-    results = rest.results() | {"output": arguments.output}
-    time = {"time": f"{rest.seconds:.2f} s", "output": arguments.output or "none (-o saves one)"}
-    print(json.dumps(results) if arguments.json else in_columns(rest.summary() | time))
+    return _print_packing(arguments, rest, rest.seconds)
+
+
+def _scene_to_pack(arguments: Namespace, kind: str, *suffixes: str) -> Scene:
+    """Return the scene. Raises InputError if its packing could not be saved, before hours of work."""
+    scene = Scene.load(arguments.scene, arguments.overrides or [])
+    if arguments.output is not None:
+        require_writable_path(kind, Path(arguments.output), *suffixes)
+    return scene
+
+
+def _print_packing(arguments: Namespace, packing: "Packing | Rest", seconds: float) -> bool:
+    time = {"time": f"{seconds:.2f} s", "output": arguments.output or "none (-o saves one)"}
+    results = packing.results() | {"output": arguments.output}
+    print(json.dumps(results) if arguments.json else in_columns(packing.summary() | time))
     return False
 
 
 def report(arguments: Namespace) -> bool:
     """Measure speed against error of scenes, and print the names of the written files."""
-    from warpgrains.scene.document import shipped_scenes
-    from warpgrains.scene.scene import Scene
-
-    try:
+    with requiring("report"):
         for library in ("matplotlib", "scipy", "clarabel"):
             import_module(library)
-    except ModuleNotFoundError as error:
-        raise missing_extra("report", error) from error
     scenes = [Scene.load(name) for name in arguments.scenes or shipped_scenes()]
     if not arguments.scenes:
         # with friction there is no one exact solution, and with driven walls none that is computed

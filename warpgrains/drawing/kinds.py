@@ -3,7 +3,7 @@
 from math import inf
 from typing import NamedTuple
 
-from warpgrains.errors import missing_extra
+from warpgrains.errors import requiring
 
 RECORDINGS = (".usdc", ".usda", ".usdz")
 STILLS = (".png", ".pdf", ".svg")
@@ -64,10 +64,8 @@ KINDS = {suffix: kind for kind in (RECORDING, FILM, STILL) for suffix in kind.su
 
 def require_drawing(what: str, is_film: bool = False) -> None:
     """Raise InputError unless the libraries for a picture, or a film of it, are installed."""
-    try:
+    with requiring(what, "film" if is_film else "report"):
         import matplotlib.axes  # noqa: F401
 
         if is_film:
             import imageio_ffmpeg  # noqa: F401
-    except ModuleNotFoundError as error:
-        raise missing_extra(what, error, "film" if is_film else "report") from error

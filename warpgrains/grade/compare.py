@@ -15,6 +15,7 @@ counts. It may take another number of iterations if zeta equals the tolerance up
 iterations that both have done are compared.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,33 +23,31 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.grade.probes import Probe
 from warpgrains.grade.sandbox import FIELDS, Answer
-from warpgrains.grade.words import Words, joined
+from warpgrains.grade.words import Words
 
 DOUBLE, FLOAT = (float(np.finfo(kind).eps) for kind in (np.float64, np.float32))
 """Relative rounding errors of double and float."""
 
 _ROUNDINGS = 32
-_UPDATE_ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")
+_ORDER = ("dvContacts", "dvBoundary", "vx", "vy", "x", "y", "r", "m")  # corrections cause the rest
 
 
 class Difference(NamedTuple):
-    """The first difference from the reference: its `quantity`, such as "vx[3]", and its place in the run."""
+    """The first difference from the reference, in a `quantity` such as "vx[3]"."""
 
-    scene: str
-    step: int
-    iteration: int | None
-    contact: Words | None
+    probe: Probe
     quantity: Words
     expected: float
     found: float
+    iteration: int | None = None
+    """Iteration of a call of femGrainsUpdate."""
+    contact: Words | None = None
 
     def words(self) -> Words:
         """Return a sentence with the expected and the actual value."""
-        place = [Words("scene {scene}", scene=self.scene), Words("step {step}", step=self.step)]
-        place += [] if self.iteration is None else [Words("iteration {iteration}", iteration=self.iteration)]
-        place += [] if self.contact is None else [self.contact]
+        place = self.probe.place(self.iteration, self.contact)
         expected, found = _distinct_digits(self.expected, self.found)
-        values = {"place": joined(place), "quantity": self.quantity, "found": found, "expected": expected}
+        values = {"place": place, "quantity": self.quantity, "found": found, "expected": expected}
         return Words("{place}: {quantity} is {found}, expected {expected}", **values)
 
 
@@ -74,16 +73,19 @@ class _Comparison:
         self._length = call.dt * self._speed + rounding * call.radius_out
 
     def first(self) -> Difference | None:
-        probe = self._probe
-        if probe.call.iteration >= 0:
-            return self._first_of_iteration()
+        iteration = self._probe.call.iteration
+        if iteration >= 0:
+            first = self._first_in("state", _ORDER)
+            if first or iteration == 0:  # where zeta is undefined
+                return first
+            return self._of_zeta(self._expected.zeta, self._found.zeta, iteration)
         first = self._first_before_end()
         if self._found.calls == self._expected.calls:
-            return first or self._first_in_state(_UPDATE_ORDER)
+            return first or self._first_in("state", _ORDER)
         if first or self._may_end_differently():
             return first
         calls = Words("number of calls of femGrainsContactIterate")
-        return self._difference(calls, self._expected.calls, self._found.calls)
+        return Difference(self._probe, calls, self._expected.calls, self._found.calls)
 
     def _may_end_differently(self) -> bool:
         """Return whether the step may take another number of iterations than the reference."""
@@ -96,58 +98,47 @@ class _Comparison:
         excess = longer.record[shorter.calls - 1 :, 2] - call.tolerance
         return abs(excess[0]) <= self._speed and bool(np.all(excess[:-1] >= -self._speed))
 
-    def _first_of_iteration(self) -> Difference | None:
-        first = self._first_in_state(("dvContacts", "dvBoundary"))
-        first = first or self._first_in_state(("vx", "vy", "x", "y", "r", "m"))
-        if first is None and self._probe.call.iteration > 0:  # zeta of the first one is undefined
-            return self._of_zeta(self._expected.zeta, self._found.zeta, self._probe.call.iteration)
-        return first
-
     def _of_zeta(self, expected: float, found: float, iteration: int) -> Difference | None:
         same = _same(np.array([expected]), np.array([found]), self._speed)[0]
-        return None if same else self._difference(Words("zeta", "zeta"), expected, found, iteration)
+        return None if same else Difference(self._probe, Words("zeta", "zeta"), expected, found, iteration)
 
     def _first_before_end(self) -> Difference | None:
         """Compare the start, the arguments and the results of the iterations."""
-        n = self._probe.call.n
         if self._found.calls == 0:
             return None
-        for k, name in enumerate(("x", "y", "vx", "vy")):
-            part = slice(k * n, (k + 1) * n)
-            most = self._length if k < 2 else self._speed
-            wrong = np.flatnonzero(~_same(self._expected.before[part], self._found.before[part], most))
-            if wrong.size:
-                i = int(wrong[0])
-                values = (self._expected.before[part][i], self._found.before[part][i])
-                quantity = Words("{entry} before the iterations", entry=f"{name}[{i}]")
-                return self._difference(quantity, *values)
-        for k, (of_reference, of_homework) in enumerate(
-            zip(self._expected.record, self._found.record, strict=False)
-        ):
-            (right, dt, zeta), (iteration, with_dt, returned) = of_reference, of_homework
+        first = self._first_in("before", FIELDS[:4])
+        if first:
+            return first
+        both = zip(self._expected.record, self._found.record, strict=False)
+        for k, ((right, dt, zeta), (iteration, with_dt, returned)) in enumerate(both):
             if (iteration > 0) != (right > 0):
                 quantity = Words("iter in call {call} of femGrainsContactIterate", call=k + 1)
-                return self._difference(quantity, right, iteration)
+                return Difference(self._probe, quantity, right, iteration)
             if with_dt != dt:
                 quantity = Words("dt in call {call} of femGrainsContactIterate", call=k + 1)
-                return self._difference(quantity, dt, with_dt)
+                return Difference(self._probe, quantity, dt, with_dt)
             first = self._of_zeta(zeta, returned, k) if right > 0 else None
             if first:
                 return first
         return None
 
-    def _first_in_state(self, names: tuple[str, ...]) -> Difference | None:
+    def _first_in(self, attribute: str, names: Sequence[str]) -> Difference | None:
+        """Compare named arrays in an attribute of the answers, `before` or `state`."""
         n = self._probe.call.n
+        all_expected, all_found = getattr(self._expected, attribute), getattr(self._found, attribute)
         for name in names:
             k = FIELDS.index(name)
             part = slice(k * n, (k + 1) * n if k < 7 else None)
-            expected, found = self._expected.state[part], self._found.state[part]
+            expected, found = all_expected[part], all_found[part]
             wrong = np.flatnonzero(~_same(expected, found, self._length if k < 2 else self._speed))
             if wrong.size:
                 i = int(wrong[0])
                 entry = f"{name}[{i}]"
+                quantity = Words(entry, entry)
+                if attribute == "before":
+                    quantity = Words("{entry} before the iterations", entry=entry)
                 contact = self._contact(name, i)
-                return self._difference(Words(entry, entry), expected[i], found[i], contact=contact)
+                return Difference(self._probe, quantity, expected[i], found[i], contact=contact)
         return None
 
     def _contact(self, name: str, index: int) -> Words | None:
@@ -165,21 +156,6 @@ class _Comparison:
         if name != "dvBoundary" and not wall:
             return Words("grain {i}", i=index)
         return Words("grain {i} at the inner wall" if wall < 0.0 else "grain {i} at the outer wall", i=index)
-
-    def _difference(
-        self,
-        quantity: Words,
-        expected: float,
-        found: float,
-        iteration: int | None = None,
-        contact: Words | None = None,
-    ) -> Difference:
-        probe = self._probe
-        if iteration is None and probe.call.iteration >= 0:
-            iteration = probe.call.iteration
-        return Difference(
-            probe.scene, probe.step, iteration, contact, quantity, float(expected), float(found)
-        )
 
 
 def _same(expected: FloatArray, found: FloatArray, most: float) -> np.ndarray:

@@ -12,11 +12,10 @@ from tempfile import TemporaryFile
 from time import monotonic
 
 from warpgrains.errors import InputError
-from warpgrains.grade.sandbox import Processes
+from warpgrains.grade.sandbox import CONTACT, UPDATE, Processes
 from warpgrains.reference.reference import SOURCE
 
 HOMEWORK = "homework.c"
-UPDATE, CONTACT = "femGrainsUpdate", "femGrainsContactIterate"
 WITHOUT = {UPDATE: "-DNOUPDATE", CONTACT: "-DNOCONTACTITERATE"}
 """The two functions, and the course's macro that excludes each of them."""
 

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains.grade.compare import Difference
-from warpgrains.grade.compiler import CONTACT, Compiler
+from warpgrains.grade.compiler import Compiler
 from warpgrains.grade.probes import Probe
-from warpgrains.grade.sandbox import MOST_CALLS, Answer, Call
+from warpgrains.grade.sandbox import CONTACT, MOST_CALLS, Answer, Call, Request
 from warpgrains.grade.words import Words
 
 _HERE = Path(__file__).parent
@@ -82,19 +82,19 @@ def _in_slots(terms: dict[str, str], slots: str) -> dict[tuple[str, int], str]:
     }
 
 
-def hint_of(first: Difference | None, is_iteration: bool) -> Hint:
+def hint_of(first: Difference | None) -> Hint:
     """Return the hint for the equation of the first wrong value, or for indices beyond `dvContacts`."""
     groups = (each for group in _table()["group"] for each in (group, group.get("wall", {})))
-    entry = _entry(first, is_iteration) if first else "index"
+    entry = _entry(first) if first else "index"
     return next(_hint(group) for group in groups if entry in group.get("shows", ()))
 
 
-def _entry(first: Difference, is_iteration: bool) -> str:
+def _entry(first: Difference) -> str:
     """Return the name of a wrong value in the lists `shows`."""
-    entry = first.quantity.partition("[")[0]
-    if not is_iteration:
+    entry, iteration = first.quantity.partition("[")[0], first.probe.call.iteration
+    if iteration < 0:
         return "free" if "before" in first.quantity else "position" if entry in ("x", "y") else "loop"
-    if first.iteration == 0:
+    if iteration == 0:
         return "iter"
     return "wall" if entry in ("vx", "vy") and "wall" in (first.contact or "") else entry
 
@@ -114,13 +114,7 @@ def _table() -> dict[str, Any]:
 
 
 class _Probe(ctypes.Structure):
-    _fields_ = (
-        *((name, ctypes.c_int) for name in ("n", "iter")),
-        *((name, ctypes.c_double) for name in ("dt", "tol", "iterMax", "radiusIn", "radiusOut")),
-        ("gravity", ctypes.c_double * 2),
-        ("gamma", ctypes.c_double),
-        ("state", _Numbers),
-    )
+    _fields_ = (("request", Request), ("state", _Numbers))
 
 
 class _Answer(ctypes.Structure):
@@ -274,9 +268,7 @@ def _found(answer: Answer) -> _Answer:
 
 
 def _probe(call: Call) -> _Probe:
-    gravity = (ctypes.c_double * 2)(*call.gravity)
-    numbers = (call.dt, call.tolerance, call.max_iterations, call.radius_in, call.radius_out)
-    return _Probe(call.n, call.iteration, *numbers, gravity, call.drag, call.state.ctypes.data_as(_Numbers))
+    return _Probe(call.request(), call.state.ctypes.data_as(_Numbers))
 
 
 def _integers(numbers: Sequence[int]) -> Any:

@@ -15,10 +15,10 @@ from time import monotonic
 
 from warpgrains.errors import InputError
 from warpgrains.grade.compare import DOUBLE, FLOAT, Difference, difference
-from warpgrains.grade.compiler import CONTACT, UPDATE, WITHOUT, CompileError, Compiler, read_homework
+from warpgrains.grade.compiler import WITHOUT, CompileError, Compiler, read_homework
 from warpgrains.grade.diagnosis import Model, hint_of
 from warpgrains.grade.probes import Probe, make_probes
-from warpgrains.grade.sandbox import DEFAULT, Answer, Child, EndedError, Function, Limits, Processes
+from warpgrains.grade.sandbox import CONTACT, DEFAULT, UPDATE, Answer, Child, EndedError, Limits, Processes
 from warpgrains.grade.verdict import BOTH, NOTHING, Part, Shown, Verdict
 from warpgrains.grade.words import Words
 from warpgrains.reference.reference import SOURCE
@@ -76,8 +76,7 @@ class Grader:
         }
         with self._child({}) as child:
             self.confined = child.confined
-            probes = make_probes(child)
-            self.probes: dict[str, Sequence[Probe]] = {CONTACT: probes.contact, UPDATE: probes.update}
+            self.probes = make_probes(child)
             self.expected = {
                 function: [child.ask(probe.call) for probe in asked]
                 for function, asked in self.probes.items()
@@ -119,7 +118,7 @@ class Grader:
         folder = self._folder / "run"
         try:
             library, _ = self._compiler.compile_homework(read_homework(source), folder)
-            child = self._child({name: Function(library, name) for name in (UPDATE, CONTACT)}, self._limits)
+            child = self._child(dict.fromkeys((UPDATE, CONTACT), library), self._limits)
         except (CompileError, EndedError) as error:
             raise InputError(f"'{source}' cannot be run: {error}") from None
         if child.updates and child.iterates:
@@ -146,10 +145,8 @@ class Grader:
         parts = [self._part(part, libraries, until) for part in (UPDATE, CONTACT)]
         both = self._part(BOTH, libraries, until, all(part.ended is None for part in parts))
         if both.status == "wrong" and all(part.status == "right" for part in parts):
-            both = replace(
-                both,
-                remark=Words("each function is right alone: does one of the two keep a value between calls?"),
-            )
+            remark = Words("each function is right alone: does one of the two keep a value between calls?")
+            both = replace(both, remark=remark)
         parts.append(both)
         warnings = tuple(dict.fromkeys(warning for part in parts for warning in part.warnings))
         wrong = b"".join(part.values for part in parts)
@@ -163,7 +160,7 @@ class Grader:
             return Part(name, "does not compile")
         if not may_run:
             return Part(name, "not run")
-        own = {each: Function(libraries[name], each) for each in (UPDATE, CONTACT) if name in (each, BOTH)}
+        own = {each: libraries[name] for each in (UPDATE, CONTACT) if name in (each, BOTH)}
         answers: dict[int, Answer] = {}
         warnings: tuple[Words, ...] = ()
         ends: dict[str, tuple[int, EndedError]] = {}  # the probe at which it ended, by scene
@@ -209,23 +206,17 @@ class Grader:
             if not wrongs.get(probe.scene):
                 wrongs[probe.scene] = first.words() if first else NOTHING
         said = {
-            scene: Words("{where}: it {does}", where=_where(asked[k]), does=error.words)
+            scene: Words("{where}: it {does}", where=asked[k].place(), does=error.words)
             for scene, (k, error) in ends.items()
         }
         wrongs |= {scene: wrongs.get(scene) or words for scene, words in said.items()}
         scenes = {probe.scene: wrongs.get(probe.scene, Words("not run")) for probe in asked}
         ended = next(iter(ends.values()), None)
-        part = Part(
-            name,
-            "wrong" if any(scenes.values()) else "right",
-            scenes,
-            next(iter(said.values()), None),
-            printed=printed,
-        )
-        wrong = [(probes[k].call.n, k, first) for k, first in enumerate(differences) if first]
-        if wrong:
-            _, k, smallest = min(wrong)
-            part = replace(part, shown=Shown(smallest, probes[k].call, expected[k], answers[k]))
+        status = "wrong" if any(scenes.values()) else "right"
+        part = Part(name, status, scenes, next(iter(said.values()), None), printed=printed)
+        if wrong := [k for k, first in enumerate(differences) if first]:
+            k = min(wrong, key=lambda k: probes[k].call.n)
+            part = replace(part, shown=Shown(probes[k].call, expected[k], answers[k]))
         if part.status == "right" or name == BOTH:
             return part
         near = differences if eps else _differences(probes, expected, answers, DOUBLE)
@@ -243,19 +234,14 @@ class Grader:
             return replace(part, mistakes=mistakes, remark=remark)
         if first is None:
             is_index = any(error.how >= 0 for _, error in ends.values())
-            return replace(part, hint=hint_of(None, True)) if is_index else part
+            return replace(part, hint=hint_of(None)) if is_index else part
         is_float = not ended and not any(_differences(probes, expected, answers, FLOAT))
         remark = Words("it differs as if float were used: use double" if is_float else _UNKNOWN)
-        return replace(part, hint=hint_of(first, function == CONTACT), remark=remark)
+        return replace(part, hint=hint_of(first), remark=remark)
 
-    def _child(
-        self, functions: Mapping[str, Function], limits: Limits = DEFAULT, until: float = inf
-    ) -> Child:
+    def _child(self, own: dict[str, Path], limits: Limits = DEFAULT, until: float = inf) -> Child:
         """Start a child process with some functions of the homework and the others of the reference."""
-        update, contact = (
-            functions.get(name, Function(self._reference[name], name)) for name in (UPDATE, CONTACT)
-        )
-        return Child(self._program, update, contact, self._processes, limits, until)
+        return Child(self._program, self._reference | own, self._processes, limits, until)
 
 
 def _warnings(child: Child) -> tuple[Words, ...]:
@@ -268,10 +254,3 @@ def _differences(
     probes: Sequence[Probe], expected: Sequence[Answer], answers: Sequence[Answer], eps: float
 ) -> list[Difference | None]:
     return [difference(*each, eps) for each in zip(probes, expected, answers, strict=False)]
-
-
-def _where(probe: Probe) -> Words:
-    if probe.call.iteration < 0:
-        return Words("scene {scene}, step {step}", scene=probe.scene, step=probe.step)
-    numbers = {"scene": probe.scene, "step": probe.step, "iteration": probe.call.iteration}
-    return Words("scene {scene}, step {step}, iteration {iteration}", **numbers)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from math import hypot, isfinite
 
-from warpgrains.grade.verdict import Part, Shown, Verdict, word_of
+from warpgrains.grade.verdict import Shown, Verdict
 from warpgrains.grade.words import Words, in_language
 
 GENERATOR = '<meta name="generator" content="warpgrains grade">'
@@ -36,13 +36,17 @@ class Pages:
 
     def homework(self, verdict: Verdict) -> str:
         """Return the page of a homework."""
-        parts = [self._heading(verdict), *(f"<p>{self._say(w)}</p>" for w in verdict.warnings)]
+        parts = [f"<h1>{escape(verdict.file)}: {self._colored(verdict.status)}</h1>"]
+        parts += [f"<p>{self._say(warning)}</p>" for warning in verdict.warnings]
         if verdict.problem or verdict.compiler:
             parts.append(f"<pre>{escape(verdict.problem or verdict.compiler)}</pre>")
         if verdict.parts:
-            scenes = list(next((part.scenes for part in verdict.parts if part.scenes), {}))
-            rows = [[Words(part.name), *_words(part, scenes)] for part in verdict.parts]
-            parts.append(self._table([Words("", ""), *(Words(scene, scene) for scene in scenes)], rows))
+            scenes = verdict.scenes
+            rows = [
+                [Words(part.name), *(part.words or [Words(part.status)] * len(scenes))]
+                for part in verdict.parts
+            ]
+            parts.append(self._table(["", *scenes], rows))
         for part in verdict.reported_parts():
             parts.append(f"<h2>{self._say(Words(part.name))}</h2><p>{self._say(part.first)}</p><dl>")
             parts += [f"<dt>{self._say(a)}</dt><dd>{self._say(b)}</dd>" for a, b in part.advice()]
@@ -54,31 +58,32 @@ class Pages:
         """Return the page of a class, with the address of each homework's page."""
         counts = Counter(verdict.status for verdict in verdicts)
         names = Counter(m.name for verdict in verdicts for part in verdict.parts for m in part.mistakes)
+        files = [
+            f'<a href="{escape(link)}">{escape(v.file)}</a>' for v, link in zip(verdicts, links, strict=True)
+        ]
         same = defaultdict(list)
-        for verdict, link in zip(verdicts, links, strict=True):
-            if verdict.values:
-                same[verdict.values].append(f'<a href="{escape(link)}">{escape(verdict.file)}</a>')
-        groups = [files for files in same.values() if len(files) > 1]
-        seconds = sum(verdict.seconds for verdict in verdicts)
-        parts = [f"<h1>{self._say(Words('Homeworks'))}</h1>"]
-        parts.append(self._table([Words("verdict"), Words("homeworks")], counts.most_common()))
-        parts.append(f"<h2>{self._say(Words('Mistakes'))}</h2>")
-        parts.append(self._table([Words("mistake"), Words("homeworks")], names.most_common()))
-        parts.append(f"<h2>{self._say(Words('The same wrong values, to the last bit'))}</h2>")
-        parts.append(
-            f"<p>{self._say(Words('A common mistake in a common style gives the same values, too.'))}</p>"
-        )
-        parts += [f"<p>{', '.join(files)}</p>" for files in groups] or [f"<p>{self._say(Words('none'))}</p>"]
-        parts.append(f"<h2>{self._say(Words('All homeworks'))}</h2>")
-        heads = ("file", "verdict", "mistakes", "time [s]")
-        parts.append(f"<table><tr>{''.join(f'<th>{self._say(Words(head))}</th>' for head in heads)}</tr>")
-        for verdict, link in zip(verdicts, links, strict=True):
-            row = verdict.as_row(self._language)
-            file = f'<a href="{escape(link)}">{escape(verdict.file)}</a>'
-            cells = (file, self._colored(verdict.status), escape(row["mistakes"]), f"{verdict.seconds:.2f}")
-            parts.append(f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
-        total = Words("{seconds} s in all", seconds=f"{seconds:.0f}")
-        return self._page(str(self._say(Words("Homeworks"))), [*parts, f"</table><p>{self._say(total)}</p>"])
+        for verdict, file in zip(verdicts, files, strict=True):
+            same[verdict.values].append(file)
+        groups = [group for values, group in same.items() if values and len(group) > 1]
+        parts = [
+            f"<h1>{self._say(Words('Homeworks'))}</h1>",
+            self._table([Words("verdict"), Words("homeworks")], counts.most_common()),
+            f"<h2>{self._say(Words('Mistakes'))}</h2>",
+            self._table([Words("mistake"), Words("homeworks")], names.most_common()),
+            f"<h2>{self._say(Words('The same wrong values, to the last bit'))}</h2>",
+            f"<p>{self._say(Words('A common mistake in a common style gives the same values, too.'))}</p>",
+            *(f"<p>{', '.join(group)}</p>" for group in groups or [[self._say(Words("none"))]]),
+            f"<h2>{self._say(Words('All homeworks'))}</h2>",
+            "<table>",
+            _row("th", [self._say(Words(head)) for head in ("file", "verdict", "mistakes", "time [s]")]),
+        ]
+        for verdict, file in zip(verdicts, files, strict=True):
+            mistakes = escape(verdict.as_row(self._language)["mistakes"])
+            parts.append(
+                _row("td", [file, self._colored(verdict.status), mistakes, f"{verdict.seconds:.2f}"])
+            )
+        total = Words("{seconds} s in all", seconds=f"{sum(verdict.seconds for verdict in verdicts):.0f}")
+        return self._page(self._say(Words("Homeworks")), [*parts, f"</table><p>{self._say(total)}</p>"])
 
     def _shown(self, shown: Shown) -> list[str]:
         """Return the scene of a wrong value: its picture, its numbers and its grains."""
@@ -87,23 +92,19 @@ class Pages:
         return [
             f"<figure>{picture(shown)}<figcaption>{self._say(caption)}</figcaption></figure>",
             f"<p>{self._say(Words('scene before this call'))}: <code>{self._say(shown.numbers())}</code></p>",
-            self._table([Words(name, name) for name in head], rows),
+            self._table(head, rows),
         ]
 
-    def _heading(self, verdict: Verdict) -> str:
-        return f"<h1>{escape(verdict.file)}: {self._colored(verdict.status)}</h1>"
-
-    def _table(self, heads: Sequence[Words], rows: Iterable[Sequence[object]]) -> str:
-        lines = ["<table><tr>", *(f"<th>{self._say(head)}</th>" for head in heads), "</tr>"]
-        lines += [f"<tr>{''.join(f'<td>{self._colored(cell)}</td>' for cell in row)}</tr>" for row in rows]
-        return "".join([*lines, "</table>"])
+    def _table(self, heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+        lines = [_row("td", map(self._colored, row)) for row in rows]
+        return "".join(["<table>", _row("th", map(self._say, heads)), *lines, "</table>"])
 
     def _colored(self, cell: object) -> str:
         kind = f' class="{cell}"' if cell in ("right", "wrong") else ""
         return f"<span{kind}>{self._say(cell)}</span>" if kind else self._say(cell)
 
     def _say(self, text: object) -> str:
-        return escape(str(in_language(text, self._language)))
+        return escape(in_language(text, self._language))
 
     def _page(self, title: str, parts: Sequence[str]) -> str:
         head = f'<!doctype html><html lang="{self._language}"><head><meta charset="utf-8">{GENERATOR}'
@@ -111,10 +112,8 @@ class Pages:
         return "\n".join([head, style, *parts, "</body></html>\n"])
 
 
-def _words(part: Part, scenes: Sequence[str]) -> list[Words]:
-    if not part.scenes:
-        return [Words(part.status)] * len(scenes)
-    return [word_of(part.scenes[scene]) for scene in scenes]
+def _row(tag: str, cells: Iterable[str]) -> str:
+    return f"<tr>{''.join(f'<{tag}>{cell}</{tag}>' for cell in cells)}</tr>"
 
 
 def picture(shown: Shown) -> str:

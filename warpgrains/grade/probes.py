@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.grade.sandbox import Call, Child
+from warpgrains.grade.sandbox import CONTACT, UPDATE, Call, Child
+from warpgrains.grade.words import Words, joined
 from warpgrains.scene.scene import Scene
 
 FIRST_ITERATIONS = 3  # number of iterations of a step that are called one by one, from 0
@@ -28,16 +29,17 @@ class Probe(NamedTuple):
     step: int
     call: Call
 
+    def place(self, iteration: int | None = None, contact: Words | None = None) -> Words:
+        """Return the scene and step, and the iteration (by default that of the call) and contact if any."""
+        if iteration is None and self.call.iteration >= 0:
+            iteration = self.call.iteration
+        place = [Words("scene {scene}", scene=self.scene), Words("step {step}", step=self.step)]
+        place += [] if iteration is None else [Words("iteration {iteration}", iteration=iteration)]
+        return joined([*place, *([contact] if contact else [])])
 
-class Probes(NamedTuple):
-    """Calls of femGrainsContactIterate and of femGrainsUpdate."""
 
-    contact: list[Probe]
-    update: list[Probe]
-
-
-def make_probes(reference: Child) -> Probes:
-    """Advance some scenes with the reference, and return calls that start from its states."""
+def make_probes(reference: Child) -> dict[str, list[Probe]]:
+    """Advance some scenes with the reference, and return calls of each function from its states."""
     contact: list[Probe] = []
     update: list[Probe] = []
     for scene, steps in _scenes():
@@ -48,7 +50,7 @@ def make_probes(reference: Child) -> Probes:
                 contact += [Probe(scene.name, step, each) for each in iterations[:FIRST_ITERATIONS]]
                 update += _updates(Probe(scene.name, step, call), zeta)
             call = call._replace(state=reference.ask(call).state)
-    return Probes(contact, update)
+    return {CONTACT: contact, UPDATE: update}
 
 
 def _scenes() -> Iterator[tuple[Scene, range]]:
@@ -111,12 +113,8 @@ def _updates(step: Probe, zeta: FloatArray) -> list[Probe]:
     """Return the step with a tolerance that zeta passes clearly, and with a limit of iterations."""
     last, tolerance = _clearest_drop(zeta)
     call = step.call._replace(tolerance=tolerance, max_iterations=float(2 * _MOST))
-    if last <= CAP + 1:
-        return [step._replace(call=call)]
-    return [
-        step._replace(call=call),
-        step._replace(call=call._replace(max_iterations=float(CAP))),
-    ]
+    calls = [call, call._replace(max_iterations=float(CAP))] if last > CAP + 1 else [call]
+    return [step._replace(call=each) for each in calls]
 
 
 def _clearest_drop(zeta: FloatArray) -> tuple[int, float]:

@@ -1,9 +1,9 @@
 /* The sandbox: a process that executes a homework. A request asks for one call; the answer says what the call did.
  *
- *     child REQUESTS ANSWERS UPDATE.so CONTACT.so UPDATE CONTACT BYTES SECONDS
+ *     child REQUESTS ANSWERS UPDATE.so CONTACT.so BYTES SECONDS
  *
- * REQUESTS and ANSWERS are descriptors of pipes, UPDATE and CONTACT names of the functions. The process contains no expected
- * result and answers one request at a time: the process that asks judges.
+ * REQUESTS and ANSWERS are descriptors of pipes. The process contains no expected result and answers one request at a time:
+ * the process that asks judges.
  *
  * A homework may compute. Time, memory and output are limited, and a filter of system calls ends the process with an answer
  * that names any other call. A filter cannot be removed. It is installed before a homework is loaded, because constructors
@@ -41,6 +41,8 @@
 
 #include "grains.h"
 
+#define UPDATE "femGrainsUpdate"
+#define CONTACT "femGrainsContactIterate"
 #define ARRAYS 8
 #define MOST_CALLS 1024 /* whose records are answered */
 #define CPU_SECONDS 20 /* in all */
@@ -417,22 +419,22 @@ static int answerRequest(double seconds) {
 }
 
 int main(int count, char **words) {
-    if (count != 9) return 1;
+    if (count != 7) return 1;
     requests = atoi(words[1]);
     answers = atoi(words[2]);
-    double seconds = atof(words[8]);
+    double seconds = atof(words[6]);
     const char *updates = words[3], *iterates = words[4];
     prepareFile(updates);
     prepareFile(iterates);
-    int has = confine(strtoull(words[7], NULL, 10), CPU_SECONDS) ? CONFINED : 0;
+    int has = confine(strtoull(words[5], NULL, 10), CPU_SECONDS) ? CONFINED : 0;
     startClock(seconds);
     void *ofUpdate = load(updates), *ofContact = load(iterates);
     startClock(0.0);
-    update = (void (*)(femGrains *, double, double, double))find(ofUpdate, updates, words[5]);
-    iterate = (double (*)(femGrains *, double, int))find(ofContact, iterates, words[6]);
+    update = (void (*)(femGrains *, double, double, double))find(ofUpdate, updates, UPDATE);
+    iterate = (double (*)(femGrains *, double, int))find(ofContact, iterates, CONTACT);
     has |= (update ? UPDATES : 0) | (iterate ? ITERATES : 0);
     if (find(ofUpdate, updates, "main") || find(ofContact, iterates, "main")) has |= MAIN;
-    if (strcmp(updates, iterates) != 0 && (find(ofUpdate, updates, words[6]) || find(ofContact, iterates, words[5])))
+    if (strcmp(updates, iterates) != 0 && (find(ofUpdate, updates, CONTACT) || find(ofContact, iterates, UPDATE)))
         has |= UNGUARDED;
     Answer hello = {ANSWERED, has, 0, 0, 0.0};
     say(&hello, sizeof hello);

@@ -5,12 +5,13 @@ those of the reference function that it calls. It is limited by `Limits`, to a m
 access to files, processes and the network.
 """
 
+import ctypes
 import os
 import select
 import signal
 import struct
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,13 +27,13 @@ import numpy as np
 from warpgrains.arrays import FloatArray
 from warpgrains.grade.words import Words
 
+UPDATE, CONTACT = "femGrainsUpdate", "femGrainsContactIterate"
 FIELDS = ("x", "y", "vx", "vy", "r", "m", "dvBoundary", "dvContacts")
 """Arrays of `femGrains` in the order of a state."""
 MOST_CALLS = 1024
 """Largest number of calls of femGrainsContactIterate that an answer records."""
 
 _HEADER = struct.Struct("=iiiid")
-_REQUEST = struct.Struct("=ii8d")
 _CONFINED, _UPDATES, _ITERATES, _MAIN, _UNGUARDED = 1, 2, 4, 8, 16
 
 _ANSWERED, _CALLED, _CRASHED, _OUTSIDE, _CHANGED, _TOO_LONG = range(6)
@@ -127,11 +128,15 @@ class Limits(NamedTuple):
 DEFAULT = Limits()
 
 
-class Function(NamedTuple):
-    """A function and the library that defines it."""
+class Request(ctypes.Structure):
+    """Numbers of a call, as sandbox.c and model.c read them."""
 
-    library: Path
-    name: str
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("n", "iter")),
+        *((name, ctypes.c_double) for name in ("dt", "tol", "iterMax", "radiusIn", "radiusOut")),
+        ("gravity", ctypes.c_double * 2),
+        ("gamma", ctypes.c_double),
+    )
 
 
 class Call(NamedTuple):
@@ -153,30 +158,26 @@ class Call(NamedTuple):
     drag: float
     state: FloatArray
 
+    def request(self) -> Request:
+        """Return all but the state."""
+        *numbers, (x, y), drag, _ = self
+        return Request(*numbers, (x, y), drag)
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Result of a call.
-
-    Attributes
-    ----------
-    zeta : float
-        Return value of femGrainsContactIterate [m/s].
-    calls : int
-        Number of calls of femGrainsContactIterate by femGrainsUpdate.
-    state : ndarray
-        Arrays of the struct after the call.
-    before : ndarray
-        x, y, vx, vy before the first of these calls, shape (4 n,).
-    record : ndarray
-        iter, dt and zeta of the recorded calls, shape (calls or fewer, 3).
-    """
+    """Result of a call."""
 
     zeta: float
+    """Return value of femGrainsContactIterate [m/s]."""
     calls: int
+    """Number of calls of femGrainsContactIterate by femGrainsUpdate."""
     state: FloatArray
+    """Arrays of the struct after the call."""
     before: FloatArray
+    """x, y, vx, vy before the first of these calls, shape (4 n,)."""
     record: FloatArray
+    """iter, dt and zeta of the recorded calls, shape (calls or fewer, 3)."""
 
     def __eq__(self, other: object) -> bool:
         """Return whether all bits are equal."""
@@ -198,7 +199,8 @@ class Child:
     ----------
     program : Path
         The program from `compile_child`.
-    update, contact : Function
+    libraries : mapping
+        The libraries that define `UPDATE` and `CONTACT`.
     processes : Processes
         Group of processes that it joins.
     limits : Limits
@@ -223,8 +225,7 @@ class Child:
     def __init__(
         self,
         program: Path,
-        update: Function,
-        contact: Function,
+        libraries: Mapping[str, Path],
         processes: Processes,
         limits: Limits = DEFAULT,
         until: float = inf,
@@ -233,11 +234,10 @@ class Child:
         self._printed = TemporaryFile()  # noqa: SIM115  # closed by close
         there, self._ask = os.pipe()
         self._answer, here = os.pipe()
-        words = [str(there), str(here), str(update.library), str(contact.library)]
-        words += [update.name, contact.name, str(limits.megabytes * 2**20), str(limits.seconds)]
+        words = (there, here, libraries[UPDATE], libraries[CONTACT], limits.megabytes * 2**20, limits.seconds)
         try:
             self._process = processes.start(
-                [str(program), *words],
+                [str(program), *map(str, words)],
                 pass_fds=(there, here),
                 stdout=self._printed,
                 stderr=self._printed,
@@ -269,10 +269,8 @@ class Child:
         EndedError
             The process ends, or violates the protocol, instead of answering.
         """
-        numbers = (call.dt, call.tolerance, call.max_iterations, call.radius_in, call.radius_out)
-        head = _REQUEST.pack(call.n, call.iteration, *numbers, *call.gravity, call.drag)
         self._start_call()
-        self._send(head + call.state.tobytes())
+        self._send(bytes(call.request()) + call.state.tobytes())
         _, calls, zeta = self._receive_header()
         state, before = self._receive_numbers(len(call.state)), self._receive_numbers(4 * call.n)
         record = self._receive_numbers(3 * min(max(calls, 0), MOST_CALLS)).reshape(-1, 3)

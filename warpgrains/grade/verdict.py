@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from warpgrains.grade.compare import Difference
 from warpgrains.grade.diagnosis import Hint, Mistake
-from warpgrains.grade.sandbox import Answer, Call
+from warpgrains.grade.sandbox import CONTACT, FIELDS, UPDATE, Answer, Call
 from warpgrains.grade.words import Words, in_language
 
 BOTH = "both together"
@@ -14,15 +13,13 @@ MOST_SHOWN = 3  # largest number of grains of a scene that is printed
 
 NOTHING = Words("", "")
 
-_PARTS = ("femGrainsUpdate", "femGrainsContactIterate", BOTH)
+_PARTS = (UPDATE, CONTACT, BOTH)
 _COLORS = {"right": "32", "not run": "33"}  # red by default
-_GRAIN = ("x", "y", "vx", "vy", "r", "m", "dvBoundary")
 
 
 class Shown(NamedTuple):
     """The smallest scene with a wrong answer."""
 
-    difference: Difference
     call: Call
     expected: Answer
     found: Answer
@@ -31,21 +28,16 @@ class Shown(NamedTuple):
         """Return the scene before the call as a table: column names, then one row per grain."""
         arrays = self.call.state[: 7 * self.call.n].reshape(7, -1).T
         rows = [[str(i), *(f"{value:.6g}" for value in row)] for i, row in enumerate(arrays)]
-        return [["", *_GRAIN], *rows]
+        return [["", *FIELDS[:7]], *rows]
 
     def numbers(self) -> Words:
         """Return the parameters of the scene as C assignments."""
         call = self.call
-        numbers = {
-            **({"iter": call.iteration} if call.iteration >= 0 else {}),
-            "dt": call.dt,
-            **({} if call.iteration >= 0 else {"tol": call.tolerance, "iterMax": call.max_iterations}),
-            "radiusIn": call.radius_in,
-            "radiusOut": call.radius_out,
-            "gravity[0]": call.gravity[0],
-            "gravity[1]": call.gravity[1],
-            "gamma": call.drag,
-        }
+        numbers: dict[str, float] = {"iter": call.iteration} if call.iteration >= 0 else {}
+        numbers |= {"dt": call.dt}
+        numbers |= {"tol": call.tolerance, "iterMax": call.max_iterations} if call.iteration < 0 else {}
+        numbers |= {"radiusIn": call.radius_in, "radiusOut": call.radius_out}
+        numbers |= {"gravity[0]": call.gravity[0], "gravity[1]": call.gravity[1], "gamma": call.drag}
         corrections = call.state[7 * call.n :]
         numbers |= {f"dvContacts[{k}]": value for k, value in enumerate(corrections) if value}
         text = ", ".join(f"{name} = {value:.6g}" for name, value in numbers.items())
@@ -54,48 +46,40 @@ class Shown(NamedTuple):
 
 @dataclass(frozen=True)
 class Part:
-    """Verdict on one function, or on both together.
-
-    Attributes
-    ----------
-    name, status : str
-        Status: right, wrong, missing, does not compile, or not run.
-    scenes : mapping
-        What is wrong in each scene, as text; empty if nothing is.
-    ended : Words or None
-        What the homework did instead of answering, and at which call.
-    mistakes : tuple of Mistake
-        Mistakes that together explain all wrong values.
-    hint : Hint or None
-        The equation of the first wrong value, if no mistakes explain all values.
-    remark : Words
-        A further remark; may be empty.
-    shown : Shown or None
-        The smallest scene with a wrong value.
-    printed : str
-        The beginning of the homework's output.
-    warnings : tuple of Words
-        Forbidden features that do not change the grade.
-    values : bytes
-        All answers of a single function, if any answer is wrong.
-    """
+    """Verdict on one function, or on both together."""
 
     name: str
     status: str
+    """One of: right, wrong, missing, does not compile, not run."""
     scenes: Mapping[str, Words] = field(default_factory=dict)
+    """What is wrong in each scene; empty if nothing is."""
     ended: Words | None = None
+    """What the homework did instead of answering, and at which call."""
     mistakes: tuple[Mistake, ...] = ()
+    """Mistakes that together explain all wrong values."""
     hint: Hint | None = None
+    """The equation of the first wrong value, if no mistakes explain all values."""
     remark: Words = NOTHING
     shown: Shown | None = None
     printed: str = ""
+    """The beginning of the homework's output."""
     warnings: tuple[Words, ...] = ()
+    """Forbidden features that do not change the grade."""
     values: bytes = b""
+    """All answers of a single function, if any answer is wrong."""
 
     @property
     def first(self) -> Words | None:
         """The first error."""
         return next(filter(None, self.scenes.values()), None) or self.ended
+
+    @property
+    def words(self) -> list[Words]:
+        """A short word on each scene, for a table."""
+        return [
+            wrong if wrong == "not run" else Words("wrong" if wrong else "right")
+            for wrong in self.scenes.values()
+        ]
 
     def advice(self) -> list[tuple[Words, Words]]:
         """Return the mistakes, equations of the text and suggested checks, each with its heading."""
@@ -112,33 +96,21 @@ def _advice(hint: Hint) -> list[tuple[Words, Words]]:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on a homework.
-
-    Attributes
-    ----------
-    file : str
-    compiler : str
-        The compiler's messages.
-    parts : tuple of Part
-        femGrainsUpdate, femGrainsContactIterate, and both; empty if it does not compile.
-    warnings : tuple of Words
-        Forbidden features that do not change the grade.
-    problem : str
-        Reason why the file cannot be read; empty if it can.
-    values : str
-        A hash that two homeworks share if their wrong values are bit-identical; empty if all values are
-        right.
-    seconds : float
-        Wall time [s].
-    """
+    """Verdict on a homework."""
 
     file: str
     compiler: str = ""
+    """The compiler's messages."""
     parts: tuple[Part, ...] = ()
+    """femGrainsUpdate, femGrainsContactIterate, and both; empty if it does not compile."""
     warnings: tuple[Words, ...] = ()
+    """Forbidden features that do not change the grade."""
     problem: str = ""
+    """Reason why the file cannot be read; empty if it can."""
     values: str = ""
+    """A hash that two homeworks share if their wrong values are bit-identical; empty without wrong values."""
     seconds: float = 0.0
+    """Wall time [s]."""
 
     @property
     def status(self) -> Words:
@@ -148,6 +120,11 @@ class Verdict:
         if not self.parts or any(part.status == "does not compile" for part in self.parts):
             return Words("does not compile")
         return Words("right" if all(part.status == "right" for part in self.parts) else "wrong")
+
+    @property
+    def scenes(self) -> list[str]:
+        """Names of the scenes in which the homework was called."""
+        return list(next((part.scenes for part in self.parts if part.scenes), {}))
 
     def reported_parts(self) -> list[Part]:
         """Return the parts to report: both functions together only if each alone is right."""
@@ -159,7 +136,7 @@ class Verdict:
         """Return the verdict as text for people."""
 
         def say(text: object) -> str:
-            return _printable(str(in_language(text, language)))
+            return _printable(in_language(text, language))
 
         def paragraph(heading: str, said: Words) -> str:
             return say(Words("{heading}: {said}", heading=Words(heading), said=said))
@@ -177,13 +154,11 @@ class Verdict:
         return "\n".join(lines)
 
     def _table(self, color: bool, language: str) -> list[str]:
-        scenes = list(next((part.scenes for part in self.parts if part.scenes), {}))
-        names = [str(in_language(Words(part.name), language)) for part in self.parts]
+        names = [in_language(Words(part.name), language) for part in self.parts]
         width = max(map(len, names)) + 2
-        lines = ["".join([" " * width, *(f"{scene:<14}" for scene in scenes)]).rstrip()]
+        lines = ["".join([" " * width, *(f"{scene:<14}" for scene in self.scenes)]).rstrip()]
         for name, part in zip(names, self.parts, strict=True):
-            words = [word_of(part.scenes[scene]) for scene in scenes] if part.scenes else [Words(part.status)]
-            told = [(str(in_language(word, language)), word) for word in words]
+            told = [(in_language(w, language), w) for w in part.words or [Words(part.status)]]
             cells = [_colored(said, word, color) + " " * (14 - len(said)) for said, word in told]
             lines.append("".join([f"{name:<{width}}", *cells]).rstrip())
         return lines
@@ -218,7 +193,7 @@ class Verdict:
         status = {part.name: part.status for part in self.parts}
 
         def say(texts: Any) -> str:
-            return "; ".join(str(in_language(text, language)) for text in texts)
+            return "; ".join(in_language(text, language) for text in texts)
 
         return {
             "file": self.file,
@@ -233,16 +208,10 @@ class Verdict:
         """Return the first error on one line; empty if there is none."""
         if self.problem or self.status == "right":
             return self.problem
-        errors = (line for line in self.compiler.splitlines() if "error" in line)
-        first = next((part.first for part in self.parts if part.first), None)
-        if self.status == "does not compile":
-            return next(errors, "") or str(in_language(first or "", language))
-        return str(in_language(first or "", language))
-
-
-def word_of(wrong: Words) -> Words:
-    """Return the short word for an error in a table."""
-    return wrong if wrong == "not run" else Words("wrong" if wrong else "right")
+        errors = [line for line in self.compiler.splitlines() if "error" in line]
+        if self.status == "does not compile" and errors:
+            return errors[0]
+        return in_language(next((part.first for part in self.parts if part.first), ""), language)
 
 
 def _colored(said: str, word: str, color: bool) -> str:

@@ -22,9 +22,9 @@ class Words(str):
         return text
 
 
-def in_language(text: object, language: str) -> object:
+def in_language(text: object, language: str) -> str:
     """Return a text in a language of `LANGUAGES`; texts without a translation stay as they are."""
-    return getattr(text, "french", text) if language == "fr" else text
+    return str(getattr(text, "french", text) if language == "fr" else text)
 
 
 def joined(texts: Sequence[Words], separator: str = ", ") -> Words:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpgrains.arrays import FloatArray
-from warpgrains.console import start_warp
 from warpgrains.scene.geometry import distance, overlapping_pairs
 from warpgrains.scene.obstacle import SHAPE
 from warpgrains.turns import BUILDING
@@ -24,6 +23,7 @@ from warpgrains.turns import BUILDING
 if TYPE_CHECKING:
     from warpgrains.scene.region import Region
 from warpgrains.scene.walls import INNER, OUTER
+from warpgrains.warp_start import start_warp
 
 MOST_TRIES = 1_000_000  # for one disc; after that hardly any free space is left
 FIRST_TRIES = 8  # per disc in the first batch; the next batches double

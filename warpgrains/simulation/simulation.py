@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 
 from warpgrains.described import documented
 from warpgrains.drawing.kinds import require_drawing
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.errors import InputError, requiring
 from warpgrains.pictures.shots import Painter
 from warpgrains.scene import checks
 from warpgrains.simulation.checkpoint import (
@@ -166,10 +166,8 @@ class Simulation(Stepper):
             viser is not installed, or the port is invalid.
         """
         checks.whole_number("port", port, most=65535)
-        try:
+        with requiring("view", "view"):
             from warpgrains.view.page import Page
-        except ModuleNotFoundError as error:
-            raise missing_extra("view", error, "view") from error
         from warpgrains.view.players import Live
 
         return Page(Live(self), port).start()

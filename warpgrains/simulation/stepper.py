@@ -16,8 +16,9 @@ from warpgrains.solver.engine import Engine
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.statistics import RunStatistics, StepReport
-from warpgrains.solver.tuning import find_device, threads_for
+from warpgrains.solver.tuning import threads_for
 from warpgrains.turns import ExclusiveUse
+from warpgrains.warp_start import find_device
 
 Begun = TypeVar("Begun", bound="Stepper")
 

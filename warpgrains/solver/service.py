@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from warpgrains.errors import SimulationError, missing_extra
+from warpgrains.errors import SimulationError, requiring
 from warpgrains.kernels.record import NOT_CONVERGED, NOT_FINITE
 from warpgrains.solver.infeasible import (
     InfeasibilityProof,
@@ -31,10 +31,8 @@ def exact_solver(method: str) -> Callable[[Scene, SceneMemory], Any] | None:
     """
     if method != "exact":
         return None
-    try:
+    with requiring("method 'exact'", "exact"):
         from warpgrains.solver.exact import ExactSolver
-    except ModuleNotFoundError as error:
-        raise missing_extra("method 'exact'", error, "exact") from error
     return ExactSolver
 
 

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warpgrains.console import start_warp
-from warpgrains.errors import InputError
 from warpgrains.kernels.skins import NARROWEST
 from warpgrains.solver.threads import cores
 
@@ -89,13 +87,3 @@ def patience(scene: Scene) -> int:
 def threads_for(scene: Scene, device: wp.Device, threads: int | None = None) -> int:
     """Return the largest number of CPU threads for a scene: `threads`, or the number that pays off."""
     return 1 if device.is_cuda else threads or paying_threads(scene)
-
-
-def find_device(name: str) -> wp.Device:
-    """Return a Warp device by its name; raise InputError if there is none."""
-    start_warp()
-    try:
-        return wp.get_device(name)
-    except (ValueError, RuntimeError) as error:
-        known = ", ".join(device.alias for device in wp.get_devices())
-        raise InputError(f"device {name!r} does not exist: choose one of {known}") from error

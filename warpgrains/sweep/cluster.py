@@ -16,11 +16,12 @@ from threading import Lock
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpgrains.console import exit_on_interrupt, start_warp
-from warpgrains.errors import InputError, missing_extra
+from warpgrains.console import exit_on_interrupt
+from warpgrains.errors import InputError, requiring
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
 from warpgrains.sweep.sweep import Run
 from warpgrains.sweep.sweep_folder import SweepFolder
+from warpgrains.warp_start import start_warp
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -146,14 +147,12 @@ def connected(scheduler: str | None, slurm_jobs: int | None) -> Iterator[Client]
     InputError
         Dask is not installed, or the cluster cannot be reached.
     """
-    try:
+    with requiring("a cluster", "cluster"):
         from distributed import Client
 
         if slurm_jobs is not None:
             with exit_on_interrupt():  # dask_jobqueue sets a handler that exits with code 0
                 from dask_jobqueue import SLURMCluster
-    except ModuleNotFoundError as error:
-        raise missing_extra("a cluster", error, "cluster") from error
     if slurm_jobs is None:
         try:
             client = Client(scheduler, timeout=CONNECT_WITHIN)

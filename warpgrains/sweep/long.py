@@ -20,11 +20,11 @@ from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.run import OpenRun
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.threads import cores
-from warpgrains.solver.tuning import find_device
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint, next_size
 from warpgrains.sweep.results import result
 from warpgrains.sweep.run_folder import HOW_TO_REPEAT, RunFolder
 from warpgrains.sweep.sweep_folder import SweepFolder
+from warpgrains.warp_start import find_device
 
 SLICE = 1.0  # intended duration of a slice [s]
 FIRST_SLICE = 4  # steps

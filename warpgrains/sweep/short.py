@@ -21,11 +21,12 @@ from warpgrains.scene.scene import Scene
 from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
-from warpgrains.solver.tuning import find_device, paying_threads
+from warpgrains.solver.tuning import paying_threads
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint
 from warpgrains.sweep.results import RunResult, counted, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder, writer
+from warpgrains.warp_start import find_device
 
 SHORT = 20.0  # s; longer runs continue with a folder and checkpoints
 WIDTH = 4096  # runs in a group

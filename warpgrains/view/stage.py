@@ -32,7 +32,8 @@ class Stage:
         for number, wall in enumerate(setting.walls):
             self._add_wall(number, wall)
         self._radius, self._reach = setting.radius, setting.reach
-        self._grains = self._add_instances("/grains", _circle())
+        angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
+        self._grains = self._add_instances("/grains", np.stack([np.cos(angle), np.sin(angle)], axis=1))
         self._marks: viser.BatchedMeshHandle | None = None
         self._has_chains = False
 
@@ -83,11 +84,7 @@ class Stage:
         )
 
     def _add_mesh(
-        self,
-        name: str,
-        points: FloatArray,
-        corners: IndexArray,
-        color: tuple[float, float, float],
+        self, name: str, points: FloatArray, corners: IndexArray, color: tuple[float, float, float]
     ) -> None:
         """Add a mesh of quadrilaterals."""
         faces = corners.reshape(-1, 4)[:, [[0, 1, 2], [0, 2, 3]]]
@@ -106,9 +103,3 @@ def _place(shapes: viser.BatchedMeshHandle, position: FloatArray, height: float,
     """Put the shapes of grains at places [m], a height [m] above the plane, in colors (sRGB)."""
     shapes.batched_positions = np.insert(position, 2, height, axis=1).astype(np.float32)
     shapes.batched_colors = np.rint(255.0 * linear(color)).astype(np.uint8)
-
-
-def _circle() -> FloatArray:
-    """Return the corners of a disc of radius 1, shape (48, 2)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, _SEGMENTS, endpoint=False)
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
