@@ -165,31 +165,6 @@ class TestCommand:
         write_checkpoint(tmp_path / "run.npz", replace(start, options=replace(start.options, steps=30)))
         return tmp_path / "run.npz"
 
-    @pytest.mark.parametrize(
-        ("arguments", "complaint"),
-        [
-            ("annulus", "SCENE cannot be combined with --resume"),
-            ("-o other.usdc", "--output cannot be combined with --resume"),
-            ("--fps 0", "--fps cannot"),
-            ("--color-by speed", "--color-by cannot"),
-            ("--forces", "--forces cannot"),
-            ("--as discs", "--as cannot"),
-            ("--as-spheres", "--as cannot"),
-            ("--order color", "--order cannot"),
-            ("--method exact", "--method cannot"),
-            ("--until rest", "--until cannot"),
-            ("--measure energy", "--measure cannot"),
-            ("--set physics.drag=0", "--set cannot"),
-            ("--steps 19", "end at step 19: its checkpoint is already at step 20"),
-            ("--duration 0.1", "end at step 10: its checkpoint is already at step 20"),
-            ("--every 0", "every is 0"),
-            ("--checkpoint other.txt", "must end in .npz"),
-        ],
-    )
-    def test_what_cannot_go_with_resume(self, kept, capfd, arguments, complaint):
-        assert run("--resume", kept, *arguments.split()) == 2
-        require_refusal(capfd, complaint)
-
     @pytest.mark.parametrize("found", ["nothing", "something else"])
     def test_recording_that_is_not_there(self, kept, capfd, found):
         kept.with_name("run.usdc").unlink()
@@ -198,21 +173,6 @@ class TestCommand:
             capfd.readouterr()
         assert run("--resume", kept) == 2
         require_refusal(capfd, "run.usdc.frames" if found == "nothing" else "holds frames of another scene")
-
-    @pytest.mark.parametrize(
-        ("arguments", "complaint"),
-        [
-            ("", "SCENE is missing"),
-            ("annulus --every 5", "--every has no effect without --checkpoint"),
-            ("annulus --checkpoint run.usdc", "must end in .npz"),
-            ("--resume missing.npz", "does not exist"),
-        ],
-    )
-    def test_what_resume_needs(self, tmp_path, monkeypatch, capfd, arguments, complaint):
-        monkeypatch.chdir(tmp_path)
-        assert run(*arguments.split()) == 2
-        require_refusal(capfd, complaint)
-        assert list(tmp_path.iterdir()) == []
 
 
 @pytest.fixture(scope="module")
