@@ -1,11 +1,6 @@
 """Runs that were interrupted or killed, and resumed: the same bits as if nothing had happened."""
 
 import json
-import shutil
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 
 import lightusd
@@ -14,7 +9,6 @@ import pytest
 from command import exit_code, require_refusal
 from recordings import GRAINS
 from same_bits import contents
-from trimmed import trimmed
 
 from warpgrains import Scene, Simulation
 from warpgrains.frame_log import FrameLog
@@ -173,58 +167,3 @@ class TestCommand:
             capfd.readouterr()
         assert run("--resume", kept) == 2
         require_refusal(capfd, "run.usdc.frames" if found == "nothing" else "holds frames of another scene")
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("undisturbed")
-    for order in ORDERS:
-        output, kept = folder / f"{order}.usdc", folder / f"{order}.npz"
-        assert run("annulus", "--order", order, "--forces", "-o", output, "--checkpoint", kept) == 0
-    return folder
-
-
-class TestKilled:
-    """kill -9, then --resume: nothing tells the run from one that was never interrupted."""
-
-    def kill_and_resume(self, folder, undisturbed, order, rng):
-        output, kept = folder / "run.usdc", folder / "run.npz"
-        arguments = ["annulus", "--order", order, "--forces", "-o", output, "--checkpoint", kept]
-        process = self.start(*arguments, "--every", int(rng.integers(3, 40)))
-        for step in sorted(rng.integers(0, 800, size=rng.integers(1, 3))):
-            self.wait_for_step(process, kept, step)
-            time.sleep(rng.uniform(0.0, 0.02))
-            process.send_signal(signal.SIGKILL)
-            process.wait(timeout=60)
-            process = self.start("--resume", kept)
-        assert process.wait(timeout=120) == 0
-        assert output.read_bytes() == (undisturbed / f"{order}.usdc").read_bytes()
-        expected, found = read_checkpoint(undisturbed / f"{order}.npz"), read_checkpoint(kept)
-        assert contents(found.state) == contents(expected.state)
-        no_time = {"step_seconds": 0.0, "other_seconds": 0.0}
-        assert replace(found.statistics, **no_time) == replace(expected.statistics, **no_time)
-        assert sorted(path.name for path in folder.iterdir() if path.name[0] != ".") == [
-            "run.npz",
-            "run.usdc",
-        ]
-
-    def start(self, *arguments):
-        command = [sys.executable, "-m", "warpgrains", "run", *map(str, arguments)]
-        return subprocess.Popen(command, stdout=subprocess.DEVNULL)
-
-    def wait_for_step(self, process, kept, step):
-        while process.poll() is None and not (
-            kept.exists() and read_checkpoint(kept).statistics.steps >= step
-        ):
-            time.sleep(0.005)
-
-    def test_resumed(self, tmp_path, undisturbed):
-        self.kill_and_resume(tmp_path, undisturbed, "color", np.random.default_rng(1))
-
-    @pytest.mark.slow
-    def test_resumed_from_many_moments(self, tmp_path, undisturbed):
-        for seed in (0, 2, 3)[: trimmed(3)]:
-            folder = tmp_path / str(seed)
-            folder.mkdir()
-            self.kill_and_resume(folder, undisturbed, ORDERS[seed % 2], np.random.default_rng(seed))
-            shutil.rmtree(folder)
