@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
+from command import exit_code
 
 import warpgrains as wg
 import warpgrains.analysis.pack as pack_module
@@ -83,20 +83,6 @@ def test_the_command_prints_and_saves_the_same(rest: wg.Rest, tmp_path, monkeypa
     assert np.array_equal(table.mass, rest.simulation.scene.mass)
     with pytest.raises(InputError, match=r"packing 'rest\.txt' must end in \.npz, \.csv"):
         rest.save("rest.txt")
-
-
-@pytest.mark.parametrize(
-    ("override", "message"),
-    [
-        ("physics.gravity=[0.0, 0.0]", "gravity is 0 or turns: pack needs a constant one"),
-        ("contact.friction=0.5", "friction is given: pack takes grains without friction"),
-        ("domain.pressure=1.0", "a wall moves, or a force drives it: pack takes walls at rest"),
-    ],
-)
-def test_what_is_refused(override, message, capfd) -> None:
-    extra = ["--set", "domain.wall=tangent"] if "pressure" in override else []
-    assert exit_code("pack", "polydisperse", "--set", override, *extra) == 2
-    require_refusal(capfd, message)
 
 
 def test_a_missing_extra_is_named_at_once(scene: Scene, monkeypatch) -> None:

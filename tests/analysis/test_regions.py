@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from warpgrains import Disc, InputError, Scene, Segment, Simulation, analysis
+from warpgrains import Disc, Scene, Segment, Simulation, analysis
 from warpgrains.described import described
 from warpgrains.scene.geometry import Circle
 from warpgrains.scene.layouts import random
@@ -253,22 +253,3 @@ def test_g_of_points_at_random_is_one(region):
     found = analysis.radial_distribution(of(position[kept], 0.001, walls=walls), 20, 0.8, region)
     deviation = 1.0 / np.sqrt(found.pairs) + 1.0 / np.sqrt(kept.sum() / 4.0)
     assert (np.abs(found.g - 1.0) < 3.0 * deviation).all()
-
-
-@pytest.mark.parametrize(
-    ("region", "complaint"),
-    [
-        ({"polygon": [(0.0, 0.0), (1.0, 0.0)]}, "polygon has 2 corners"),
-        ({"polygon": [(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)]}, "edges that do not cross"),
-        ({"polygon": [(0.0, 0.0), (0.1, 0.0), (0.0, 0.1)]}, "no point between the walls"),
-        ({"angle": (1.0, 0.5)}, "region.angle is"),
-        ({"angle": (0.0, 7.0)}, "at most 2 pi"),
-        ({"below": "top"}, "unknown region.below 'top'"),
-        ({"below": -1.5}, "no point between the walls"),
-        ({"belov": 0.0}, "did you mean 'below'"),
-        ([0.0, 1.0], "it must be a table"),
-    ],
-)
-def test_bad_regions_are_refused(region, complaint):
-    with pytest.raises(InputError, match=complaint):
-        analysis.mean_stress(of(), region)

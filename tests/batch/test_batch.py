@@ -137,23 +137,6 @@ def test_gravity_chosen_by_the_states(monkeypatch: pytest.MonkeyPatch, memory: f
         assert np.array_equal(batch.velocity(number), one.velocity)
 
 
-@pytest.mark.parametrize(
-    ("gravity", "message"),
-    [
-        ((0.0, 1.0), r"gravity has shape \(2,\): it must be \(n, 2\), with at least one scene"),
-        ([(0.0, 1.0)], "gravity has 1 rows: it must have 2, one for each scene"),
-        ([(0.0, 1.0), (np.nan, 0.0)], r"gravity of scene 1 is \(nan, 0.0\): it must be finite"),
-        (np.zeros((2, 2)), "gravity is given, but scene 1 has one that turns: give one of them"),
-    ],
-)
-def test_bad_gravity_is_refused(gravity: object, message: str) -> None:
-    course = Scene.load("annulus")
-    batch = Batch([course, course.replace(gravity={"rotate": 1.0})])
-    for call in (batch.step, lambda gravity: batch.run(1, gravity=gravity)):
-        with pytest.raises(InputError, match=message):
-            call(gravity)
-
-
 def test_scenes_with_other_walls_end_in_other_groups() -> None:
     """Their arrays of forces on walls have other shapes."""
     course = Scene.load("annulus")
@@ -264,13 +247,6 @@ class TestUntil:
         ended = [(run.has_ended, run.statistics.steps, run.statistics.met) for run in runs]
         assert ended == [(False, 5, False), (True, 20, True), (False, 35, False)]
         assert [sets.state(k).steps for k in range(3)] == [5, 20, 35]
-
-    def test_bad_criterion_is_refused(self) -> None:
-        scene = Scene.load("annulus")
-        with pytest.raises(InputError, match="did you mean 'rest'"):
-            Batch([scene]).run(until="rst")
-        with pytest.raises(InputError, match="needs time, and speed or energy"):
-            Batch([scene, scene.replace(gravity=(0.0, 0.0))]).run(until="rest")
 
 
 def test_no_thread_is_woken_for_little_work(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ import pytest
 from mixed import STEPS, Alone, of_step
 from same_bits import contents
 
-from warpgrains import Batch, InputError, Scene, Simulation, SimulationError, State
+from warpgrains import Batch, Scene, Simulation, SimulationError, State
 from warpgrains.batch import resident
 from warpgrains.solver import sizes
 from warpgrains.solver.statistics import RunStatistics
@@ -111,18 +111,6 @@ def test_an_interrupted_run_leaves_every_scene_between_two_steps(
     list(batch._sets.advance(left, lambda _: None))
     for k, (state, _, _) in enumerate(expected):
         assert contents(batch.state(k)) == contents(state)
-
-
-def test_what_is_no_batch() -> None:
-    scene = Scene.load("annulus")
-    with pytest.raises(InputError, match="at least one scene"):
-        Batch([])
-    with pytest.raises(InputError, match="threads"):
-        Batch([scene], threads=0)
-    with pytest.raises(InputError, match="device 'gpu' does not exist"):
-        Batch([scene], device="gpu")
-    with pytest.raises(InputError, match="steps"):
-        Batch([scene]).run(steps=-1)
 
 
 def test_a_scene_larger_than_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -59,36 +59,6 @@ def test_help_loads_nothing_heavy():
     assert printed.endswith("set()\n")
 
 
-BAD_INPUT = {
-    "value": ["--set", "grains.position=[[0.7, 0.0], [nan, 0.7]]"],
-    "lengths": ["--set", "grains.mass=[0.1, 0.1, 0.1]"],
-    "agreement": ["--set", "physics.drag=10.0"],
-    "unknown key": ["--set", "physics.dragg=1.0"],
-    "unknown section": ["--set", "phisics.drag=1.0"],
-    "order": ["--order", "colour"],
-    "method": ["--method", "quick"],
-    "color": ["--color-by", "taste"],
-    "form": ["--as", "cubes"],
-    "two forms": ["--as", "discs", "--as-points"],
-    "threads": ["--threads", "0"],
-    "device": ["--device", "cuda:99"],
-    "no device": ["--device", "gpu"],
-    "steps": ["--steps", "0"],
-    "no steps": ["--steps", "many"],
-    "duration": ["--duration", "nan"],
-    "steps and duration": ["--steps", "3", "--duration", "1.0"],
-    "frames": ["--fps", "0"],
-    "unknown option": ["--stpes", "3"],
-}
-
-
-@pytest.mark.parametrize("arguments", BAD_INPUT.values(), ids=BAD_INPUT.keys())
-def test_bad_input_is_one_line_and_writes_nothing(scene, tmp_path, capfd, arguments):
-    assert exit_code("run", scene, "-o", tmp_path / "out.usdc", *arguments) == 2
-    require_refusal(capfd)
-    assert list(tmp_path.iterdir()) == [scene]
-
-
 @pytest.mark.parametrize("text", ["domain = ", "", "\x00", "[domain]\nradius_out = 1.0"])
 def test_bad_file_is_one_line(scene, capfd, text):
     scene.write_text(text)
@@ -107,12 +77,6 @@ def test_bad_output_is_refused_before_a_step_is_done(scene, tmp_path, capfd, out
     assert monotonic() - start < 10.0
     require_refusal(capfd)
     assert sorted(tmp_path.iterdir()) == [tmp_path / "folder.usdc", scene]
-
-
-@pytest.mark.parametrize("arguments", [["walk"], ["run"], ["run", "anulus"], ["check", "no.usdc"]])
-def test_bad_command_is_one_line(capfd, arguments):
-    assert exit_code(*arguments) == 2
-    require_refusal(capfd)
 
 
 @pytest.mark.parametrize("error", [SimulationError("step 3: grain 1 is lost"), OSError("disk full")])

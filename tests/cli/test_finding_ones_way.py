@@ -87,19 +87,6 @@ def test_what_is_commented_out_says_the_default(tmp_path):
     assert Scene.load(path).stop == Scene.load("annulus").stop
 
 
-def test_bad_start_is_one_line(tmp_path, capfd):
-    for arguments in (
-        [tmp_path / "my.txt"],
-        [tmp_path / "no" / "my.toml"],
-        [tmp_path / "my.toml", "--from", "anulus"],
-    ):
-        assert exit_code("init", *arguments) == 2
-        require_refusal(capfd)
-    assert exit_code("scenes", "anulus") == 2
-    require_refusal(capfd, "did you mean 'annulus'")
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

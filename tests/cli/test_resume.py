@@ -1,11 +1,6 @@
 """Runs that were interrupted or killed, and resumed: the same bits as if nothing had happened."""
 
 import json
-import shutil
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 
 import lightusd
@@ -14,7 +9,6 @@ import pytest
 from command import exit_code, require_refusal
 from recordings import GRAINS
 from same_bits import contents
-from trimmed import trimmed
 
 from warpgrains import Scene, Simulation
 from warpgrains.frame_log import FrameLog
@@ -165,31 +159,6 @@ class TestCommand:
         write_checkpoint(tmp_path / "run.npz", replace(start, options=replace(start.options, steps=30)))
         return tmp_path / "run.npz"
 
-    @pytest.mark.parametrize(
-        ("arguments", "complaint"),
-        [
-            ("annulus", "SCENE cannot be combined with --resume"),
-            ("-o other.usdc", "--output cannot be combined with --resume"),
-            ("--fps 0", "--fps cannot"),
-            ("--color-by speed", "--color-by cannot"),
-            ("--forces", "--forces cannot"),
-            ("--as discs", "--as cannot"),
-            ("--as-spheres", "--as cannot"),
-            ("--order color", "--order cannot"),
-            ("--method exact", "--method cannot"),
-            ("--until rest", "--until cannot"),
-            ("--measure energy", "--measure cannot"),
-            ("--set physics.drag=0", "--set cannot"),
-            ("--steps 19", "end at step 19: its checkpoint is already at step 20"),
-            ("--duration 0.1", "end at step 10: its checkpoint is already at step 20"),
-            ("--every 0", "every is 0"),
-            ("--checkpoint other.txt", "must end in .npz"),
-        ],
-    )
-    def test_what_cannot_go_with_resume(self, kept, capfd, arguments, complaint):
-        assert run("--resume", kept, *arguments.split()) == 2
-        require_refusal(capfd, complaint)
-
     @pytest.mark.parametrize("found", ["nothing", "something else"])
     def test_recording_that_is_not_there(self, kept, capfd, found):
         kept.with_name("run.usdc").unlink()
@@ -198,73 +167,3 @@ class TestCommand:
             capfd.readouterr()
         assert run("--resume", kept) == 2
         require_refusal(capfd, "run.usdc.frames" if found == "nothing" else "holds frames of another scene")
-
-    @pytest.mark.parametrize(
-        ("arguments", "complaint"),
-        [
-            ("", "SCENE is missing"),
-            ("annulus --every 5", "--every has no effect without --checkpoint"),
-            ("annulus --checkpoint run.usdc", "must end in .npz"),
-            ("--resume missing.npz", "does not exist"),
-        ],
-    )
-    def test_what_resume_needs(self, tmp_path, monkeypatch, capfd, arguments, complaint):
-        monkeypatch.chdir(tmp_path)
-        assert run(*arguments.split()) == 2
-        require_refusal(capfd, complaint)
-        assert list(tmp_path.iterdir()) == []
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("undisturbed")
-    for order in ORDERS:
-        output, kept = folder / f"{order}.usdc", folder / f"{order}.npz"
-        assert run("annulus", "--order", order, "--forces", "-o", output, "--checkpoint", kept) == 0
-    return folder
-
-
-class TestKilled:
-    """kill -9, then --resume: nothing tells the run from one that was never interrupted."""
-
-    def kill_and_resume(self, folder, undisturbed, order, rng):
-        output, kept = folder / "run.usdc", folder / "run.npz"
-        arguments = ["annulus", "--order", order, "--forces", "-o", output, "--checkpoint", kept]
-        process = self.start(*arguments, "--every", int(rng.integers(3, 40)))
-        for step in sorted(rng.integers(0, 800, size=rng.integers(1, 3))):
-            self.wait_for_step(process, kept, step)
-            time.sleep(rng.uniform(0.0, 0.02))
-            process.send_signal(signal.SIGKILL)
-            process.wait(timeout=60)
-            process = self.start("--resume", kept)
-        assert process.wait(timeout=120) == 0
-        assert output.read_bytes() == (undisturbed / f"{order}.usdc").read_bytes()
-        expected, found = read_checkpoint(undisturbed / f"{order}.npz"), read_checkpoint(kept)
-        assert contents(found.state) == contents(expected.state)
-        no_time = {"step_seconds": 0.0, "other_seconds": 0.0}
-        assert replace(found.statistics, **no_time) == replace(expected.statistics, **no_time)
-        assert sorted(path.name for path in folder.iterdir() if path.name[0] != ".") == [
-            "run.npz",
-            "run.usdc",
-        ]
-
-    def start(self, *arguments):
-        command = [sys.executable, "-m", "warpgrains", "run", *map(str, arguments)]
-        return subprocess.Popen(command, stdout=subprocess.DEVNULL)
-
-    def wait_for_step(self, process, kept, step):
-        while process.poll() is None and not (
-            kept.exists() and read_checkpoint(kept).statistics.steps >= step
-        ):
-            time.sleep(0.005)
-
-    def test_resumed(self, tmp_path, undisturbed):
-        self.kill_and_resume(tmp_path, undisturbed, "color", np.random.default_rng(1))
-
-    @pytest.mark.slow
-    def test_resumed_from_many_moments(self, tmp_path, undisturbed):
-        for seed in (0, 2, 3)[: trimmed(3)]:
-            folder = tmp_path / str(seed)
-            folder.mkdir()
-            self.kill_and_resume(folder, undisturbed, ORDERS[seed % 2], np.random.default_rng(seed))
-            shutil.rmtree(folder)

@@ -146,36 +146,6 @@ def test_history_has_every_iteration_and_is_drawn(
 
 
 @pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        (["-o", "a.usdc"], "--output cannot be combined with --step-by-step"),
-        (["--checkpoint", "a.npz"], "--checkpoint cannot be combined with --step-by-step"),
-        (["--json"], "--json cannot be combined with --step-by-step"),
-        (["--history", "a.txt"], "must end in .csv"),
-        (["--history", "mine.csv"], "not a history"),
-    ],
-)
-def test_bad_options_are_one_line(
-    options: list[str],
-    complaint: str,
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.csv").write_text("a,b\n1,2\n")
-    assert exit_code("run", "annulus", "--step-by-step", *options) == 2
-    require_refusal(capfd, complaint)
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
-
-
-@pytest.mark.parametrize("option", [["--history", "a.csv"], ["--full-speed"]])
-def test_options_of_steps_need_step_by_step(option: list[str], capfd: pytest.CaptureFixture[str]) -> None:
-    assert exit_code("run", "annulus", *option) == 2
-    require_refusal(capfd, f"{option[0]} needs --step-by-step")
-
-
-@pytest.mark.parametrize(
     "text", ["a,b\n1,2\n", HISTORY, HISTORY + "1,1,x,0\n", HISTORY + "1,1,nan,0\n", HISTORY + "1\n"]
 )
 def test_a_table_that_is_no_history(text: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

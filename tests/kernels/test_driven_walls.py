@@ -347,39 +347,3 @@ def test_a_wall_that_closes_on_a_grain_is_named() -> None:
     )
     with pytest.raises(SimulationError, match="a driven wall, body 0, reached a speed of"):
         Simulation(scene).advance(2000)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"method": "exact"}, "pressure is given and method is 'exact'"),
-        ({"friction": 0.3, "walls": [PISTON]}, "walls[0] has a force and friction: set friction = 0"),
-        ({"wall": "round"}, "pressure is given and wall is 'round'"),
-        ({"pressure": None, "wall_mass": 1.0}, "wall_mass is 1.0 kg: the outer wall is fixed"),
-        ({"pressure": np.inf}, "pressure is inf"),
-        ({"wall_mass": 0.0}, "wall_mass is 0.0"),
-        (
-            {"walls": [{"kind": "segment", "from": (0, 0), "to": (1, 0), "force": 1.0}]},
-            "walls[0]: mass of a seg",
-        ),
-        (
-            {
-                "walls": [
-                    {
-                        "kind": "segment",
-                        "from": (0, 0),
-                        "to": (1, 0),
-                        "force": 1,
-                        "mass": 1,
-                        "velocity": (1, 0),
-                    }
-                ]
-            },
-            "walls[0]: velocity of a segment is given, and a force",
-        ),
-    ],
-)
-def test_what_is_refused(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError) as error:
-        pressed(5, **changes)
-    assert str(error.value).startswith(message)

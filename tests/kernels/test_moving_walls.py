@@ -5,7 +5,7 @@ Some cases have gravity that turns, too.
 
 from ctypes import CDLL
 from dataclasses import replace
-from math import cos, cosh, inf, sin
+from math import cos, cosh, sin
 from pathlib import Path
 from typing import Any
 
@@ -277,26 +277,3 @@ def test_a_recording_of_a_later_state_has_its_normals(tmp_path: Path) -> None:
     last = dataset["contact_normal"].values[dataset["contact_frame"].values == 20]
     own = np.concatenate([frame.normal, frame.loads.normal[2 * len(frame.pair) :]])
     assert np.array_equal(last, own)
-
-
-@pytest.mark.parametrize(
-    ("motion", "message"),
-    [
-        ({"velocity": 1.0}, "walls[1]: velocity of a segment is 1.0: it must be two numbers"),
-        ({"angular_velocity": inf}, "walls[1]: angular_velocity of a segment is inf: it must be finite"),
-        ({"from_time": -1.0}, "walls[1]: from_time of a segment is -1.0: it must be 0 or more"),
-        ({"from_time": 1.0, "to_time": 0.5}, "walls[1]: to_time of a segment is 0.5 s: it must be later"),
-        ({"friction": -0.1}, "walls[1]: friction of a segment is -0.1: it must be 0 or more"),
-        ({"pivot": (1.0,)}, "walls[1]: pivot of a segment is (1.0,): it must be two numbers"),
-        (
-            {"velocity": (0.0, 10.0)},
-            "velocity of walls[1]: the segment moves by 0.1 m in a step of 0.01 s; it must be less than the",
-        ),
-        ({"angular_velocity": 50.0}, "velocity of walls[1]: the segment moves by 0.25 m in a step of 0.01 s"),
-    ],
-)
-def test_bad_motions(motion: dict[str, object], message: str) -> None:
-    walls = [Disc((0.0, 0.0), 0.1), {"kind": "segment", "from": (0, -1), "to": (1, -1), **motion}]
-    with pytest.raises(InputError) as error:
-        Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=walls)  # type: ignore[arg-type]
-    assert str(error.value).startswith(message)

@@ -23,7 +23,6 @@ DISCS = (Disc((0.0, -0.5), 0.15), Disc((0.3, -0.6), 0.1))
 SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.75)))
 RING = Disc((0.02, -0.05), 0.93, inside=True)
 ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
-UNKNOWN = type("Unknown", (Obstacle,), {"kind": "unknown"})()
 WALLS = (*DISCS, *SEGMENTS, RING, ARC)
 
 
@@ -153,49 +152,6 @@ def test_what_a_scene_file_says_is_read_back(tmp_path: Path) -> None:
     assert export(tmp_path / "run.usdc", tmp_path / "run.vtkhdf") == 13
 
 
-@pytest.mark.parametrize(
-    ("walls", "message"),
-    [
-        (3, "walls is 3: it must be a list of walls"),
-        ([7], "walls[0] is 7: it must be a Disc or Segment or Arc, or a table of its keys"),
-        ([{"kind": "disk"}], "unknown walls[0].kind 'disk': did you mean 'disc'?"),
-        ([{"kind": "disc", "center": (0, 0)}], "walls[0].radius is missing: a disc needs it"),
-        ([{"kind": "disc", "center": (0, 0), "radius": -1.0}], "walls[0]: radius of a disc is -1.0"),
-        ([{"kind": "disc", "center": (0, 0), "radius": 1.0, "inside": 1}], "walls[0]: inside of a disc is 1"),
-        (
-            [{"kind": "arc", "center": (0, 0), "radius": 1.0, "from_angle": 1.0, "to_angle": 0.5}],
-            "walls[0]: to_angle of an arc is 0.5 rad: it must be less than a turn above from_angle, 1.0 rad",
-        ),
-        (
-            [Arc((0.0, 0.5), 1.0, 0.0, 1.0)],
-            "position of grain 0 is (0.0, 0.5): its center is inside walls[0]",
-        ),
-        ([{"kind": "segment", "from": (0, 0)}], "walls[0].to is missing: a segment needs it"),
-        ([{"kind": "arc", "center": (0, 0)}], "walls[0].radius is missing: an arc needs it"),
-        ([{"kind": "segment", "from": (0, 0), "to": 1}], "walls[0]: to of a segment is 1: it must be two"),
-        (
-            [DISCS[0], {"kind": "segment", "from": (0, 0), "to": (0, 0)}],
-            "walls[1]: to of a segment is (0.0, 0.0): it must be another point than from",
-        ),
-        (
-            [{"kind": "disc", "middle": (0, 0), "radius": 1.0}],
-            "unknown key of walls[0] 'middle'",
-        ),
-        ([DISCS[0], UNKNOWN], "walls[1] is Unknown(): it must be a Disc or Segment or Arc, or a table"),
-        ([Disc((0.0, 0.5), 0.2)], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
-        ([Segment((-1, 0), (1, 1))], "position of grain 0 is (0.0, 0.5): its center is inside walls[0]"),
-        (
-            [Disc((0, 0), 0.4, inside=True)],
-            "position of grain 0 is (0.0, 0.5): its center is inside walls[0]",
-        ),
-    ],
-)
-def test_bad_walls(walls: object, message: str) -> None:
-    with pytest.raises(InputError) as error:
-        Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=walls)  # type: ignore[arg-type]
-    assert str(error.value).startswith(message)
-
-
 def test_host_and_kernels_number_the_kinds_of_walls_alike() -> None:
     for name, kind in WALL_KINDS.items():
         assert kind.kind_number == import_module(f"warpgrains.kernels.{name}").KIND
@@ -207,6 +163,12 @@ def test_host_and_kernels_number_the_kinds_of_walls_alike() -> None:
 def find_nearest(shape: wp.array(dtype=types.Shape), nearest: types.Vectors) -> None:  # type: ignore[valid-type]
     k = wp.tid()
     nearest[k] = nearest_on(wp.vec2d(wp.float64(1.0), wp.float64(2.0)), shape[k])
+
+
+def test_a_wall_of_no_known_kind_is_refused() -> None:
+    unknown = type("Unknown", (Obstacle,), {"kind": "unknown"})()
+    with pytest.raises(InputError, match=r"walls\[1\] is Unknown\(\): it must be a Disc or Segment or Arc"):
+        around(walls=(DISCS[0], unknown))
 
 
 def test_an_unknown_kind_of_wall_is_nowhere(c_library: CDLL) -> None:

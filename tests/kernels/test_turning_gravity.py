@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warpgrains import InputError, Recording, Scene, Segment, Simulation, analysis
+from warpgrains import Recording, Scene, Segment, Simulation, analysis
 from warpgrains.scene.document import parameters_text, read_parameters
 from warpgrains.scene.gravity import TurningGravity
 
@@ -97,26 +97,3 @@ def test_a_scene_keeps_it(tmp_path: Path) -> None:
     constant = scene.replace(gravity={"vector": (1.0, 2.0), "rotate": 0.0})
     assert constant.gravity == (1.0, 2.0)
     assert constant.gravity_at(5.0) is constant.gravity
-
-
-@pytest.mark.parametrize(
-    ("table", "message"),
-    [
-        ({}, "gravity.rotate is missing: give the angular velocity of gravity [rad/s]"),
-        ({"vector": [0.0, -9.81]}, "gravity.rotate is missing: give the angular velocity of gravity [rad/s]"),
-        ({"rotat": 0.1}, "unknown key in gravity 'rotat': did you mean 'rotate'? Known: rotate, vector"),
-        ({"rotate": "fast"}, "gravity.rotate is 'fast': it must be a number"),
-        ({"rotate": [0.1]}, "gravity.rotate is [0.1]: it must be a number"),
-        ({"rotate": 0.1, "vector": 9.81}, "gravity.vector is 9.81: it must be two numbers"),
-        ({"rotate": 0.1, "vector": [0.0, "x"]}, "gravity.vector[1] is 'x': it must be a number"),
-        (
-            {"rotate": -400.0},
-            "gravity.rotate is -400.0 rad/s: in a step of 0.01 s gravity turns by half a turn or more",
-        ),
-        ({"rotate": 1e300}, "gravity.rotate is 1e+300 rad/s: in a step of 0.01 s gravity turns by half"),
-    ],
-)
-def test_bad_tables(table: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError) as error:
-        grain(gravity=table)
-    assert str(error.value).startswith(message)

@@ -11,7 +11,7 @@ from PIL import Image, ImageSequence
 from recordings import make_scene, record
 from walls_seen import View
 
-from warpgrains import InputError, OutputError, Scene, Simulation
+from warpgrains import OutputError, Scene, Simulation
 from warpgrains.analysis.plots import plot
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import GrainColors, mark_color
@@ -202,22 +202,3 @@ class TestStill:
         assert exit_code("run", "annulus", "--steps", 3, "-o", path, "--color-by", "radius") == 0
         assert capfd.readouterr().out.splitlines()[-1] == f"output            {path}"
         assert path.read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        ({"record": "run.png", "fps": 30.0}, "fps has no effect on a still"),
-        ({"record": "run.mp4", "draw_as": "spheres"}, "draw_as has no effect on a film"),
-        ({"record": "run.gif", "checkpoint": "run.npz"}, "run.gif' cannot be continued from a checkpoint"),
-        ({"record": "run.png", "checkpoint": "run.npz"}, "run.png' cannot be continued from a checkpoint"),
-        ({"record": "run.mp4", "color_by": "mood"}, "unknown color_by 'mood': known: palette"),
-        ({"record": "no/run.mp4"}, "cannot be written"),
-        ({"record": "no/run.png"}, "cannot be written"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch, options, complaint):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=complaint):
-        Simulation(Scene.load("annulus")).run(steps=1, **options)
-    assert list(tmp_path.iterdir()) == []

@@ -9,9 +9,6 @@ from command import exit_code, require_refusal
 from same_bits import contents
 
 from warpgrains import Batch, InputError, OutputError, Scene, Simulation, SimulationError, errors
-from warpgrains.usd.recorder import recover
-
-MATRIX = np.arange(400).reshape(20, 20)
 
 
 @pytest.fixture(scope="module")
@@ -26,76 +23,6 @@ def batch(simulation):
     batch = Batch([simulation.scene, simulation.scene.replace(drag=0.1)])
     batch.run(150)
     return batch
-
-
-CALLS = {
-    "scene None": (lambda s, b: Simulation(None), "scene is None: it must be a Scene, or the file or name"),
-    "scene number": (lambda s, b: Simulation(3), "scene is 3"),
-    "unknown scene": (lambda s, b: Simulation("anulus"), "did you mean 'annulus'"),
-    "override": (
-        lambda s, b: Simulation("annulus", drga=1.0),
-        "unknown field of a scene 'drga': did you mean",
-    ),
-    "change": (lambda s, b: s.change(drga=1.0), "unknown field of a scene 'drga': did you mean 'drag'"),
-    "scenes None": (lambda s, b: Batch(None), "scenes is None"),
-    "scenes of None": (lambda s, b: Batch([s.scene, None]), r"scenes\[1\] is None"),
-    "load None": (lambda s, b: Scene.load(None), "scene is None"),
-    "overrides None": (lambda s, b: Scene.load("annulus", None), "overrides is None"),
-    "overrides of numbers": (lambda s, b: Scene.load("annulus", [1]), r"overrides\[0\] is 1"),
-    "overrides table": (
-        lambda s, b: Scene.load("annulus", {"physics.drag": 1}),
-        "overrides is {'physics.drag'",
-    ),
-    "advance None": (lambda s, b: s.advance(None), "steps is None: it must be a whole number"),
-    "advance backwards": (lambda s, b: s.advance(-1), "steps is -1: it must be between 0 and"),
-    "advance 1.5": (lambda s, b: s.advance(1.5), "steps is 1.5"),
-    "advance text": (lambda s, b: s.advance("3"), "steps is '3'"),
-    "advance progress": (lambda s, b: s.advance(1, 1), "on_progress is 1: it must be a function"),
-    "run backwards": (lambda s, b: s.run(-1), "steps is -1"),
-    "batch backwards": (lambda s, b: b.run(-1), "steps is -1"),
-    "observer": (
-        lambda s, b: s.run(1, observer=1),
-        r"observer is 1: it must have every, observe\(\) and flush",
-    ),
-    "until": (lambda s, b: s.run(1, until=3), "until is 3: it must be 'rest', or a function"),
-    "record": (lambda s, b: s.run(1, record=3), "record is 3: it must be the name of a file"),
-    "record bytes": (lambda s, b: s.run(1, record=b"x.usdc"), "record is b'x.usdc'"),
-    "checkpoint": (lambda s, b: s.run(1, checkpoint=3), "checkpoint is 3"),
-    "save": (lambda s, b: s.save(None), "path is None"),
-    "load": (lambda s, b: Simulation.load(3), "path is 3"),
-    "recover": (lambda s, b: recover(None), "log is None"),
-    "formats": (
-        lambda s, b: s.run(1, record="x.obj"),
-        r"output 'x.obj' must end in .usdc, .usda, .usdz, .mp4, .gif, .webp, .png, .pdf, .svg",
-    ),
-    "color": (lambda s, b: s.run(1, record="x.usdc", color_by="sped"), "did you mean 'speed'"),
-    "color of a film": (lambda s, b: s.run(1, record="x.mp4", color_by="sped"), "did you mean 'speed'"),
-    "color of a picture": (lambda s, b: s.plot(color_by="presure"), "did you mean 'pressure'"),
-    "drawn as": (lambda s, b: s.run(1, record="x.usdc", draw_as="disc"), "did you mean 'discs'"),
-    "scene k": (lambda s, b: b.state(2), "k is 2: it must be between 0 and 1"),
-    "scene -1": (lambda s, b: b.position(-1), "k is -1"),
-    "scene 1.0": (lambda s, b: b.velocity(1.0), "k is 1.0: it must be a whole number"),
-    "restore scene k": (lambda s, b: b.restore(2, b.state(0)), "k is 2"),
-    "drag": (lambda s, b: s.scene.replace(drag=MATRIX), r"drag is array\(.* \.\.\.: it must be a number"),
-    "gravity": (lambda s, b: s.scene.replace(gravity=MATRIX), "gravity is array.*: it must be two numbers"),
-    "name": (lambda s, b: s.scene.replace(name=MATRIX), "name is array.*: it must be a string"),
-    "order": (lambda s, b: s.scene.replace(order=MATRIX), "unknown order array.* known: color, sequential"),
-    "port": (lambda s, b: s.view(port=-1), "port is -1: it must be between 1 and 65535"),
-    "steps": (lambda s, b: s.run(MATRIX), "steps is array.*: it must be a whole number"),
-    "threads": (lambda s, b: Simulation("annulus", threads=MATRIX), "threads is array.*: it must be a whole"),
-}
-
-
-@pytest.mark.parametrize(("call", "complaint"), CALLS.values(), ids=CALLS.keys())
-def test_is_refused_in_one_line(simulation, batch, tmp_path, monkeypatch, call, complaint):
-    monkeypatch.chdir(tmp_path)
-    before = simulation.state()
-    with pytest.raises(InputError, match=complaint) as refusal:
-        call(simulation, batch)
-    assert "\n" not in str(refusal.value)
-    assert len(str(refusal.value)) < 400
-    assert contents(simulation.state()) == contents(before)
-    assert not list(tmp_path.iterdir())
 
 
 def test_scenes_may_be_named(tmp_path):
@@ -205,13 +132,6 @@ class TestNames:
 
 
 class TestOverflow:
-    def test_domain_whose_squares_are_not_finite(self):
-        for size, radius in ((1e156, 1e150), (1e-165, 1e-167)):
-            with pytest.raises(
-                InputError, match=r"radius_out is 1e.* m: it must be between 1e-140 and 1e.150 m"
-            ):
-                Scene(position=[[0.2 * size, 0.0]], radius=radius, mass=1.0, radius_out=size)
-
     @pytest.mark.parametrize("layout", ["random", "grid"])
     def test_domain_of_a_file(self, tmp_path, layout):
         """It is refused before grains are placed in it."""

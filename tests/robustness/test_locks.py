@@ -133,20 +133,6 @@ class TestRun:
         assert exit_code("run", "annulus", option, output) == 2
         require_refusal(capfd, "is being written by process")
 
-    def test_requeued_job(self, kept, tmp_path):
-        """Two processes continue one run at once: one does, or both one after the other; nothing is lost."""
-        command = [sys.executable, "-m", "warpgrains", "run", "--resume", str(kept)]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-        both = [subprocess.Popen(command, **pipes) for _ in range(2)]
-        codes = {process.wait(timeout=100): process.communicate() for process in both}
-        assert codes.keys() <= {0, 2}
-        assert 0 in codes
-        assert 2 not in codes or codes[2][1].count("\n") == 1
-        whole = tmp_path / "whole"
-        whole.mkdir()
-        assert exit_code("run", "annulus", "--steps", 40, "-o", whole / "run.usdc") == 0
-        assert (tmp_path / "run.usdc").read_bytes() == (whole / "run.usdc").read_bytes()
-
     def test_run_that_went_on_before_the_lock_was_free(self, kept, monkeypatch):
         """It is continued from where it is now, not from where it was when it was first looked at."""
         from warpgrains.cli import run as command

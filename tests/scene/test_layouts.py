@@ -1,12 +1,11 @@
 """Where grains start: between the walls, clear of each other, the same on every call."""
 
-import re
 from time import process_time
 
 import numpy as np
 import pytest
 
-from warpgrains import InputError, Scene
+from warpgrains import Scene
 from warpgrains.scene.layouts import column, lattice, random, rows
 from warpgrains.scene.placing import place_at_random
 from warpgrains.scene.region import Region
@@ -118,47 +117,3 @@ def test_random_is_fast():
 def test_column_stands_a_little_apart_on_the_outer_wall():
     position, _ = column(Annulus(0.5, 2.0), count=3, radius=0.25, spacing=2.5)
     assert np.array_equal(position, [[0.0, -1.625], [0.0, -1.0], [0.0, -0.375]])
-
-
-@pytest.mark.parametrize(
-    ("layout", "keys", "message"),
-    [
-        (rows, {"count": 0, "radius": 0.1}, "grains.count is 0: it must be between 1 and 10000000"),
-        (rows, {"count": 1.5, "radius": 0.1}, "grains.count is 1.5: it must be a whole number"),
-        (rows, {"count": 5, "radius": 0.0}, "grains.radius is 0.0: it must be greater than 0"),
-        (rows, {"count": 5, "radius": [0.1]}, "grains.radius is [0.1]: it must be a number"),
-        (
-            rows,
-            {"count": 5, "radius": 0.3},
-            "grains.radius is 0.3 m: such a grain does not fit between the walls",
-        ),
-        (rows, {"count": 5, "radius": 0.1, "columns": 0}, "grains.columns is 0"),
-        (rows, {"count": 5, "radius": 0.1, "spacing": 0}, "grains.spacing is 0.0"),
-        (lattice, {"radius": 0.1, "spacing": 1e-9}, "grains.spacing is 1e-09 radii: it must be at least 0.1"),
-        (rows, {"count": 5, "radius": 0.1, "height": "1"}, "grains.height is '1': it must be a number"),
-        (rows, {"count": 50, "radius": 0.1}, "grains.count is 50: only 5 grains fit in the rows"),
-        (lattice, {"count": 500, "radius": 0.1}, "grains.count is 500: only"),
-        (
-            lattice,
-            {"radius": 1e-6},
-            "grains.radius is 1e-06 m: the lattice would have more than 10000000 sites",
-        ),
-        (
-            random,
-            {"count": 5, "radius": [0.1]},
-            "grains.radius is a list of 1: its length is the number of grains",
-        ),
-        (
-            random,
-            {"count": 5, "radius": [0.2, 0.1]},
-            "grains.radius is (0.2, 0.1) m: the smallest radius comes first",
-        ),
-        (random, {"count": 5, "radius": 0.1, "seed": -1}, "grains.seed is -1"),
-        (random, {"count": 70, "radius": 0.1}, "grains.count is 70: grown and pushed apart, grains fill 0."),
-        (column, {"count": 5, "radius": 0.1, "spacing": -2.0}, "grains.spacing is -2.0"),
-    ],
-)
-def test_bad_key_is_one_line_naming_it(layout, keys, message):
-    with pytest.raises(InputError, match="^" + re.escape(message)) as caught:
-        layout(Annulus(0.5, 1.0), **keys)
-    assert "\n" not in str(caught.value)

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from command import exit_code, require_refusal
+from command import exit_code
 from same_bits import contents
 
 from warpgrains import InputError, Scene, Simulation
@@ -106,20 +106,3 @@ def test_a_resumed_run_ends_at_the_same_step(tmp_path, capfd, stop_at):
         assert exit_code("run", "--resume", parts, *end) == 0
         longer = json.loads(capfd.readouterr().out)
         assert (longer["steps"], longer["met"]) == (expected["steps"] + steps, met)
-
-
-@pytest.mark.parametrize(
-    ("until", "complaint"),
-    [
-        ("rst", "did you mean 'rest'"),
-        ("rest,sped=1", "did you mean 'speed'"),
-        ("rest,speed=0", "until: speed is 0.0"),
-        ("rest,speed", "'speed' is not a number"),
-        ("rest,time=nan", "until: time is nan"),
-        ("", "unknown until ''"),
-    ],
-)
-def test_bad_criterion_is_one_line(tmp_path, capfd, until, complaint):
-    assert exit_code("run", "annulus", "--until", until, "-o", tmp_path / "run.usdc") == 2
-    require_refusal(capfd, complaint)
-    assert not list(tmp_path.iterdir())

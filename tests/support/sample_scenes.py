@@ -8,6 +8,28 @@ import numpy as np
 from warpgrains import Scene
 from warpgrains.arrays import FloatArray
 
+SCENE_FILE = """
+[domain]
+radius_in = 0.5
+radius_out = 1.0
+[physics]
+gravity = [0.0, -1.0]
+drag = 0.25
+[time]
+dt = 0.125
+duration = 2.0
+[solver]
+tolerance = 1e-3
+max_iterations = 7
+order = "color"
+[grains]
+position = [[0.75, 0.0], [0.0, 0.75]]
+radius = [0.125, 0.25]
+mass = 2.0
+velocity = [1.0, 2.0]
+"""
+"""A scene file of two grains, with most keys."""
+
 
 def random_scene(seed: int) -> Scene:
     """Draw grains anywhere between the walls, whatever they overlap; eight kinds of scene in turn.

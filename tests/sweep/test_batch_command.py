@@ -179,7 +179,7 @@ class TestResults:
         monkeypatch.chdir("/")
         script = (
             "import pickle, sys\n"
-            "from warpgrains.console import start_warp\n"
+            "from warpgrains.warp_start import start_warp\n"
             "start_warp()\n"
             "from warpgrains.sweep.execution import ExecutionOptions\n"
             "from warpgrains.sweep.runner import finish_runs\n"

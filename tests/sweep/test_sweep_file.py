@@ -1,6 +1,5 @@
 """Sweep files: which runs they stand for, and that each run's scene file is what it says"""
 
-import re
 import tomllib
 
 import numpy as np
@@ -113,20 +112,6 @@ class TestRuns:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "iterations").mkdir()
         assert len(Sweep.load("iterations").axes) > 0
-
-    @pytest.mark.parametrize(
-        ("text", "message"),
-        [
-            (f'{AXES}grains.radius = [0.1, {{file = "radii.csv"}}]', "files of radii belong into scenes"),
-            (
-                'scene = "annulus"\n[set.walls]\nfriction = 0.1',
-                "walls.friction: walls are a list",
-            ),
-        ],
-    )
-    def test_what_a_sweep_cannot_vary(self, tmp_path, text, message):
-        with pytest.raises(InputError, match=re.escape(message)):
-            load(tmp_path, text)
 
 
 class TestText:

@@ -11,7 +11,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdValidation, Vt
 from recordings import GRAINS, make_frames, make_scene
 
 import warpgrains as wg
-from warpgrains import Scene, SceneError, Simulation
+from warpgrains import Scene, Simulation
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.colors import GrainColors, encoded, mark_color, spin_scale
 from warpgrains.drawing.frames import Frame, FrameTimes
@@ -212,16 +212,6 @@ def test_grains_have_their_colors(tmp_path: Path, color_by: str, draw_as: str) -
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
         found = stage.GetPrimAtPath(GRAINS).GetAttribute("primvars:mobilized")
         assert np.array_equal(found.Get(STEPS // 2), expected.astype(np.float32))
-
-
-@pytest.mark.parametrize("color_by", ["spin", "mobilized"])
-@pytest.mark.parametrize("name", ["run.usdc", "run.mp4", "run.png"])
-def test_colors_of_friction_need_it(tmp_path: Path, color_by: str, name: str) -> None:
-    simulation = Simulation(Scene.load("annulus"))
-    with pytest.raises(SceneError, match=f"^color_by is '{color_by}': it needs a scene with friction$"):
-        simulation.run(steps=2, record=tmp_path / name, color_by=color_by)
-    assert simulation.steps == 0
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_chains_are_the_total_forces(tmp_path: Path) -> None:

@@ -1,0 +1,175 @@
+"""Bad input, in Python or as a command, is refused in one line, and changes nothing: refusals.toml."""
+
+import os
+import re
+import shlex
+import sys
+import tomllib
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import exit_code
+from recordings import make_frames, record
+from same_bits import contents
+from sample_scenes import SCENE_FILE
+from sweeps import write
+
+from warpgrains import Arc, Batch, Disc, InputError, Scene, Segment, Simulation, analysis
+from warpgrains.scene.layouts import LAYOUTS
+from warpgrains.scene.state import first_state
+from warpgrains.scene.walls import Annulus
+from warpgrains.sweep.axes import axis_values
+from warpgrains.sweep.plot import SweepPlot
+from warpgrains.sweep.sweep import Sweep
+from warpgrains.usd.recorder import recover
+
+TABLE = tomllib.loads(Path(__file__).with_name("refusals.toml").read_text())
+CALLS = [
+    (call.replace("{}", text, 1), complaint)
+    for section in TABLE["python"].values()
+    for call in section["calls"]
+    for text, complaint in section["refused"]
+]
+COMMANDS = [
+    (f"{name} {rest}", *complaint)
+    for name, section in TABLE["command"].items()
+    for rest, *complaint in section
+]
+
+
+def ring(**changes):
+    """Return a scene of three grains between two circles."""
+    fields = {"position": [[0.7, 0.0], [0.0, 0.7], [-0.7, 0.0]], "radius": 0.1, "mass": 0.1}
+    return Scene(**{**fields, "radius_in": 0.5, "radius_out": 1.0, **changes})
+
+
+def circle(**changes):
+    """Return a scene of one grain in a circle."""
+    return Scene(**{"position": [(0.0, 0.5)], "radius": 0.1, "mass": 1.0, "radius_out": 1.0, **changes})
+
+
+def pressed(**changes):
+    return circle(**{"position": [(0.0, 0.2)], "pressure": 50.0, "gravity": (0.0, 0.0), **changes})
+
+
+def scene_file(folder, good, bad):
+    """Load a scene file with a mistake."""
+    assert good in SCENE_FILE
+    Path(folder, "mine.toml").write_text(SCENE_FILE.replace(good, bad))
+    return Scene.load(folder / "mine.toml")
+
+
+def grain_file(folder, name, content):
+    if isinstance(content, dict):
+        np.savez(folder / name, **content)
+    else:
+        (folder / name).write_text(content)
+    grains = f'domain.radius_out = 1.0\n[grains]\nfile = "{name}"\nradius = 0.1\nmass = 2.0\n'
+    (folder / "mine.toml").write_text(grains)
+    return Scene.load(folder / "mine.toml")
+
+
+def sweep_file(folder, text):
+    (folder / "piped").mkdir()
+    os.mkfifo(folder / "piped" / "scene.toml")  # to which nobody may ever write
+    return Sweep.load(write(folder, text))
+
+
+def plot_table(folder, text):
+    if text is not None:
+        (folder / "results.csv").write_text(text)
+    SweepPlot.parse("x=a,y=c").draw(folder / "results.csv")
+
+
+def with_row(array, row, value):
+    changed = array.copy()
+    changed[row] = value
+    return changed
+
+
+CALLABLE = (Annulus, Arc, Batch, Disc, Scene, Segment, Simulation, SweepPlot, axis_values, recover)
+HERE = (ring, circle, pressed, scene_file, grain_file, sweep_file, plot_table, with_row, replace)
+NAMES = {
+    **{one.__name__: one for one in (*CALLABLE, *HERE)},
+    **LAYOUTS,
+    **{"np": np, "analysis": analysis, "inf": inf, "nan": nan, "SCENE_FILE": SCENE_FILE},
+    "MATRIX": np.arange(400).reshape(20, 20),
+    "PLACES": "position = [[0.75, 0.0], [0.0, 0.75]]",
+    "AXES": 'scene = "annulus"\n[axes]\n',
+    "PISTON": Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0),
+    "SEVEN": type("Seven", (Disc,), {"numbers": (0.0,) * 7})((0.0, -0.5), 0.1),
+}
+"""What calls may name, besides what `running` returns, and a folder."""
+
+
+def require_line(message, complaint):
+    """Check that a message begins with a complaint, in which … is any text, and has one line."""
+    assert "\n" not in message
+    assert re.match(".*".join(map(re.escape, complaint.split("…"))), message), message
+
+
+@pytest.fixture(scope="module")
+def running():
+    """Simulations, and what there is of them, as calls name them."""
+    s = Simulation("annulus", order="color")
+    s.advance(150)
+    b = Batch([s.scene, s.scene.replace(drag=0.1)])
+    b.run(150)
+    alone = circle(position=[(0.6, 0.0)], radius=0.02, radius_in=0.3)
+    return {
+        **{"s": s, "b": b, "state": s.state(), "one": analysis.snapshot(alone, first_state(alone))},
+        "turning": Batch([s.scene, s.scene.replace(gravity={"rotate": 1.0})]),
+    }
+
+
+@pytest.mark.parametrize(("call", "complaint"), CALLS)
+def test_call(running, tmp_path, monkeypatch, call, complaint):
+    given, here = tmp_path / "given", tmp_path / "here"
+    given.mkdir()
+    here.mkdir()
+    monkeypatch.chdir(here)
+    before = contents(running["s"].state())
+    with pytest.raises(InputError) as refusal:
+        eval(call, NAMES | running | {"folder": given})
+    require_line(str(refusal.value).replace(f"{given}/", ""), complaint)
+    assert len(str(refusal.value)) < 400
+    assert contents(running["s"].state()) == before
+    assert not list(here.iterdir())
+
+
+def files(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a file of each kind, and with a run of 30 steps of which 20 are done."""
+    folder = tmp_path_factory.mktemp("folder")
+    (folder / "mine.toml").write_text(SCENE_FILE)
+    (folder / "mine.csv").write_text("a,b\n1,2\n")
+    (folder / "text.usdc").write_text("no stage")
+    (folder / "empty.usda").write_text("#usda 1.0\n")
+    (folder / "kept").mkdir()
+    write(folder)
+    record(folder / "run.usdc", make_frames(3))
+    half = Simulation("annulus", duration=0.3)
+    half.run(20, record=folder / "kept" / "run.usdc", checkpoint=folder / "kept" / "run.npz")
+    return folder
+
+
+@pytest.mark.parametrize(("command", "complaint", "missing"), [(*case, None)[:3] for case in COMMANDS])
+def test_command(folder, monkeypatch, capfd, command, complaint, missing):
+    monkeypatch.chdir(folder)
+    if missing is not None:  # a library
+        monkeypatch.delitem(sys.modules, "warpgrains.analysis.plots", raising=False)
+        monkeypatch.setitem(sys.modules, missing, None)
+    before = files(folder)
+    assert exit_code(*shlex.split(command)) == 2
+    printed = capfd.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("warpgrains: error: ")
+    require_line(printed.err.removeprefix("warpgrains: error: ").removesuffix("\n"), complaint)
+    assert files(folder) == before
