@@ -7,6 +7,7 @@ the coordinate of the wall's body as well (driven.py).
 """
 
 from enum import IntEnum
+from typing import NamedTuple
 
 import warp as wp
 
@@ -32,6 +33,13 @@ SOLVED, WITHOUT_ROOM, NOT_FINITE, NOT_CONVERGED, EXPIRED, UNPROVED, CANCELLED, B
 )
 """Outcomes of a step. A SOLVED step is accepted, converged or, if the scene allows it, not. So is an UNPROVED
 step, for which the host searches a proof that no velocities solve it. A SLOW one waits for the host."""
+
+
+class Kind(NamedTuple):
+    """Kind of scenes that share kernels."""
+
+    method: str
+    has_friction: bool
 
 
 class Phase(IntEnum):

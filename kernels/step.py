@@ -8,7 +8,6 @@ nothing and asks for a list.
 """
 
 from functools import cache
-from typing import NamedTuple
 
 import warp as wp
 
@@ -51,7 +50,7 @@ from .conditions import (
     unsolved,
 )
 from .contacts import contact_count, part_count
-from .record import body_count, grain_count
+from .record import Kind, body_count, grain_count
 from .stages import Each, If, Serial, Sets, Shared, Stage, While, fuse
 
 SEARCH = [
@@ -165,13 +164,6 @@ ANSWERED = [
     Each(grain_count, verlet.begin_peak),
     Serial(stopping.end_correction),
 ]
-
-
-class Kind(NamedTuple):
-    """Kind of scenes that share kernels."""
-
-    method: str
-    has_friction: bool
 
 
 METHODS: dict[Kind, list[Stage]] = {

@@ -18,11 +18,11 @@ if not (Path(__file__).parent / "kernels").is_dir() and (_checkout / "kernels" /
 
 if TYPE_CHECKING:
     from warpgrains import accuracy, analysis
-    from warpgrains.analysis.compress import Packing, compress
-    from warpgrains.analysis.pack import Rest, pack
     from warpgrains.analysis.recording import Recording
     from warpgrains.batch.batch import Batch, SceneSummary
     from warpgrains.errors import InputError, OutputError, SceneError, SimulationError
+    from warpgrains.packings.compress import Packing, compress
+    from warpgrains.packings.pack import Rest, pack
     from warpgrains.scene.arc import Arc
     from warpgrains.scene.disc import Disc
     from warpgrains.scene.scene import Scene
@@ -56,8 +56,8 @@ __all__ = [
 ]
 
 _NAMES = {
-    "analysis.compress": ("Packing", "compress"),
-    "analysis.pack": ("Rest", "pack"),
+    "packings.compress": ("Packing", "compress"),
+    "packings.pack": ("Rest", "pack"),
     "analysis.recording": ("Recording",),
     "batch.batch": ("Batch", "SceneSummary"),
     "errors": ("InputError", "OutputError", "SceneError", "SimulationError"),

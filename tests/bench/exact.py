@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains import Scene, Simulation, State
-from warpgrains.analysis.exact_step import StepProblem, solve_exactly
+from warpgrains.accuracy.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
 from warpgrains.scene.document import shipped_scenes
 from warpgrains.warp_start import start_warp

@@ -92,7 +92,7 @@ class Sweeps:
         self.dv = record.array("contacts.dv")
         self.velocity = record.array("grains.next_velocity")
         self._free = record.array("grains.free_velocity")
-        self._peak, self._peak_limit = (record.array(f"verlet.peak_{of}") for of in ("deviation", "limit"))
+        self._peak, self._peak_limit = (record.array(f"verlet.peak_{of}") for of in ("square", "limit"))
         self._threshold = float(record.numbers["tuning"]["monitor_threshold"])
         self._numbers, self._start = record.numbers, self.contents()
         self._first = Phase.SWEEP if simulation.scene.method == "gauss-seidel" else Phase.CHECK_LIST

@@ -168,7 +168,7 @@ def find_nearest(shape: wp.array(dtype=types.Shape), nearest: types.Vectors) -> 
 def test_a_wall_of_no_known_kind_is_refused() -> None:
     unknown = type("Unknown", (Obstacle,), {"kind": "unknown"})()
     with pytest.raises(InputError, match=r"walls\[1\] is Unknown\(\): it must be a Disc or Segment or Arc"):
-        around(walls=(DISCS[0], unknown))
+        Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=[DISCS[0], unknown])
 
 
 def test_an_unknown_kind_of_wall_is_nowhere(c_library: CDLL) -> None:

@@ -100,7 +100,6 @@ NAMES = {
     "PLACES": "position = [[0.75, 0.0], [0.0, 0.75]]",
     "AXES": 'scene = "annulus"\n[axes]\n',
     "PISTON": Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0),
-    "SEVEN": type("Seven", (Disc,), {"numbers": (0.0,) * 7})((0.0, -0.5), 0.1),
 }
 """What calls may name, besides what `running` returns, and a folder."""
 

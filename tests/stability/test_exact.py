@@ -16,7 +16,7 @@ from scipy import sparse
 
 from warpgrains import Batch, InputError, Scene, Simulation, SimulationError
 from warpgrains.accuracy import certify
-from warpgrains.analysis.exact_step import StepProblem
+from warpgrains.accuracy.exact_step import StepProblem
 from warpgrains.scene.walls import OUTER
 from warpgrains.solver import active_set, bordered, exact, interior_point
 from warpgrains.solver.bordered import BorderedMatrix

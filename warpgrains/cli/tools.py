@@ -17,8 +17,8 @@ from warpgrains.scene.scene import Scene
 from warpgrains.warp_start import start_warp
 
 if TYPE_CHECKING:
-    from warpgrains.analysis.compress import Packing
-    from warpgrains.analysis.pack import Rest
+    from warpgrains.packings.compress import Packing
+    from warpgrains.packings.pack import Rest
 
 
 def check(arguments: Namespace) -> bool:
@@ -76,7 +76,7 @@ def compress(arguments: Namespace) -> bool:
     with stdout_to_stderr(), warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # the results say whether the grains are at rest
         start_warp()
-        from warpgrains.analysis.compress import compress
+        from warpgrains.packings.compress import compress
 
         packing = compress(scene, arguments.pressure, arguments.duration, progress=True)
         if arguments.output is not None:
@@ -89,7 +89,7 @@ def pack(arguments: Namespace) -> bool:
     scene = _scene_to_pack(arguments, "packing", ".npz", ".csv")
     with stdout_to_stderr():
         start_warp()
-        from warpgrains.analysis.pack import pack
+        from warpgrains.packings.pack import pack
 
         rest = pack(scene, arguments.steps, progress=True, threads=arguments.threads)
         if arguments.output is not None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from warpgrains.analysis.exact_step import StepProblem, solve_exactly
+from warpgrains.accuracy.exact_step import StepProblem, solve_exactly
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.reference.reference import MOST_GRAINS, find_c_reference

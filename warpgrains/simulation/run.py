@@ -73,11 +73,6 @@ class OpenRun(CountedRun):
     ------
     InputError
         The end criterion is invalid, or there are an observer and a series.
-
-    Warns
-    -----
-    UserWarning
-        The output of a new run cannot have as many frames per second as requested.
     """
 
     def __init__(
@@ -101,11 +96,6 @@ class OpenRun(CountedRun):
         self.times: FrameTimes | None = None
         if options.shows is not None and options.shows.has_frames:
             self.times = FrameTimes.of(scene.dt, options.rate)
-            if self.times.rate != options.fps and not is_resumed:
-                reason = f"with one frame every step of {scene.dt:g} s there are {self.times.rate:.6g}"
-                if self.times.rate == options.rate:
-                    reason = f"a file of this kind has at most {options.rate:.6g}"
-                warn(f"fps {options.fps:g} cannot be met: {reason}", stacklevel=3)
 
     @contextmanager
     def opened(self) -> Iterator[None]:
@@ -177,6 +167,17 @@ class OpenRun(CountedRun):
         return self.times.step(self.statistics.frames)
 
     @property
+    def lowered_rate(self) -> str | None:
+        """Why a new run has fewer frames per second than requested; None if it has as many."""
+        options, times = self.options, self.times
+        if times is None or times.rate == options.fps or self._is_resumed:
+            return None
+        reason = f"with one frame every step of {self.scene.dt:g} s there are {times.rate:.6g}"
+        if times.rate == options.rate:
+            reason = f"a file of this kind has at most {options.rate:.6g}"
+        return f"fps {options.fps:g} cannot be met: {reason}"
+
+    @property
     def steps_to_output(self) -> int:
         """Number of steps to the next frame or observation, or to the end of the run."""
         steps = self.statistics.steps
@@ -222,9 +223,12 @@ def carry_out(simulation: Simulation, run: OpenRun, progress: bool) -> None:
     Warns
     -----
     UserWarning
-        Grains cannot fit (once per run), or the run ended before its end criterion was met.
+        The output of a new run cannot have as many frames per second as requested, grains cannot fit (once
+        per run), or the run ended before its end criterion was met.
     """
     statistics, until, every = run.statistics, run.until, run.options.every
+    if run.lowered_rate is not None:
+        warn(run.lowered_rate, stacklevel=3)
     kept = None if run.options.checkpoint is None else Path(run.options.checkpoint)
     start = perf_counter() - statistics.seconds
 

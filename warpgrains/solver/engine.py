@@ -24,10 +24,11 @@ from warpgrains.kernels.record import (
     SOLVED,
     UNPROVED,
     WITHOUT_ROOM,
+    Kind,
     Phase,
 )
 from warpgrains.kernels.stages import OPTIONS
-from warpgrains.kernels.step import Kind, fused_step, step
+from warpgrains.kernels.step import fused_step, step
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
 from warpgrains.solver.crew import Crew

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warpgrains.kernels.cells import AT_ONCE
 from warpgrains.kernels.contacts import CHUNK
 from warpgrains.kernels.gauss_seidel import KEPT
-from warpgrains.kernels.step import Kind
+from warpgrains.kernels.record import Kind
 from warpgrains.kernels.threads import GPU_PARTIALS
 
 if TYPE_CHECKING:

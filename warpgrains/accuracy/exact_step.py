@@ -28,7 +28,7 @@ import qdldl
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from warpgrains.analysis.coulomb_step import projection_with_frozen_slip
+from warpgrains.accuracy.coulomb_step import projection_with_frozen_slip
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.errors import SimulationError
 from warpgrains.scene.geometry import pair_gaps

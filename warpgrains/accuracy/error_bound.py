@@ -68,7 +68,7 @@ def certify(simulation: Simulation) -> ErrorBound:
     if simulation.scene.has_driven_walls:
         raise InputError("certify: steps in which a force drives a wall cannot be certified")
     with requiring("certify"):
-        from warpgrains.analysis.exact_step import (
+        from warpgrains.accuracy.exact_step import (
             StepProblem,
             package_witness,
             solve_exactly,

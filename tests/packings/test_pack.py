@@ -8,7 +8,7 @@ import pytest
 from command import exit_code
 
 import warpgrains as wg
-import warpgrains.analysis.pack as pack_module
+import warpgrains.packings.pack as pack_module
 from warpgrains import InputError, Scene, SimulationError
 
 FEW = ["grains.count=60", "solver.tolerance=1e-7"]

@@ -14,7 +14,7 @@ from schemes import SECOND_ORDER
 
 from warpgrains import InputError, Scene, Simulation, SimulationError
 from warpgrains.accuracy import certify
-from warpgrains.analysis.exact_step import ExactStep, StepProblem, pairs_within, solve_exactly
+from warpgrains.accuracy.exact_step import ExactStep, StepProblem, pairs_within, solve_exactly
 
 DT = 0.01
 
@@ -255,7 +255,7 @@ class TestCertify:
         simulation = Simulation(column(2))
         simulation.step()
         monkeypatch.setitem(sys.modules, "clarabel", None)
-        monkeypatch.delitem(sys.modules, "warpgrains.analysis.exact_step")
+        monkeypatch.delitem(sys.modules, "warpgrains.accuracy.exact_step")
         with pytest.raises(InputError, match=r"certify needs clarabel: pip install 'warpgrains\[report\]'"):
             certify(simulation)
 

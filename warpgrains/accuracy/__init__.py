@@ -1,10 +1,10 @@
-"""Public names of `warpgrains.analysis.accuracy`: the true error of a step."""
+"""The true error of a step, and exact steps that are computed without the kernels."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from warpgrains.analysis.accuracy import ErrorBound, certify
+    from warpgrains.accuracy.error_bound import ErrorBound, certify
 
 __all__ = ["ErrorBound", "certify"]
 
@@ -13,4 +13,4 @@ def __getattr__(name: str) -> Any:
     """Import a public name on first use."""
     if name not in __all__:
         raise AttributeError(f"module 'warpgrains.accuracy' has no attribute {name!r}")
-    return getattr(import_module("warpgrains.analysis.accuracy"), name)
+    return getattr(import_module("warpgrains.accuracy.error_bound"), name)

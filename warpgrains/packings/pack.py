@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpgrains.analysis.compress import carrying_contacts
 from warpgrains.analysis.energy import contact_forces
-from warpgrains.analysis.settling import TESTED, Settling
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.console import progress_bar
 from warpgrains.errors import InputError, SimulationError
 from warpgrains.files import require_writable_path, table_text, write_atomically
+from warpgrains.packings.compress import carrying_contacts
+from warpgrains.packings.settling import TESTED, Settling
 from warpgrains.scene import checks
 from warpgrains.scene.geometry import distance
 from warpgrains.scene.scene import Scene, SceneLike, as_scene

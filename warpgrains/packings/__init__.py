@@ -1,0 +1,1 @@
+"""Packings: grains that fall to rest, and that walls compress until they jam."""
