@@ -32,6 +32,7 @@ from .record import EXPIRED, NOT_FINITE, SOLVED, Scene, body_count, grain_count,
 from .walls import is_near_wall
 
 f64 = wp.float64
+ROUNDED = wp.constant(f64(1.0 + 1e-13))  # above the rounding of `elapsed`, a sum of at most 64 steps
 
 
 @wp.func
@@ -188,7 +189,7 @@ def check_all(s: Scene, least: f64):
     path = wp.length(numbers.frame_shift) + s.dt * wp.length(s.verlet.work.frame_velocity)
     if not (path + least <= numbers.frame_skin):
         s.verlet.flags.list_expired = 1
-    if not (numbers.elapsed + f64(0.5) * s.dt <= numbers.lifetime):  # a whole number of steps, rounded
+    if not (numbers.elapsed + s.dt <= ROUNDED * numbers.lifetime):
         s.verlet.flags.list_expired = 1
     if s.verlet.flags.bad_body >= 0:
         for i in range(body_count(s)):

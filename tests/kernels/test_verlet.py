@@ -102,8 +102,8 @@ def test_lifetime(steps: int) -> None:
     """A list of k steps serves k steps, whatever rounding makes of their sum, and no step more."""
     for lifetime, expired in (
         (steps + 1, 0),
-        (steps + 0.5, 0),
-        (np.nextafter(steps + 0.5, 0), 1),
+        ((steps + 1) * (1.0 - 0.9e-13), 0),
+        ((steps + 1) * (1.0 - 1.1e-13), 1),
         (steps, 1),
     ):
         record = record_with(elapsed=steps * DT, lifetime=lifetime * DT)

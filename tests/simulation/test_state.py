@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from same_bits import contents
 
-from warpgrains import Scene, Simulation, SimulationError, State
+from warpgrains import InputError, Scene, Simulation, SimulationError, State
 from warpgrains.scene.state import VERLET_NUMBERS
 
 ORDERS = ("sequential", "color")
@@ -133,3 +133,11 @@ def test_failed_step_names_the_grain() -> None:
     scene = Scene(position=position, velocity=velocity, radius=0.1, mass=1.0, radius_out=2.0, dt=10.0)
     with pytest.raises(SimulationError, match=r"step 1, from t = 0.0 s: grain 1 reached"):
         Simulation(scene).step()
+
+
+@pytest.mark.parametrize("name", ["position", "velocity", "radius", "mass", "spin"])
+def test_grains_cannot_be_changed(name: str) -> None:
+    """The list of contacts and the state hold for the grains as they are."""
+    simulation = Simulation("annulus")
+    with pytest.raises(InputError, match=f"^change: {name} concerns the grains"):
+        simulation.change(**{name: 0.06})

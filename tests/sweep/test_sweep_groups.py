@@ -3,7 +3,6 @@
 import pytest
 
 from warpgrains.sweep import runner
-from warpgrains.sweep.execution import ResumePoint
 
 
 class FakeRunner:
@@ -29,7 +28,7 @@ class FakeRunner:
 def test_sizes_settle(monkeypatch, grains, settled):
     runs = FakeRunner(grains)
     monkeypatch.setattr(runner, "perf_counter", lambda: runs.time)
-    runner._in_groups(runs, map(ResumePoint, range(20_000 if settled == 1000 else 1000)))
+    runner._in_groups(runs, range(20_000 if settled == 1000 else 1000))
     later = runs.sizes[6:-1]
     assert len(later) > 3
     assert all(size == pytest.approx(settled, rel=0.01) for size in later)

@@ -13,7 +13,7 @@ from trimmed import trimmed
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
-from warpgrains.sweep import short, sweep_folder
+from warpgrains.sweep import runner, short, sweep_folder
 
 DRIVER = """
 import sys
@@ -111,6 +111,23 @@ def test_run_that_takes_long_gets_a_folder(tmp_path, monkeypatch, options):
     assert results(out) == results(tmp_path / "short")
     kept = read_checkpoint(out / "runs" / "00000" / "checkpoint.npz")
     assert str(kept.statistics.steps) == table(out / "results.csv")[0]["steps"]
+
+
+def test_what_takes_long_is_kept_at_the_end_of_its_group(tmp_path, monkeypatch):
+    """A process that is killed before the first long group has lost none of the steps of its short groups."""
+    sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
+    assert batch(sweep, "-o", tmp_path / "short") == 0
+    out = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(short, "SHORT", 0.0)
+        patch.setattr(engine, "BRIEF", 0)
+        patch.setattr(threads, "GLANCE", 1e-3)
+        patch.setattr(runner, "LongRunner", lambda *_: pytest.fail("killed"))
+        with pytest.raises(pytest.fail.Exception, match="killed"):
+            batch(sweep, "-o", out)
+    assert steps_kept(out) > 0
+    assert batch(sweep, "-o", out, "--resume") == 0
+    assert results(out) == results(tmp_path / "short")
 
 
 def test_longer_sweep_goes_on(tmp_path, done):

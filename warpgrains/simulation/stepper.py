@@ -21,6 +21,7 @@ from warpgrains.turns import ExclusiveUse
 from warpgrains.warp_start import find_device
 
 Begun = TypeVar("Begun", bound="Stepper")
+GRAIN_FIELDS = {"position", "velocity", "radius", "mass", "spin"}
 
 
 class StepStart(NamedTuple):
@@ -157,6 +158,8 @@ class Stepper(PresentState, Shown):
             A value is invalid, a change concerns the grains, or `dt` changes after the start while a wall
             moves or gravity turns.
         """
+        for name in sorted(GRAIN_FIELDS & fields.keys()):
+            raise InputError(f"change: {name} concerns the grains: make a scene of the present positions")
         with self._use.exclusive():
             state = self.state()
             scene = self.scene.replace(**fields)

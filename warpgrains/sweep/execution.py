@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, TypeVar
 
-if TYPE_CHECKING:
-    from warpgrains.scene.state import State
-    from warpgrains.solver.statistics import RunStatistics
-    from warpgrains.sweep.sweep import Run
-
+WRITERS = 16
 GROWTH = 8  # largest ratio of the size of a group, slice or bundle to the previous one
+
+T = TypeVar("T")
 
 OnFraction = Callable[[float], None]
 """Called with the progress since the last call, as a fraction of a run."""
@@ -48,15 +47,10 @@ class ExecutionOptions:
         return is_asked_for or self.device != "cpu"
 
 
-class ResumePoint(NamedTuple):
-    """State from which a run continues: its start, or its last state as a short run."""
-
-    run: Run
-    state: State | None = None
-    """None at the start of the run."""
-    statistics: RunStatistics | None = None
-    error: str | None = None
-    """Reason of a failure in these steps, or None."""
+def write_all(write: Callable[[T], None], items: Iterable[T]) -> None:
+    """Write files of all items in parallel threads: most of the time is spent waiting for the disk."""
+    with ThreadPoolExecutor(WRITERS) as writers:
+        list(writers.map(write, items))
 
 
 def next_size(size: int, seconds: float, wanted: float, most: float, least: int = 1) -> int:

@@ -5,10 +5,8 @@ Checkpoints at intervals and at the end let a killed process lose little.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from math import inf
 from time import perf_counter
 from typing import Any, NamedTuple, Self
@@ -20,9 +18,10 @@ from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.run import OpenRun
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.threads import cores
-from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint, next_size
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size, write_all
 from warpgrains.sweep.results import result
 from warpgrains.sweep.run_folder import HOW_TO_REPEAT, RunFolder
+from warpgrains.sweep.sweep import Run
 from warpgrains.sweep.sweep_folder import SweepFolder
 from warpgrains.warp_start import find_device
 
@@ -30,7 +29,6 @@ SLICE = 1.0  # intended duration of a slice [s]
 FIRST_SLICE = 4  # steps
 BETWEEN_CHECKPOINTS = 20.0  # s
 LEAST_WIDTH, WIDTH, RECORDED_WIDTH = 16, 64, 16  # runs in a group; frames wait in memory
-WRITERS = 16
 
 
 class LongRun(OpenRun):
@@ -46,9 +44,7 @@ class LongRun(OpenRun):
 
     @classmethod
     @contextmanager
-    def begun(
-        cls, folder: RunFolder, point: ResumePoint, execution: ExecutionOptions
-    ) -> Iterator[Self | None]:
+    def begun(cls, folder: RunFolder, execution: ExecutionOptions) -> Iterator[Self | None]:
         """Lock a run and open its outputs. Yield None if it cannot begin, which is then its result.
 
         Raises
@@ -62,8 +58,6 @@ class LongRun(OpenRun):
             run = None
             try:
                 is_resumed, start = folder.checkpoint.exists(), folder.begin(execution)
-                if point.state is not None and point.statistics is not None and start.statistics.steps == 0:
-                    start = replace(start, state=point.state, statistics=point.statistics)
                 run = cls(folder, start, is_resumed)
                 run._outputs.enter_context(run.opened())
             except OutputError:
@@ -74,9 +68,6 @@ class LongRun(OpenRun):
                 yield None
                 return
             with run._outputs:
-                if point.error is not None:
-                    run.error = point.error
-                    run.save_checkpoint()
                 yield run
 
     @property
@@ -152,18 +143,17 @@ class LongRunner:
     def __exit__(self, *error: Any) -> None:
         self._held.__exit__(*error)
 
-    def begin(self, points: list[ResumePoint]) -> LongGroup:
+    def begin(self, chosen: list[Run]) -> LongGroup:
         """Return the runs that can continue."""
         group = LongGroup([], self._held.enter_context(ExitStack()))
-        for point in points:
+        for one in chosen:
             try:
-                begun = LongRun.begun(self._folder.of(point.run), point, self._execution)
-                run = group.held.enter_context(begun)
+                run = group.held.enter_context(LongRun.begun(self._folder.of(one), self._execution))
             except (OutputError, OSError) as error:
-                self.reasons[point.run.number] = str(error)
+                self.reasons[one.number] = str(error)
             else:
                 group.runs.extend([] if run is None else [run])
-        self._on_progress(len(points) - len(group.runs))
+        self._on_progress(len(chosen) - len(group.runs))
         return group
 
     def carry_out(self, group: LongGroup) -> int:
@@ -180,7 +170,7 @@ class LongRunner:
             self._advance([run for run in runs if run.has_steps_left])
             troubles = [(run, run.complete()) for run in runs]
             self.reasons |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
-            _write(LongRun.finish, [run for run, trouble in troubles if trouble is None])
+            write_all(LongRun.finish, [run for run, trouble in troubles if trouble is None])
         return sum(run.scene.n for run in runs)
 
     def _advance(self, runs: list[LongRun]) -> None:
@@ -232,10 +222,4 @@ def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:
     for k, run in enumerate(runs):
         run.state = sets.state(k)
-    _write(LongRun.save_checkpoint, runs)
-
-
-def _write(write: Callable[[LongRun], None], runs: list[LongRun]) -> None:
-    """Write files of all runs in parallel threads, because most of the time is spent waiting for the disk."""
-    with ThreadPoolExecutor(WRITERS) as writers:
-        list(writers.map(write, runs))
+    write_all(LongRun.save_checkpoint, runs)

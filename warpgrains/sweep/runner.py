@@ -15,7 +15,7 @@ from itertools import islice
 from time import perf_counter
 from typing import Protocol, TypeVar
 
-from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint, next_size
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size
 from warpgrains.sweep.long import LongRunner
 from warpgrains.sweep.short import ShortRunner
 from warpgrains.sweep.sweep import Run
@@ -39,7 +39,7 @@ class Runner(Protocol[Group]):
     def widest(self) -> int:
         """Largest number of runs in a group."""
 
-    def begin(self, points: list[ResumePoint]) -> Group:
+    def begin(self, runs: list[Run]) -> Group:
         """Prepare a group. Another thread calls it while the previous group is advanced."""
 
     def carry_out(self, group: Group) -> int:
@@ -65,23 +65,22 @@ def finish_runs(
         A file cannot be written.
     """
     reasons: dict[int, str] = {}
-    points: Iterable[ResumePoint] = map(ResumePoint, runs)
     with ExitStack() as ended:
         if not execution.needs_folders:
             short = ended.enter_context(ShortRunner(folder, execution, on_progress))
-            _in_groups(short, points)
-            reasons, points = short.reasons, short.longer
+            _in_groups(short, runs)
+            reasons, runs = short.reasons, short.longer
         long = ended.enter_context(LongRunner(folder, execution, on_progress))
-        _in_groups(long, points)
+        _in_groups(long, runs)
     return reasons | long.reasons
 
 
-def _in_groups(runner: Runner[Group], points: Iterable[ResumePoint]) -> None:
+def _in_groups(runner: Runner[Group], runs: Iterable[Run]) -> None:
     """Execute runs in groups. Another thread prepares each group while the previous one is advanced.
 
     The size of a group follows from the last group that was carried out before its preparation began.
     """
-    waiting = iter(points)
+    waiting = iter(runs)
     with ThreadPoolExecutor(1) as ahead:
 
         def begin_next(width: int) -> tuple[int, Future[Group]] | None:

@@ -1,13 +1,14 @@
 """Short runs: executed in large groups, without folders and locks for single runs.
 
-The results of a group are one shard. It is written before the next group is advanced, so that a killed
-process loses one group only.
+The results of a group are one shard. It is written before the next group is advanced, and so are checkpoints
+of runs that take longer. So a killed process loses one group only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple, Self
 
@@ -18,11 +19,12 @@ from warpgrains.files import Row
 from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
+from warpgrains.scene.state import State
 from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import paying_threads
-from warpgrains.sweep.execution import ExecutionOptions, OnFraction, ResumePoint
+from warpgrains.sweep.execution import ExecutionOptions, OnFraction, write_all
 from warpgrains.sweep.results import RunResult, counted, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder, writer
@@ -40,6 +42,16 @@ class ShortRun(NamedTuple):
     labels: Row
     scene: Scene
     until: EndCriterion | None
+
+
+class Interrupted(NamedTuple):
+    """A run that has failed or takes longer than `SHORT`."""
+
+    run: Run
+    state: State
+    statistics: RunStatistics
+    error: str | None
+    """Reason of the failure, or None."""
 
 
 class ShortGroup(NamedTuple):
@@ -65,14 +77,14 @@ class ShortRunner:
     ----------
     reasons : dict of int to str
         Reasons why runs are left to other processes, by their numbers.
-    longer : list of ResumePoint
-        Runs that are to continue with a folder.
+    longer : list of Run
+        Runs that are to continue with a folder, from its checkpoint if they have taken steps.
     """
 
     def __init__(self, folder: SweepFolder, execution: ExecutionOptions, on_progress: OnFraction):
         self.reasons: dict[int, str] = {}
-        self.longer: list[ResumePoint] = []
-        self._folder, self._on_progress = folder, on_progress
+        self.longer: list[Run] = []
+        self._folder, self._execution, self._on_progress = folder, execution, on_progress
         self._threads, self._device = execution.threads or cores(), find_device(execution.device)
         self.narrowest, self.widest = self._threads, WIDTH
         self._cache: dict[tuple[BaseScene, str], Scene] = {}
@@ -85,24 +97,23 @@ class ShortRunner:
     def __exit__(self, *_: object) -> None:
         self._locks.close()  # also of the runs that have continued with a folder
 
-    def begin(self, points: list[ResumePoint]) -> ShortGroup:
+    def begin(self, chosen: list[Run]) -> ShortGroup:
         """Load the scenes of runs into memory."""
-        free = self._available([point.run for point in points])
-        runs = [short for run in free if (short := self._short(run)) is not None]
+        runs = [short for run in self._available(chosen) if (short := self._short(run)) is not None]
         sets = None
         if runs:
             try:
                 sets = ResidentSets([short.scene for short in runs], self._device, self._threads)
                 sets.make_resident()
             except SimulationError:  # one of the scenes does not fit in memory
-                self.longer += [ResumePoint(short.run) for short in runs]
+                self.longer += [short.run for short in runs]
                 runs, sets = [], None
         return ShortGroup(runs, sets)
 
     def _available(self, runs: list[Run]) -> list[Run]:
         """Return the runs without a folder that no other process has locked or finished."""
         begun = self._folder.begun()
-        self.longer += [ResumePoint(run) for run in runs if run.number in begun]
+        self.longer += [run for run in runs if run.number in begun]
         runs = [run for run in runs if run.number not in begun]
         free = set(self._locks.acquire(run.number for run in runs))
         self._folder.shards.refresh(free)
@@ -121,7 +132,7 @@ class ShortRunner:
                 until = criterion(self._folder.settings.until, scene)
                 if paying_threads(scene) == 1:
                     return ShortRun(run, labels, scene, until)
-        self.longer.append(ResumePoint(run))
+        self.longer.append(run)
         return None
 
     def _scene(self, run: Run) -> Scene:
@@ -163,18 +174,37 @@ class ShortRunner:
         if self._folder.settings.until is not None:
             runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
         ended: dict[int, tuple[Row, RunResult]] = {}
+        interrupted: list[Interrupted] = []
         for last in sets.advance(steps, poll, runs):
             for k, values in self._ended(sets, runs):
                 short = waiting.pop(k)
                 ended[short.run.number] = (short.labels, values)
             for k in filter(waiting.__contains__, sets.present):
                 state, done = sets.present[k].state(), last.done(k)
-                self.longer.append(ResumePoint(waiting.pop(k).run, state, done.statistics, done.error))
-        self.longer += [ResumePoint(short.run) for short in waiting.values()]
-        self._on_progress(len(ended) - progress)
+                interrupted.append(Interrupted(waiting.pop(k).run, state, done.statistics, done.error))
+        self.longer += [short.run for short in waiting.values()]
+        self._on_progress(len(ended) + sum(one.error is not None for one in interrupted) - progress)
         self._folder.shards.write(ended, writer())
+        write_all(self._keep, interrupted)
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
+
+    def _keep(self, interrupted: Interrupted) -> None:
+        """Save the state of a run in a folder of its own, in which it continues, or has failed."""
+        run, state, statistics, error = interrupted
+        folder = self._folder.of(run)
+        try:
+            with folder.lock():
+                start = folder.begin(self._execution)
+                if start.statistics.steps == 0:
+                    folder.save_checkpoint(replace(start, state=state, statistics=statistics))
+                    if error is not None:
+                        folder.fail(error, statistics.seconds)
+                        return
+        except InputError as reason:
+            self.reasons[run.number] = str(reason)
+            return
+        self.longer.append(run)
 
     def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
