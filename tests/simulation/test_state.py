@@ -135,7 +135,7 @@ def test_failed_step_names_the_grain() -> None:
         Simulation(scene).step()
 
 
-@pytest.mark.parametrize("name", ["position", "velocity", "radius", "mass", "spin"])
+@pytest.mark.parametrize("name", ["position", "velocity", "radius", "mass"])
 def test_grains_cannot_be_changed(name: str) -> None:
     """The list of contacts and the state hold for the grains as they are."""
     simulation = Simulation("annulus")

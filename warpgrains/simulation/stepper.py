@@ -21,7 +21,7 @@ from warpgrains.turns import ExclusiveUse
 from warpgrains.warp_start import find_device
 
 Begun = TypeVar("Begun", bound="Stepper")
-GRAIN_FIELDS = {"position", "velocity", "radius", "mass", "spin"}
+GRAIN_FIELDS = {"position", "velocity", "radius", "mass"}  # not spin, which changes with friction
 
 
 class StepStart(NamedTuple):
