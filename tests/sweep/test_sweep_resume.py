@@ -14,6 +14,7 @@ from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
 from warpgrains.sweep import runner, short, sweep_folder
+from warpgrains.sweep.run_folder import RunFolder
 
 DRIVER = """
 import sys
@@ -128,6 +129,28 @@ def test_what_takes_long_is_kept_at_the_end_of_its_group(tmp_path, monkeypatch):
     assert steps_kept(out) > 0
     assert batch(sweep, "-o", out, "--resume") == 0
     assert results(out) == results(tmp_path / "short")
+
+
+def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, monkeypatch, capfd):
+    """Also if the run gets it after its time as a short run."""
+    sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
+    lock = RunFolder.lock
+
+    def lock_others(folder):
+        if folder.number == 0:
+            raise OSError("permission denied")
+        return lock(folder)
+
+    monkeypatch.setattr(RunFolder, "lock", lock_others)
+    monkeypatch.setattr(short, "SHORT", 0.0)
+    monkeypatch.setattr(engine, "BRIEF", 0)
+    monkeypatch.setattr(threads, "GLANCE", 1e-3)
+    assert batch(sweep, "-o", tmp_path / "out") == 1
+    assert (
+        "not finished      1 (continue with --resume), first run 0: permission denied\n"
+        in capfd.readouterr().out
+    )
+    assert [row["run"] for row in table(tmp_path / "out" / "results.csv")] == [str(k) for k in range(1, 12)]
 
 
 def test_longer_sweep_goes_on(tmp_path, done):

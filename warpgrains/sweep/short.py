@@ -7,7 +7,7 @@ of runs that take longer. So a killed process loses one group only.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple, Self
@@ -186,6 +186,7 @@ class ShortRunner:
         self._on_progress(len(ended) + sum(one.error is not None for one in interrupted) - progress)
         self._folder.shards.write(ended, writer())
         write_all(self._keep, interrupted)
+        self.longer += [one.run for one in interrupted if not self._folder.of(one.run).result.exists()]
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
 
@@ -193,18 +194,16 @@ class ShortRunner:
         """Save the state of a run in a folder of its own, in which it continues, or has failed."""
         run, state, statistics, error = interrupted
         folder = self._folder.of(run)
-        try:
-            with folder.lock():
+        with ExitStack() as held:
+            try:
+                held.enter_context(folder.lock())
                 start = folder.begin(self._execution)
-                if start.statistics.steps == 0:
-                    folder.save_checkpoint(replace(start, state=state, statistics=statistics))
-                    if error is not None:
-                        folder.fail(error, statistics.seconds)
-                        return
-        except InputError as reason:
-            self.reasons[run.number] = str(reason)
-            return
-        self.longer.append(run)
+            except (InputError, OSError):
+                return  # `LongRunner` finds the same, and decides what it means for the run
+            if start.statistics.steps == 0:
+                folder.save_checkpoint(replace(start, state=state, statistics=statistics))
+                if error is not None:
+                    folder.fail(error, statistics.seconds)
 
     def _ended(self, sets: ResidentSets, runs: list[CountedRun] | None) -> Iterator[tuple[int, RunResult]]:
         """Yield the results of the finished runs in memory with their indices in the group."""
