@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pxr import Usd
 from same_bits import contents
 from swept_order import follow_reference
 
@@ -25,6 +26,7 @@ from warpgrains.accuracy import certify
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.state import Corrections, first_state
 from warpgrains.usd.check import report_on_recording
+from warpgrains.usd.walls import PLACES, WALLS
 
 PISTON = Segment((-0.6, 0.5), (0.6, 0.5), force=-20.0, mass=2.0)
 STONE = Disc((0.2, -0.3), 0.1)
@@ -270,12 +272,30 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
     recording, now = Recording(tmp_path / "run.usdc"), simulation.present_scene
     assert recording.scene.radius_out == 1.0
     assert recording.scene.walls == (PISTON,)
-    shown = recording.frame(12).scene
-    assert shown.radius_out == pytest.approx(now.radius_out, abs=1e-6)
-    assert shown.walls[0].start == pytest.approx(now.walls[0].start, abs=1e-6)
+    shown, driven = recording.frame(12).scene, simulation.driven
+    assert driven is not None
+    stored = driven[:, 0].astype(np.float32).astype(float)
+    assert shown.radius_out == stored[0]
+    assert shown.walls == (PISTON.shifted(stored[1]),)
     assert now.walls[0].start[1] < 0.4
     assert 0.2 < now.radius_out < 0.99
     simulation.plot(forces=True).save(tmp_path / "end.png")
+
+
+def test_damaged_places_of_walls_are_reported(tmp_path: Path) -> None:
+    path = tmp_path / "run.usda"
+    Simulation(pressed(10)).run(steps=20, record=path)
+    stage = Usd.Stage.Open(str(path))
+    places = stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
+    places.Set([float("inf")], 1)
+    stage.Save()
+    assert report_on_recording(path) == ["warpgrains:places are not all finite"]
+    places.Set([0.9], 1)
+    places.ClearAtTime(2)
+    stage.Save()
+    assert report_on_recording(path) == [
+        "Walls.warpgrains:places has other time codes than the grains' positions"
+    ]
 
 
 def test_what_is_not_offered_is_refused() -> None:

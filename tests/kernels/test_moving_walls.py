@@ -260,6 +260,28 @@ def test_a_recording_shows_where_walls_are(tmp_path: Path) -> None:
     simulation.plot(forces=True).save(tmp_path / "end.png")
 
 
+def test_a_recording_in_which_a_grain_is_where_a_wall_was(tmp_path: Path) -> None:
+    """Its frames can be read, but no simulation can start there, with the wall back at its first place."""
+    scene = Scene(
+        position=[(0.0, 0.5)],
+        radius=0.1,
+        mass=1.0,
+        radius_out=1.0,
+        walls=[Disc((0.0, 0.0), 0.2, velocity=(0.8, 0.0), to_time=0.7)],
+        dt=1e-3,
+    )
+    simulation = Simulation(scene)
+    simulation.advance(320)
+    assert scene.walls[0].covers(simulation.position).all()
+    simulation.run(steps=20, record=tmp_path / "run.usdc", fps=1000.0, forces=True)
+    recording, now = Recording(tmp_path / "run.usdc"), analysis.snapshot(simulation)
+    frame = recording.frame(-1)
+    assert (frame.steps, frame.scene.walls) == (340, scene.walls)
+    assert np.array_equal(frame.position, now.position.astype(np.float32))
+    with pytest.raises(InputError, match=r"first frame of .* cannot start .*grain 0.* inside walls"):
+        _ = recording.scene
+
+
 def test_a_recording_of_a_later_state_has_its_normals(tmp_path: Path) -> None:
     """Walls are where they are at the time of a frame, not at the time since the first frame."""
     scene = stirred(60, walls=(PISTON, BLADE, RING), dt=1e-3, order="color")

@@ -15,8 +15,8 @@ from warpgrains.drawing.chains import contact_normals
 from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
+from warpgrains.scene.compatibility import require_valid_positions
 from warpgrains.scene.scene import Scene
-from warpgrains.scene.walls import OUTER
 from warpgrains.shown import Shown
 from warpgrains.tables import library
 from warpgrains.usd.reader import RecordingReader, refusing_untrusted_content
@@ -104,30 +104,33 @@ class Recording(Shown):
     def scene(self) -> Scene:
         """Scene of the run, with the grains at their positions in the first frame.
 
+        Walls that move are where they are at time 0, also if the first frame is later.
+
         Raises
         ------
         InputError
-            An earlier release recorded the file, without all fields of a scene.
+            An earlier release recorded the file, without all fields of a scene. Or the first frame is a later
+            one, in which a grain is where a wall was at time 0.
         """
+        scene = self._recorded_scene
+        try:
+            require_valid_positions(scene)
+        except InputError as error:
+            raise InputError(f"the first frame of '{self.path}' cannot start a simulation: {error}") from None
+        return scene
+
+    @cached_property
+    def _recorded_scene(self) -> Scene:
+        """The scene, in which a grain may be where a wall was at time 0."""
         fields = self._reader.scene_fields()
         position, velocity = self._reader.position(0), self._reader.velocity(0)
         if self._reader.has_rotation:
             fields["spin"] = self._reader.rotation(0)[0]
-        return Scene(position=position, velocity=velocity, radius=self.radius, **fields)
+        return Scene.of_later_state(position=position, velocity=velocity, radius=self.radius, **fields)
 
     def _scene_at(self, k: int) -> Scene:
-        """Return the scene with the walls that forces drive where frame k draws them."""
-        scene = self.scene
-        if not scene.has_driven_walls:
-            return scene
-        drawn, places = self._reader.moved_walls(k), np.zeros(len(scene.bodies))
-        places[OUTER] = np.hypot(*drawn[OUTER].first.T).mean() if OUTER in drawn else scene.radius_out
-        for back, wall in enumerate(reversed(scene.walls), start=1):
-            if wall.drive is not None:
-                band = drawn[len(self._reader.walls) - back]
-                middle = np.mean([band.first, band.second], axis=(0, 1))
-                places[-back] = (middle - wall.middle) @ np.array(wall.drive.direction)
-        return scene.with_walls_at(places)
+        """Return the scene with the walls that forces drive where they are in frame k."""
+        return self._recorded_scene.with_walls_at(self._reader.places(k))
 
     def frame(self, k: int, contacts: bool = True) -> Snapshot:
         """Return a frame as a snapshot, for `warpgrains.analysis`.
@@ -160,7 +163,7 @@ class Recording(Shown):
         scene = self._scene_at(k)
         return Snapshot(
             scene=scene,
-            steps=self._reader.first_step + FrameTimes(self.scene.dt, self._reader.rate).step(k),
+            steps=self._reader.first_step + FrameTimes(self._recorded_scene.dt, self._reader.rate).step(k),
             position=position,
             velocity=self._reader.velocity(k),
             start=position,

@@ -63,9 +63,13 @@ class Scene(SceneFields, Shown):
     """
 
     def __post_init__(self) -> None:
+        self._check_fields()
+        require_valid_positions(self)
+
+    def _check_fields(self) -> None:
+        """Check all but the places of the grains, and keep the fields in the form of a scene."""
         vars(self).update(checked_grains(self))
         vars(self).update(checked_settings(self))
-        require_valid_positions(self)
         require_compatible_settings(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -97,6 +101,14 @@ class Scene(SceneFields, Shown):
         texts = [checks.text(f"overrides[{k}]", override) for k, override in enumerate(overrides)]
         path = Path(checks.path("scene", name_or_path))
         return cls(**scene_fields(read_text(path, "scene"), path, texts))
+
+    @classmethod
+    def of_later_state(cls, **fields: Any) -> Self:
+        """Return a scene with the grains of a later state, which may be where walls were at the start."""
+        scene = object.__new__(cls)
+        vars(scene).update(vars(SceneFields(**fields)))
+        scene._check_fields()
+        return scene
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy of the scene with some fields changed and checked.

@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom, UsdPhysics
 from warpgrains.usd.forces import FORCES, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, quaternions
 from warpgrains.usd.reader import Values, open_recording, refusing_untrusted_content, values_of
-from warpgrains.usd.walls import WALLS
+from warpgrains.usd.walls import PLACES, WALLS
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
 
@@ -92,13 +92,17 @@ def _code_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
 def _wall_problems(stage: Usd.Stage, codes: list[float]) -> Iterator[str]:
     """Yield the walls that move at other times than the grains, or to places that are not finite."""
     walls = stage.GetPrimAtPath(WALLS)
-    for wall in walls.GetChildren() if walls else ():
-        points = wall.GetAttribute("points")
-        samples = points.GetTimeSamples()
+    if not walls:
+        return
+    points = [wall.GetAttribute("points") for wall in walls.GetChildren()]
+    places = walls.GetAttribute(PLACES)
+    for attribute in (*points, *([places] if places else [])):
+        samples = attribute.GetTimeSamples()
         if samples and samples != codes:
-            yield f"{wall.GetName()}.points has other time codes than the grains' positions"
+            name = f"{attribute.GetPrim().GetName()}.{attribute.GetName()}"
+            yield f"{name} has other time codes than the grains' positions"
         for code in samples or [0.0]:
-            yield from _finite_problems(points, code)
+            yield from _finite_problems(attribute, code)
 
 
 def _by_frame(problems_of: Callable[[float], Iterator[str]], codes: list[float]) -> Iterator[str]:

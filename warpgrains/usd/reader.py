@@ -19,7 +19,7 @@ from warpgrains.scene.document import read_parameters
 from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
 from warpgrains.usd.grains import COLOR_INDICES, GRAINS
 from warpgrains.usd.output import RECORDED_BY
-from warpgrains.usd.walls import read_walls
+from warpgrains.usd.walls import PLACES, WALLS, read_walls
 
 Values = NDArray[Any]
 
@@ -99,6 +99,11 @@ class RecordingReader:
     def moved_walls(self, frame: int) -> dict[int, Band]:
         """Return the mobile walls as drawn in a frame, by their index in `walls`."""
         return read_walls(self._stage, self._codes[frame], only_mobile=True)
+
+    def places(self, frame: int) -> FloatArray | None:
+        """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
+        places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
+        return _values(places, self._codes[frame]) if places else None
 
     @property
     def has_rotation(self) -> bool:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
 WALLS = Sdf.Path("/World/Walls")
+PLACES = "warpgrains:places"
+"""Attribute of `WALLS` in scenes with driven walls: the coordinates of all walls [m], see `State.driven`."""
 
 
 class Walls:
@@ -28,13 +30,18 @@ class Walls:
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prims, completely if the walls are not mobile."""
-        set_kind(UsdGeom.Xform.Define(stage, WALLS).GetPrim(), "subcomponent")
+        walls = UsdGeom.Xform.Define(stage, WALLS).GetPrim()
+        set_kind(walls, "subcomponent")
+        if self._scene.has_driven_walls:
+            walls.CreateAttribute(PLACES, Sdf.ValueTypeNames.FloatArray)
         for name, wall in self._drawn.items():
             define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
 
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
         names, values = list(self._drawn), dict[str, NDArray[np.float32]]()
+        if frame.places is not None:
+            values[f"{WALLS}.{PLACES}"] = frame.places.astype(np.float32)
         for k, wall in moved_walls(self._scene, frame.time, frame.places).items():
             shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(names[k])
             values[f"{path}.points"] = shown
