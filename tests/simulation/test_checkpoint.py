@@ -22,7 +22,8 @@ FIELDS = {
         "Scene": "position velocity radius mass spin radius_in radius_out wall pressure wall_mass"
         " angular_velocity_out angular_velocity_in walls gravity drag spin_drag friction wall_friction dt"
         " duration scheme tolerance max_iterations order method stop on_unconverged name text",
-        "State": "steps position velocity corrections lists staggered spin angle driven",
+        "State": "steps position velocity corrections lists staggered spin angle driven"
+        " last_staggered last_scene",
         "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction",
         "VerletList": "pair wall skin recent_deviation reference_position reference_velocity"
         " frame_shift base_skin frame_skin elapsed lifetime",
@@ -32,7 +33,7 @@ FIELDS = {
         " residual gap_error overlap rebuilds restarts step_seconds other_seconds held met",
     }.items()
 }
-"""Fields of version 10. Whoever changes them must increase `VERSION`."""
+"""Fields of version 11. Whoever changes them must increase `VERSION`."""
 
 
 @pytest.fixture
@@ -95,7 +96,7 @@ class TestRoundTrip:
 class TestFile:
     def test_layout_of_this_version(self, saved):
         """A file that another version could not read needs another number."""
-        assert VERSION == 10
+        assert VERSION == 11
         assert {kind.__name__: [own.name for own in fields(kind)] for kind in STORED} == FIELDS
         with np.load(saved, allow_pickle=False) as archive:
             header = json.loads(archive["header"].tobytes())

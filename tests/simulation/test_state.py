@@ -1,12 +1,14 @@
 """State out and in: a run continues with the same bits, also after a step that failed."""
 
+from copy import copy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from same_bits import contents
 
-from warpgrains import InputError, Scene, Simulation, SimulationError, State
+from warpgrains import Disc, InputError, Scene, Simulation, SimulationError, State, analysis
 from warpgrains.scene.state import VERLET_NUMBERS
 
 ORDERS = ("sequential", "color")
@@ -80,6 +82,55 @@ def test_contacts_of_a_restored_state(scene: Scene, changes: dict) -> None:
         np.linalg.norm(start[j] - start[i], axis=1) - scene.radius[i] - scene.radius[j],
         abs=8 * np.finfo(float).eps * scene.radius_out,
     )
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"dt": 1e-3},
+        {"drag": 3.0},
+        {"dt": 0.02, "drag": 0.1, "scheme": "text"},
+        {"friction": 0.9},
+        {"walls": [Disc((0.2, -0.55), 0.05, velocity=(0.0, 0.1))]},
+    ],
+    ids=lambda changes: ", ".join(changes),
+)
+def test_contacts_after_a_change_are_those_of_the_last_step(
+    scene: Scene, changes: dict, tmp_path: Path
+) -> None:
+    scene = scene.replace(scheme="leapfrog", friction=0.2, walls=[Disc((0.2, -0.55), 0.05)])
+    simulation = Simulation(scene)
+    simulation.run(steps=100)
+    simulation.save(tmp_path / "before.npz")
+    before = shown(simulation)
+    energy = analysis.step_energy_balance(simulation)
+    assert {2} <= set(simulation.wall_contacts().wall[:, 1].tolist())
+    simulation.change(**changes)
+    simulation.save(tmp_path / "after.npz")
+    for changed in (simulation, copy(simulation), Simulation.load(tmp_path / "after.npz")):
+        assert shown(changed) == before
+        assert analysis.step_energy_balance(changed) == energy
+        changed.step()
+        assert changed.state().last_scene is None
+        assert shown(changed) != before
+
+
+def test_a_start_with_staggered_velocities_has_its_energy_balance(scene: Scene) -> None:
+    """As a packing of the leapfrog scheme, which begins at step 0."""
+    simulation = Simulation(scene.replace(scheme="leapfrog"))
+    simulation.advance(50)
+    fresh = Simulation(simulation.scene)
+    fresh.restore(replace(simulation.state(), steps=0))
+    for each in (simulation, fresh):
+        each.step()
+    balance = analysis.step_energy_balance(simulation)
+    assert balance.drag_loss > 0.0
+    assert analysis.step_energy_balance(fresh) == balance
+
+
+def shown(simulation: Simulation) -> list:
+    """Return all numbers of the contacts, and of the forces that analysis takes from them."""
+    return [contents(part) for part in (*contacts_of(simulation), *analysis.snapshot(simulation).loads)]
 
 
 def contacts_of(simulation: Simulation) -> tuple:

@@ -144,10 +144,11 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
         return EnergyBalance(0.0, 0.0, 0.0)
     if now.scene.has_driven_walls:
         raise InputError("the energy balance of a step does not know the work of walls that forces drive")
-    scene, mass, start = now.scene, now.scene.mass[:, np.newaxis], (now.steps - 1) * now.scene.dt
+    scene = now.start_scene
+    mass, start = scene.mass[:, np.newaxis], (now.steps - 1) * scene.dt
     normal_force = _sums(now, now.loads.force, now.loads.normal)
     free = now.velocity - scene.dt * contact_forces(now) / scene.contact_mass[:, np.newaxis]
-    kick = kick_of(scene, free, now.velocity, staggered=now.steps > 1, time=start)
+    kick = kick_of(scene, free, now.velocity, staggered=now.start_staggered, time=start)
     mean = 0.5 * (kick.before + now.velocity)
     pushed = 0.0  # work of the normal forces of walls that move
     if scene.has_moving_walls:
@@ -164,10 +165,10 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
 
 def _with_friction(balance: EnergyBalance, now: Snapshot, mean: FloatArray) -> EnergyBalance:
     """Add spin drag, friction and the work of walls. `mean` is (v + v') / 2 [m/s], shape (n, 2)."""
-    scene, (grain, normal, _, tangential) = now.scene, now.loads
+    scene, (grain, normal, _, tangential) = now.start_scene, now.loads
     turn = -scene.dt * scene.radius * np.bincount(grain, tangential, now.n)  # angular impulse
     free = now.spin - turn / (0.5 * scene.rim_mass * scene.radius**2)
-    kick = spin_kick_of(scene, free, now.spin, staggered=now.steps > 1)
+    kick = spin_kick_of(scene, free, now.spin, staggered=now.start_staggered)
     spin = 0.5 * (kick.before + now.spin)
     surface = (mean[grain] * left_of(normal)).sum(axis=1) + (scene.radius * spin)[grain]
     work = -scene.dt * tangential * surface  # on the grains

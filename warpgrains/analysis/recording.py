@@ -161,13 +161,15 @@ class Recording(Shown):
         grain, code = pair[~between].T
         spin, angle = self._reader.rotation(k)
         scene = self._scene_at(k)
+        steps = self._reader.first_step + FrameTimes(scene.dt, self._reader.rate).step(k)
         return Snapshot(
             scene=scene,
-            steps=self._reader.first_step + FrameTimes(self._recorded_scene.dt, self._reader.rate).step(k),
+            steps=steps,
             position=position,
             velocity=self._reader.velocity(k),
             start=position,
             start_scene=scene,
+            start_staggered=steps > 1,
             pair=pair[between],
             force=force[between],
             wall=np.stack([grain, -1 - code], axis=1),

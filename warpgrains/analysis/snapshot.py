@@ -65,7 +65,9 @@ class Snapshot:
     start : ndarray
         Centers at the start of the last step [m], shape (n, 2).
     start_scene : Scene
-        The scene with the walls that forces drive where they were then; in a recording, where they are.
+        The scene of that step, with the walls that forces drive where they were; in a recording, `scene`.
+    start_staggered : bool
+        Whether velocities were half a step behind then, see `State.staggered`.
     pair : ndarray
         Grains i < j in contact, shape (m, 2).
     force : ndarray
@@ -92,6 +94,7 @@ class Snapshot:
     velocity: FloatArray
     start: FloatArray
     start_scene: Scene
+    start_staggered: bool
     pair: IntArray
     force: FloatArray
     wall: IntArray
@@ -211,6 +214,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
         velocity=state.velocity,
         start=start,
         start_scene=start_scene,
+        start_staggered=state.last_staggered,
         pair=contacts.pair,
         force=contacts.force,
         wall=walls.wall,

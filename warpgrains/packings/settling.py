@@ -224,7 +224,7 @@ class Settling:
         longer, state = dt / simulation.scene.dt, simulation.state()
         simulation.change(dt=dt, tolerance=tolerance * self.gravity * dt, method=method)
         corrections = _scaled(state.corrections, longer, longer)
-        simulation.restore(replace(state, corrections=corrections))
+        simulation.restore(replace(state, corrections=corrections, last_scene=None))
 
 
 def _scaled(corrections: Corrections, pairs: float | FloatArray, walls: float | FloatArray) -> Corrections:

@@ -119,6 +119,11 @@ class State:
         Coordinate [m] and speed [m/s] of every wall, shape (walls, 2), if a force drives one; else None. The
         first wall is the outer circle, whose coordinate is its radius, followed by the inner one, if there is
         one, and those of `Scene.walls`, whose coordinate is the way that they have moved.
+    last_staggered : bool
+        `staggered` before the last step.
+    last_scene : Scene or None
+        Scene of the last step, which its contacts and their forces refer to; None if it is the scene of the
+        state. They differ after `Simulation.change`, until the next step.
 
     Examples
     --------
@@ -138,6 +143,8 @@ class State:
     spin: FloatArray | None = None
     angle: FloatArray | None = None
     driven: FloatArray | None = None
+    last_staggered: bool = False
+    last_scene: Scene | None = None
 
 
 def first_state(scene: Scene) -> State:
@@ -159,7 +166,8 @@ def require_state(state: State, scene: Scene) -> None:
     n, walls = scene.n, scene.wall_numbers
     _require_kind("state", state, State)
     checks.whole_number("steps", state.steps, least=0)
-    checks.boolean("staggered", state.staggered)
+    for name in ("staggered", "last_staggered"):
+        checks.boolean(name, getattr(state, name))
     for name in ("position", "velocity"):
         _require_array(name, getattr(state, name), np.float64, (n, 2))
         checks.require_finite(f"{name} of the state, that", getattr(state, name))
@@ -173,6 +181,8 @@ def require_state(state: State, scene: Scene) -> None:
     if state.lists is not None:
         _require_lists(state.lists, n, walls, bodies)
         _require_listed(state.corrections, state.lists, scene)
+    if state.last_scene is not None:
+        require_state(replace(state, lists=None, last_scene=None), state.last_scene)
 
 
 def _require_driven(driven: Any, scene: Scene) -> int:

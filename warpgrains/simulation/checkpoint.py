@@ -2,7 +2,7 @@
 
 The entry `header` is JSON text in UTF-8 with the format, the version, and all numbers and texts. Floats are
 written so that the same doubles are read back. Every array is a separate entry `part.field`, named after the
-dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`).
+dataclasses `Scene`, `State`, `Corrections` and `VerletList` (part `lists`); `last_scene` is a `Scene`, too.
 
 If a field of these, of `RunOptions` or of `RunStatistics` is added, removed, renamed or changes its meaning,
 `VERSION` must increase, so that another version of the program says which version it reads.
@@ -29,7 +29,7 @@ from warpgrains.simulation.options import RunOptions
 from warpgrains.solver.statistics import RunStatistics
 
 FORMAT = "warpgrains checkpoint"
-VERSION = 10
+VERSION = 11
 MOST_COUNTED = 2**63 - 1
 
 Arrays = dict[str, np.ndarray]
@@ -134,7 +134,7 @@ def _entries(checkpoint: Checkpoint, path: Path) -> Arrays:
         content = {field.name: getattr(record, field.name) for field in fields(record)}
         own = [name for name, value in content.items() if isinstance(value, np.ndarray)]
         arrays |= {f"{part}.{name}": content[name] for name in own}
-        elsewhere = (*own, "corrections", "lists")
+        elsewhere = (*own, "corrections", "lists", "last_scene")
         header[part] = {name: value for name, value in content.items() if name not in elsewhere}
     return {"header": np.frombuffer(json.dumps(header, default=_table).encode(), np.uint8), **arrays}
 
@@ -145,7 +145,8 @@ def _table(value: Any) -> Any:
 
 
 def _parts(scene: Scene, state: State) -> dict[str, Any]:
-    parts = {"scene": scene, "state": state, "corrections": state.corrections, "lists": state.lists}
+    parts = {"scene": scene, "state": state}
+    parts |= {name: getattr(state, name) for name in ("corrections", "lists", "last_scene")}
     return {part: record for part, record in parts.items() if record is not None}
 
 
@@ -187,7 +188,9 @@ def _checkpoint(header: Header, arrays: Arrays, path: Path) -> Checkpoint:
 
     scene = Scene(**part("scene"))
     lists = VerletList(**part("lists")) if "lists" in header else None
-    state = State(corrections=Corrections(**part("corrections")), lists=lists, **part("state"))
+    last = Scene(**part("last_scene")) if "last_scene" in header else None
+    corrections = Corrections(**part("corrections"))
+    state = State(corrections=corrections, lists=lists, last_scene=last, **part("state"))
     require_state(state, scene)
     options = None if header["options"] is None else RunOptions.restored(header["options"], path)
     statistics = RunStatistics(**header["statistics"])

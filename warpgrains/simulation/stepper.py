@@ -149,6 +149,9 @@ class Stepper(PresentState, Shown):
     def change(self, **fields: Any) -> None:
         """Change some fields of the scene, such as drag=0.1, and continue from the present state.
 
+        Contacts and forces remain those of the last step until the next one; only if friction is turned off,
+        tangential forces and spins are dropped at once.
+
         Time is the number of steps times `dt`. A change of `dt` therefore changes the time of the present
         state, which walls that move and gravity that turns would follow at once.
 
@@ -176,6 +179,8 @@ class Stepper(PresentState, Shown):
                 )
             if not _has_walls_of(scene, self.scene):
                 state = replace(state, lists=None)  # they hold for other walls
+            if state.last_scene is None:
+                state = replace(state, last_scene=self.scene)
             require_state(state, scene)
             self._begin(scene, state)
 

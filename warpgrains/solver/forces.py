@@ -86,20 +86,20 @@ def start_of_step(scene: Scene, state: State) -> tuple[FloatArray, Scene]:
 
     Returns
     -------
-    Centers of the grains [m], shape (n, 2), and the scene with its driven walls where they were.
+    Centers of the grains [m], shape (n, 2), and the scene of that step with its driven walls where they were.
     """
-    walls = None
+    last, walls = scene if state.last_scene is None else state.last_scene, None
     if state.driven is not None:
         way, speed = state.driven.T
-        walls = way - scene.dt * speed
-    return state.position - scene.dt * state.velocity, scene.with_walls_at(walls)
+        walls = way - last.dt * speed
+    return state.position - last.dt * state.velocity, last.with_walls_at(walls)
 
 
 def contacts_of(scene: Scene, state: State) -> tuple[PairContacts, WallContacts]:
     """Return the contacts between grains and with walls that carry a correction after the last step."""
-    start, start_scene = start_of_step(scene, state)
-    pairs = pair_contacts(scene, start, state.corrections)
-    return pairs, wall_contacts(start_scene, start, state.corrections, state.steps * scene.dt)
+    start, last = start_of_step(scene, state)
+    pairs = pair_contacts(last, start, state.corrections)
+    return pairs, wall_contacts(last, start, state.corrections, state.steps * last.dt)
 
 
 def force_of(mass: FloatArray, correction: FloatArray, dt: float | FloatArray) -> FloatArray:

@@ -118,13 +118,16 @@ class SceneMemory:
             self.listed_pairs()[0], self._listed_sides(), frame_shift=numbers["frame_shift"].copy(), **own
         )
         position, velocity = self.grains("position").copy(), self.grains("velocity").copy()
-        more = {}
+        more: dict[str, Any] = {}
         if self._scene.has_friction:
             more = {name: self.array(f"grains.{name}").copy() for name in ("spin", "angle")}
         if self._scene.has_driven_walls:
             more["driven"] = self.driven()
-        staggered = bool(self.record["scheme"]["staggered"])
-        return State(self.steps, position, velocity, self.corrections(), lists, staggered, **more)
+        for name in ("staggered", "last_staggered"):
+            more[name] = bool(self.record["scheme"][name])
+        if self.steps == self._loaded_steps:
+            more["last_scene"] = self._last_scene
+        return State(self.steps, position, velocity, self.corrections(), lists, **more)
 
     def load(self, state: State) -> None:
         """Load a state, from which the scene continues."""
@@ -150,8 +153,10 @@ class SceneMemory:
         record = self.record
         record["control"] = 0
         record["control"]["unordered"] = lists is not None
-        record["scheme"]["staggered"] = state.staggered
+        for name in ("staggered", "last_staggered"):
+            record["scheme"][name] = getattr(state, name)
         record["steps"] = state.steps
+        self._loaded_steps, self._last_scene = state.steps, state.last_scene
 
     def _load_driven(self, driven: FloatArray) -> None:
         """Write coordinates [m] and speeds [m/s] of the walls, shape (walls, 2)."""
