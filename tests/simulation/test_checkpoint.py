@@ -23,7 +23,7 @@ FIELDS = {
         " angular_velocity_out angular_velocity_in walls gravity drag spin_drag friction wall_friction dt"
         " duration scheme tolerance max_iterations order method stop on_unconverged name text",
         "State": "steps position velocity corrections lists staggered spin angle driven"
-        " last_staggered last_scene",
+        " last_staggered to_search last_scene",
         "Corrections": "pair pair_correction wall wall_correction pair_friction wall_friction",
         "VerletList": "pair wall skin recent_deviation reference_position reference_velocity"
         " frame_shift base_skin frame_skin elapsed lifetime",

@@ -118,9 +118,14 @@ def test_what_takes_long_is_kept_at_the_end_of_its_group(tmp_path, monkeypatch):
     """A process that is killed before the first long group has lost none of the steps of its short groups."""
     sweep = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]"))
     assert batch(sweep, "-o", tmp_path / "short") == 0
-    out = tmp_path / "out"
+    out, advance = tmp_path / "out", ResidentSets.advance
+
+    def advance_before_the_limit(sets, steps, poll, runs):
+        return advance(sets, steps, lambda done: poll(done) if done else None, runs)
+
     with monkeypatch.context() as patch:
         patch.setattr(short, "SHORT", 0.0)
+        patch.setattr(ResidentSets, "advance", advance_before_the_limit)
         patch.setattr(engine, "BRIEF", 0)
         patch.setattr(threads, "GLANCE", 1e-3)
         patch.setattr(runner, "LongRunner", lambda *_: pytest.fail("killed"))

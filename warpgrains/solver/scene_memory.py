@@ -125,6 +125,7 @@ class SceneMemory:
             more["driven"] = self.driven()
         for name in ("staggered", "last_staggered"):
             more[name] = bool(self.record["scheme"][name])
+        more["to_search"] = max(0, int(self.record["to_search"]))
         if self.steps == self._loaded_steps:
             more["last_scene"] = self._last_scene
         return State(self.steps, position, velocity, self.corrections(), lists, **more)
@@ -155,6 +156,7 @@ class SceneMemory:
         record["control"]["unordered"] = lists is not None
         for name in ("staggered", "last_staggered"):
             record["scheme"][name] = getattr(state, name)
+        record["to_search"] = state.to_search
         record["steps"] = state.steps
         self._loaded_steps, self._last_scene = state.steps, state.last_scene
 
