@@ -148,6 +148,8 @@ class Sweep:
         for value in lists.get("grains.radius", []):
             if is_file_of_radii(value):
                 raise InputError(f"grains.radius of an axis is {value!r}: files of radii belong into scenes")
+        for key, values in ({key: [value] for key, value in fixed.items()} | lists).items():
+            _require_toml_values(key, values)
         bases = list(_bases(document, path if is_folder else path.parent, fixed, lists))
         pairs = itertools.product(bases, _combinations(lists, combine))
         return cls([Run(number, *pair) for number, pair in enumerate(pairs)], tuple(lists), bases)
@@ -165,6 +167,15 @@ def _by_key(document: Table, name: str) -> KeyValues:
             require_key(section, key)
             found[f"{section}.{key}"] = value
     return found
+
+
+def _require_toml_values(key: str, values: list[Any]) -> None:
+    """Raise InputError if a scene file cannot hold one of the values, such as a date."""
+    for value in values:
+        try:
+            toml_value(value)
+        except InputError as error:
+            raise InputError(f"{key}: {error}") from None
 
 
 def _table(name: str, value: Any) -> Table:
