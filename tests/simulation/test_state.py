@@ -9,6 +9,8 @@ import pytest
 from same_bits import contents
 
 from warpgrains import Disc, InputError, Scene, Simulation, SimulationError, State, analysis
+from warpgrains.scene.geometry import pair_normals
+from warpgrains.scene.scheme import free_velocity
 from warpgrains.scene.state import VERLET_NUMBERS
 
 ORDERS = ("sequential", "color")
@@ -143,6 +145,26 @@ def test_state_is_a_copy(scene: Scene) -> None:
     state, again = simulation.state(), simulation.state()
     simulation.run(steps=5)
     assert contents(state) == contents(again)
+
+
+def test_the_first_list_of_a_state_without_one_is_made_after_the_warm_start(scene: Scene) -> None:
+    """Of all its contacts, whatever the number of threads: those that act on a grain take turns."""
+    simulation, fresh = Simulation(scene), Simulation(scene)
+    simulation.run(steps=200)
+    state = simulation.state()
+    fresh.restore(replace(state, lists=None))
+    assert fresh.step().rebuilds == 1
+    (i, j), (grain, _), dv = state.corrections.pair.T, state.corrections.wall.T, state.corrections
+    expected = free_velocity(scene, state.velocity, state.staggered)
+    impulse = dv.pair_correction[:, np.newaxis] * pair_normals(state.position, i, j)
+    mass = scene.contact_mass
+    share = (mass[j] / (mass[i] + mass[j]))[:, np.newaxis]
+    np.subtract.at(expected, i, share * impulse)
+    np.add.at(expected, j, (1.0 - share) * impulse)
+    normal, _ = scene.wall_frames(state.position, dv.wall)
+    np.subtract.at(expected, grain, dv.wall_correction[:, np.newaxis] * normal)
+    # sums of at most some ten corrections below 1 m/s, in another order
+    assert np.abs(fresh._engine._records.array(0, "verlet.reference_velocity") - expected).max() < 1e-13
 
 
 def test_first_list_of_a_state_without_one() -> None:

@@ -153,7 +153,7 @@ class SceneMemory:
             self._load_driven(state.driven)
         record = self.record
         record["control"] = 0
-        record["control"]["unordered"] = lists is not None
+        record["control"]["unordered"] = 1
         for name in ("staggered", "last_staggered"):
             record["scheme"][name] = getattr(state, name)
         record["to_search"] = state.to_search
@@ -180,8 +180,7 @@ class SceneMemory:
         """Write the list: pairs in lexicographic order and wall contacts, with their corrections."""
         count = len(pair) + len(wall)
         self._records.reserve_contacts(self._k, count)
-        self.record["contacts"]["count"] = len(pair), 0, len(wall), int(len(wall) > 0)
-        self.array("contacts.set_start")[:2] = len(pair), count
+        self.record["contacts"]["count"] = len(pair), 0, len(wall), 0  # the step puts them into sets
         if count == 0:
             for rows in ("neighbors", "workspace.old"):
                 self.array(f"{rows}.start")[:] = 0
