@@ -21,19 +21,19 @@ from .access import at, larger, named, put, working_first_of, working_normal_of,
 from .contacts import chunks_of_set, is_wall_set, range_of_set
 from .driven import correct_wall
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, is_driven, pair_count
+from .record import Scene, has_weights, is_driven, pair_count
 from .threads import Team, update_max
-from .types import Contacts, Grains, WorkingSet
+from .types import WorkingSet
 
 f64 = wp.float64
 ENOUGH = wp.constant(f64(0.99))  # part of its own decrease of phi that a sweep must keep
 
 
 @wp.func
-def mass_in_phi(grains: Grains, contacts: Contacts, i: int) -> f64:
+def mass_in_phi(s: Scene, i: int) -> f64:
     """Return the contact mass of a body; where all masses are equal, phi is by unit mass."""
-    if contacts.weights.shape[0] > 0:
-        return at(grains.contact_mass, i)
+    if has_weights(s):
+        return at(s.grains.contact_mass, i)
     return f64(1.0)
 
 
@@ -108,7 +108,7 @@ def in_fours(sweeping_pairs: Callable[[int, bool], wp.Function]) -> wp.Function:
     def sweep_pairs(s: Scene, begin: int, end: int) -> wp.vec3d:
         rest = end_of_fours(begin, end)
         four, one = wp.vec3d(), wp.vec3d()
-        if s.working.weights.shape[0] > 0:
+        if has_weights(s):
             four = sweep_four_weighted(s, begin, rest)
             one = sweep_one_weighted(s, rest, end)
         else:
@@ -160,7 +160,7 @@ def sweeping_walls(driven: bool) -> wp.Function:
             put(velocity, i, v - dv * n)
             put(working.last_dv, c, x)
             put(working.dv, c, new)
-            mu = mass_in_phi(s.grains, s.contacts, i)
+            mu = mass_in_phi(s, i)
             zeta, wide_dv = larger(total[0], compliance * wp.abs(dv)), compliance * dv
             rise = total[1] + mu * (cost - ENOUGH * gain)
             total = wp.vec3d(zeta, rise, total[2] - mu * wide_dv * (new - x))

@@ -153,7 +153,7 @@ def sweeping_walls(driven: bool) -> wp.Function:
             put(working.last_dvt, c, xt)
             put(working.dv, c, y + dv)
             put(working.dvt, c, yt + dvt)
-            mu, wide_dvt = mass_in_phi(s.grains, s.contacts, i), dvt / part[0]
+            mu, wide_dvt = mass_in_phi(s, i), dvt / part[0]
             zeta = larger(total[0], larger(wp.abs(wide_dv), wp.abs(dvt)))
             size = total[1] + mu * (wide_dv * dv + wide_dvt * dvt)
             total = wp.vec3d(

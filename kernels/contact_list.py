@@ -5,7 +5,7 @@ import warp as wp
 from . import law
 from .access import at, put, raise_to, set_bodies
 from .friction import find_rim_weights
-from .record import Phase, Scene, grain_count, has_friction, is_accelerated, may_have_missed
+from .record import Phase, Scene, grain_count, has_friction, has_weights, is_accelerated, may_have_missed
 from .types import NeighborList
 from .verlet import stayed_silent
 from .walls import wall_body_count
@@ -142,7 +142,7 @@ def transfer_tangential(s: Scene, k: int, c: int, i: int, j: int):
     put(s.contacts.dvt_start, c, dvt[1])
     if is_accelerated(s):
         put(s.momentum.last_dvt, c, dvt[2])
-    if s.contacts.weights.shape[0] > 0:
+    if has_weights(s):
         put(s.contacts.rim_weights, c, find_rim_weights(s, i, j))
 
 
@@ -164,7 +164,7 @@ def transfer_warm_start(s: Scene, i: int):
         put(s.contacts.dv_start, c, dv[1])
         if is_accelerated(s):
             put(s.momentum.last_dv, c, dv[2])
-        if s.contacts.weights.shape[0] > 0:
+        if has_weights(s):
             put(s.contacts.weights, c, mass_shares(s, i, j))
         if has_friction(s):
             transfer_tangential(s, k, c, i, j)
@@ -200,7 +200,7 @@ def find_row_sums(s: Scene):
         while k < end:
             j = at(s.neighbors.neighbor, k)
             weight = wp.vec2d(f64(0.5), f64(0.5))
-            if s.contacts.weights.shape[0] > 0:
+            if has_weights(s):
                 weight = at(s.contacts.weights, at(s.workspace.sweep_index, k))
             if j < n:
                 own = own + weight[0]

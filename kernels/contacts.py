@@ -10,7 +10,7 @@ from . import law
 from .access import at, first_of, gap_rate_of, normal_of, put, second_of
 from .driven import push_wall
 from .friction import rim_weights
-from .record import Scene, grain_count, has_friction, is_driven, pair_count
+from .record import Scene, grain_count, has_friction, has_weights, is_driven, pair_count
 from .threads import Team, thread_range
 from .types import Contacts, Floats, Vectors
 
@@ -113,7 +113,7 @@ def apply(s: Scene, velocity: Vectors, rim: Floats, c: int, n: wp.vec2d, dv: f64
             push_wall(s, velocity, c, dv)
         return
     j, weight = second_of(contacts.contact, c), wp.vec2d(f64(0.5), f64(0.5))
-    if contacts.weights.shape[0] > 0:
+    if has_weights(s):
         weight = at(contacts.weights, c)
     put(velocity, i, at(velocity, i) - impulse * weight[0])
     put(velocity, j, at(velocity, j) + impulse * weight[1])

@@ -104,23 +104,22 @@ def place_driven_walls(s: Scene):
 
 
 @wp.func
+def acceleration_of_wall(s: Scene, j: int) -> wp.vec2d:
+    """Return how force and pressure accelerate the coordinate of wall j [m/s2] (eq. 27)."""
+    drive = at(s.walls.drive, j - grain_count(s))
+    force = drive[1] - drive[2] * (TURN * s.walls.annulus.radius_out)
+    return wp.vec2d(force * drive[0], f64(0.0))
+
+
+@wp.func
 def begin_driven_walls(s: Scene):
-    """Find the speeds of the walls without contacts (eq. 27), and place the driven walls.
+    """Place the driven walls.
 
     The surface of a circle that turns has the speed of its present radius (eq. 23).
     """
-    first = grain_count(s)
     if is_driven(s) and s.walls.surface.shape[0] > 0:
         speed = s.walls.annulus.radius_out * s.walls.annulus.angular_velocity_out
         put(s.walls.surface, 0, wp.vec2d(at(s.walls.surface, 0)[0], speed))
-    kick = s.dt
-    if s.scheme.leapfrog != 0 and s.scheme.staggered == 0:
-        kick = f64(0.5) * s.dt
-    for b in range(s.walls.drive.shape[0]):
-        drive = at(s.walls.drive, b)
-        force = drive[1] - drive[2] * (TURN * s.walls.annulus.radius_out)
-        speed = at(s.grains.velocity, first + b)[0] + kick * (force * drive[0])
-        put(s.grains.free_velocity, first + b, wp.vec2d(speed, f64(0.0)))
     place_driven_walls(s)
 
 

@@ -7,7 +7,7 @@ import warp as wp
 
 from . import law
 from .access import at
-from .record import Scene, grain_count
+from .record import Scene, grain_count, has_weights
 
 f64 = wp.float64
 THIRD = wp.constant(f64(1.0 / 3.0))
@@ -16,7 +16,7 @@ THIRD = wp.constant(f64(1.0 / 3.0))
 @wp.func
 def rim_weights(s: Scene, c: int, at_wall: bool) -> wp.vec3d:
     """Return 1 / K_t of a contact, and the parts of a tangential correction that its rims take (eq. 22)."""
-    if s.contacts.weights.shape[0] > 0:
+    if has_weights(s):
         return at(s.contacts.rim_weights, c)
     if at_wall:
         return wp.vec3d(THIRD, f64(2.0), f64(0.0))

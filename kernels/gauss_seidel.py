@@ -25,7 +25,7 @@ from .access import (
 from .contacts import contacts_of, gap_rates_now, is_wall_set, surface_of
 from .driven import correct_wall
 from .friction import THIRD, rim_weights
-from .record import Scene, is_driven
+from .record import Scene, has_weights, is_driven
 from .stopping import end_iteration
 from .threads import Team, partial_index, reduce_max, update_max
 from .types import Vectors
@@ -223,7 +223,7 @@ def sweeping(friction: bool) -> wp.Function:
             zeta = sweep_driven_walls(s, begin, end)
         elif is_wall_set(s, k):
             zeta = sweep_walls(s, begin, end)
-        elif s.contacts.weights.shape[0] > 0:
+        elif has_weights(s):
             zeta = sweep_weighted(s, begin, end, first_kept)
         else:
             zeta = sweep_equal(s, begin, end, first_kept)

@@ -4,8 +4,8 @@ import warp as wp
 
 from . import law
 from .access import at, put
-from .driven import begin_driven_walls, end_driven_walls
-from .record import Scene, rotates
+from .driven import acceleration_of_wall, begin_driven_walls, end_driven_walls
+from .record import Scene, grain_count, rotates
 from .walls import place_walls
 
 f64 = wp.float64
@@ -33,15 +33,21 @@ def free_spin(s: Scene, i: int):
 
 
 @wp.func
-def free_velocity(s: Scene, i: int):
-    """Compute v* (eqs. 2, 16, 17), and with friction the speed of the rim."""
-    v = at(s.grains.velocity, i)
-    m = at(s.grains.mass, i)
+def velocity_after_kick(s: Scene, v: wp.vec2d, acceleration: wp.vec2d, drag: f64, m: f64) -> wp.vec2d:
+    """Return the velocity after acceleration [m/s2] and drag [kg/s] of a body of mass m (eqs. 2, 16, 17)."""
     if s.scheme.leapfrog != 0:
-        staggered = s.scheme.staggered != 0
-        v = law.leapfrog_velocity(v, s.gravity, s.drag, m, s.dt, staggered)
+        return law.leapfrog_velocity(v, acceleration, drag, m, s.dt, s.scheme.staggered != 0)
+    return law.free_velocity(v, acceleration, drag, m, s.dt)
+
+
+@wp.func
+def free_velocity(s: Scene, i: int):
+    """Compute v* of a grain, and with friction the speed of its rim, or of a driven wall (eq. 27)."""
+    v = at(s.grains.velocity, i)
+    if i < grain_count(s):
+        v = velocity_after_kick(s, v, s.gravity, s.drag, at(s.grains.mass, i))
     else:
-        v = law.free_velocity(v, s.gravity, s.drag, m, s.dt)
+        v = velocity_after_kick(s, v, acceleration_of_wall(s, i), f64(0.0), f64(1.0))
     put(s.grains.free_velocity, i, v)
     if rotates(s, i):
         free_spin(s, i)

@@ -161,7 +161,7 @@ def extrapolating(friction: bool) -> wp.Function:
     @named(f"extrapolate{'_with_friction' * friction}")
     def extrapolate(team: Team, s: Scene):
         n = body_count(s)
-        grains, contacts = s.grains, s.contacts
+        grains = s.grains
         last_velocity = s.momentum.last_velocity
         last_rim = s.momentum.last_rim
         beta = s.momentum.state.beta
@@ -183,7 +183,7 @@ def extrapolating(friction: bool) -> wp.Function:
                         put(grains.next_rim, i, u + beta * (u - at(last_rim, i)))
                         put(last_rim, i, u)
                 else:
-                    m = mass_in_phi(grains, contacts, i)
+                    m = mass_in_phi(s, i)
                     energy = energy + m * wp.dot(change, v + y)
                     size = size + m * wp.dot(v, v)
                 i += 1

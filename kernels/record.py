@@ -255,6 +255,12 @@ def has_friction(s: Scene) -> bool:
 
 
 @wp.func
+def has_weights(s: Scene) -> bool:
+    """Return whether contacts have weights; without them, masses are equal (solver/sizes.py)."""
+    return s.contacts.weights.shape[0] > 0
+
+
+@wp.func
 def pair_count(s: Scene) -> int:
     """Return the number of listed pairs."""
     return s.contacts.count.pairs

@@ -82,7 +82,7 @@ ORDER = [
 ]
 """Sort the list and its corrections into sweeping order."""
 
-WARM_START = [
+START = [
     Each(body_count, warm_start.begin_velocity),
     Sets(warm_start.start),
     Serial(verlet.clear_check),
@@ -90,7 +90,7 @@ WARM_START = [
     Each(body_count, verlet.begin_check),
     Serial(stopping.begin_iterating),
 ]
-"""Begin an attempt: freeze the contacts, and apply the corrections of the last step."""
+"""Begin an attempt: freeze the contacts, and apply the corrections of the last step unless sweeps resume."""
 
 
 def rebuild(has_friction: bool) -> list[Stage]:
@@ -205,7 +205,7 @@ def step(kind: Kind) -> list[Stage]:
     """Return the stages of one step of a kind."""
     return [
         Serial(stopping.begin),
-        If(beginning, [Serial(integrate.begin_step), Each(grain_count, integrate.free_velocity)]),
+        If(beginning, [Serial(integrate.begin_step), Each(body_count, integrate.free_velocity)]),
         While(
             unsolved,
             [
@@ -215,7 +215,7 @@ def step(kind: Kind) -> list[Stage]:
                 If(
                     attempting,
                     [
-                        If(starting, WARM_START),
+                        If(starting, START),
                         *METHODS[kind],
                         Each(body_count, verlet.verify),
                         Serial(stopping.judge),

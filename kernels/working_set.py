@@ -26,7 +26,7 @@ from .access import (
 from .contacts import CHUNK, chunks_of_set, gap_rates_now, is_wall_set
 from .driven import closing_speed
 from .lanes import FOUR, end_of_fours, lanes
-from .record import Scene, has_friction, is_driven, pair_count
+from .record import Scene, has_friction, has_weights, is_driven, pair_count
 from .stopping import stop_or_sweep
 from .threads import Team, reduce_max, thread_range, update_max
 from .verlet import keep_peak
@@ -83,7 +83,7 @@ def select(s: Scene, c: int, k: int):
     put(s.working.gap_rate, c, gap_rate_of(s.contacts.contact, k))
     put(s.working.dv, c, at(s.contacts.dv, k))
     put(s.working.last_dv, c, at(s.momentum.last_dv, k))
-    if s.contacts.weights.shape[0] > 0:
+    if has_weights(s):
         weight = at(s.contacts.weights, k)
         mu = weight[0] * at(s.grains.contact_mass, first_of(s.contacts.contact, k))
         put(s.working.weights, c, wp.vec3d(weight[0], weight[1], mu))

@@ -10,7 +10,7 @@ from warpgrains.kernels.conditions import searching
 from warpgrains.kernels.integrate import free_velocity
 from warpgrains.kernels.record import Phase, grain_count
 from warpgrains.kernels.stages import Each, Stage, While
-from warpgrains.kernels.step import EXPIRE, METHODS, ORDER, SEARCH, WARM_START
+from warpgrains.kernels.step import EXPIRE, METHODS, ORDER, SEARCH, START
 from warpgrains.solver.crew import Crew
 from warpgrains.solver.sizes import kind_of
 from warpgrains.solver.tuning import paying_threads
@@ -21,7 +21,7 @@ from .timing import seconds
 VEC = ("<f8", (2,))
 CONTACT = np.dtype([("n", *VEC), ("gap_rate", "<f8"), ("i", "<i4"), ("j", "<i4")], align=True)
 
-UP_TO_THE_LIST = (Each(grain_count, free_velocity), *WARM_START)
+UP_TO_THE_LIST = (Each(grain_count, free_velocity), *START)
 """What a step does before it finds that its list will not do."""
 ANOTHER_LIST = (*EXPIRE, While(searching, SEARCH), *ORDER)
 """What it does then."""

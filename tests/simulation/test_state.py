@@ -139,6 +139,19 @@ def contacts_of(simulation: Simulation) -> tuple:
     return simulation.contacts(), simulation.wall_contacts()
 
 
+def test_the_last_start_is_known_after_an_advance_that_was_interrupted(scene: Scene) -> None:
+    simulation = Simulation(scene)
+
+    def interrupt(done: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulation.advance(5, interrupt)
+    assert simulation.steps == 5
+    start = simulation.last_start()
+    assert np.array_equal(start.position + scene.dt * simulation.velocity, simulation.position)
+
+
 def test_state_is_a_copy(scene: Scene) -> None:
     simulation = Simulation(scene)
     simulation.run(steps=100)

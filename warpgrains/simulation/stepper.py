@@ -65,8 +65,11 @@ class Stepper(PresentState, Shown):
     def _begin(self, scene: Scene, state: State | None) -> None:
         self._threads = threads_for(scene, self._device, self._threads_wanted)
         PresentState.__init__(self, scene, Engine([scene], self._device, self._threads))
-        self._stepped = False
-        self._engine.load(0, first_state(scene) if state is None else state)
+        self._load(first_state(scene) if state is None else state)
+
+    def _load(self, state: State) -> None:
+        self._engine.load(0, state)
+        self._loaded_steps = state.steps
 
     def summary(self) -> dict[str, str]:
         """Return the line that describes the simulation, by name."""
@@ -130,12 +133,10 @@ class Stepper(PresentState, Shown):
             return self._advance(steps, on_progress).statistics(0)
 
     def _advance(self, steps: int, on_progress: OnProgress | None, history: bool = False) -> LastSteps:
-        before = self.steps
         self._engine.keep_history(0, history)
         self._engine.submit([steps])
         with self._use.advancing():
             advance([self._engine], self._threads, on_progress)
-        self._stepped = self._stepped or self.steps > before
         last_steps = self._engine.last_steps
         if last_steps.errors:
             raise SimulationError(last_steps.errors[0])
@@ -192,7 +193,7 @@ class Stepper(PresentState, Shown):
         SimulationError
             No step has been taken since the start, or since `restore`.
         """
-        if not self._stepped:
+        if self.steps == self._loaded_steps:
             raise SimulationError("no step has been taken from this state: call step() first")
         position, velocity = (self._grains(name) for name in ("last_position", "last_velocity"))
         spin = self._grains("last_spin") if self.scene.has_friction else None
@@ -213,8 +214,7 @@ class Stepper(PresentState, Shown):
         """
         require_state(state, self.scene)
         with self._use.exclusive():
-            self._stepped = False
-            self._engine.load(0, state)
+            self._load(state)
 
 
 def _has_walls_of(scene: Scene, other: Scene) -> bool:

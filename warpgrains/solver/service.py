@@ -87,6 +87,7 @@ class Service:
         proof = _find_proof(self._scenes[k], self._memory[k], "last_position", "velocity", 0)
         wait = 0 if proof else iterations_worth_a_search(self._scenes[k].n)
         self._memory[k].record["to_search"] = wait
+        self._records.push(k)
         if proof:
             self.proofs[k].append((self._memory[k].steps, proof.grains))
 
