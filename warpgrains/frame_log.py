@@ -21,7 +21,7 @@ from warpgrains.errors import InputError
 from warpgrains.files import naming, write_atomically
 
 Arrays = Mapping[str, NDArray[Any]]
-"""One frame: float32 or int32 arrays by name, shape (n,) or (n, k)."""
+"""One frame: arrays of numbers by name, shape (n,) or (n, k)."""
 
 LOG_SUFFIX = ".frames"
 _MAGIC = b"warpgrains frames 1\n"
@@ -170,7 +170,7 @@ class LogReader:
     constants : str
         Constants of the recording, the text of a USD layer.
     kinds : dict
-        Type and number of columns of each array by name, such as "f3".
+        Type of the elements of each array by name, such as "(3,)<f4" for float32 of three columns.
     end : int
         Offset of the end of the last record read [bytes].
 
@@ -205,15 +205,15 @@ class LogReader:
         lengths = np.frombuffer(content, "<u4", len(self.kinds))
         frame, start = {}, lengths.nbytes
         for (name, kind), length in zip(self.kinds.items(), lengths.tolist(), strict=True):
-            columns = int(kind[1:])
-            array = np.frombuffer(content, f"<{kind[0]}4", length * columns, start)
-            frame[name] = array.reshape(-1, columns) if columns > 1 else array
-            start += array.nbytes
+            frame[name] = np.frombuffer(content, kind, length, start)
+            start += frame[name].nbytes
         return frame
 
 
 def _kind(array: NDArray[Any]) -> str:
-    return f"{array.dtype.kind}{array.shape[1] if array.ndim == 2 else 1}"
+    """Return the type of the elements of an array, little-endian, as NumPy reads it."""
+    columns = f"({array.shape[1]},)" if array.ndim == 2 else ""
+    return f"{columns}{array.dtype.newbyteorder('<').str}"
 
 
 def _record(content: bytes) -> bytes:

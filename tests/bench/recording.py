@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recorder import Recorder
 
@@ -45,7 +45,7 @@ def record(grains: int, frames: int, suffix: str) -> tuple[float, float, float]:
     velocity = np.random.default_rng(2).normal(size=scene.position.shape)
     with tempfile.TemporaryDirectory(dir=".") as folder:
         path = Path(folder) / f"run{suffix}"
-        recorder = Recorder(path, scene, 100)
+        recorder = Recorder(path, scene, FrameTimes(scene.dt, 100))
         seconds = 0.0
         for frame in range(frames):
             position, faster = scene.position + 1e-4 * frame * velocity, (1 + 1e-4 * frame) * velocity

@@ -14,7 +14,7 @@ from command import exit_code, require_refusal
 from recordings import make_frames, make_scene, record
 
 from warpgrains import InputError, Scene, Simulation, locks
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.errors import OutputError
 from warpgrains.locks import Lock, RunLocks
 from warpgrains.simulation.checkpoint import read_checkpoint
@@ -154,10 +154,10 @@ class TestRun:
 
 class TestPython:
     def test_recorder(self, tmp_path):
-        with Recorder(tmp_path / "run.usdc", make_scene(), 60) as recorder:
+        with Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60)) as recorder:
             recorder.record(Frame(*make_frames(1)[0]))
             with pytest.raises(OutputError, match="is being written by process"):
-                Recorder(tmp_path / "run.usdc", make_scene(), 60)
+                Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60))
             recorder.flush()
             with pytest.raises(OutputError, match="is being written by process"):
                 recover(recorder.log)
@@ -178,7 +178,7 @@ class TestPython:
         log_of(tmp_path / "run.usdc").touch()
         for _ in range(2):
             with pytest.raises(InputError, match="holds frames of another run"):
-                Recorder(tmp_path / "run.usdc", make_scene(), 60)
+                Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60))
 
 
 CLAIM = """

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recorder import Recorder
 
@@ -27,7 +27,7 @@ def frame(number, grains):
 
 
 def main(output, grains, frames, counter):
-    recorder = Recorder(output, scene_of(grains), 50, draw_as="points")
+    recorder = Recorder(output, scene_of(grains), FrameTimes(0.01, 50), draw_as="points")
     with Path(counter).open("wb", buffering=0) as count, recorder:
         for number in range(frames):
             recorder.record(Frame(*frame(number, grains)))

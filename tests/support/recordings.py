@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from pxr import UsdGeom
 
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.scene.scene import Scene
 from warpgrains.usd.recorder import Recorder
 
@@ -52,8 +52,8 @@ def make_contacts(seed=0):
 
 
 def points_recorder(path, scene, **options):
-    """A recorder of points, unless it is told otherwise."""
-    return Recorder(path, scene, 50, **{"draw_as": "points"} | options)
+    """A recorder of points at 50 frames per second, unless it is told otherwise."""
+    return Recorder(path, scene, **{"times": FrameTimes(scene.dt, 50), "draw_as": "points"} | options)
 
 
 def record(path, frames, scene=None, **options):

@@ -29,7 +29,7 @@ from warpgrains.drawing.colors import (
     speed_scale,
     spin_scale,
 )
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.drawing.loads import pressure
 from warpgrains.usd.reader import RecordingReader
 from warpgrains.usd.recorder import Recorder
@@ -148,7 +148,7 @@ def test_raw_values_stand_beside_the_colors(tmp_path, draw_as):
     path = record(tmp_path / "run.usdc", frames, color_by="radius", forces=True, draw_as=draw_as)
     stage = Usd.Stage.Open(str(path))
     grains = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(GRAINS))
-    assert np.array_equal(grains.GetPrimvar("radius").Get(), RADIUS.astype(np.float32))
+    assert np.array_equal(grains.GetPrimvar("radius").Get(), RADIUS)
     for number, (position, velocity) in enumerate(frames):
         contacts, wall_contacts = make_contacts(number)
         frame = Frame(position, velocity, contacts, wall_contacts)
@@ -255,7 +255,7 @@ class TestForceChains:
 
     def test_may_be_none(self, tmp_path):
         scene = make_scene()
-        with Recorder(tmp_path / "run.usdc", scene, 60, forces=True) as recorder:
+        with Recorder(tmp_path / "run.usdc", scene, FrameTimes(scene.dt, 60), forces=True) as recorder:
             recorder.record(Frame(scene.position, scene.velocity, *no_contacts([])))
         stage = Usd.Stage.Open(str(tmp_path / "run.usdc"))
         assert len(stage.GetAttributeAtPath(f"{FORCES}.points").Get(0)) == 0

@@ -18,7 +18,7 @@ from recordings import RADIUS, make_scene, record
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.chains import CHAIN_COLOR
 from warpgrains.drawing.colors import GrainColors, mark_color, speed_scale
-from warpgrains.drawing.frames import Frame
+from warpgrains.drawing.frames import Frame, FrameTimes
 from warpgrains.usd.recorder import Recorder
 
 pytestmark = pytest.mark.blender
@@ -143,7 +143,7 @@ class TestAsOpened:
     def test_marks_show_how_far_grains_have_turned(self, rendered, tmp_path, draw_as):
         scene, path = make_scene(friction=0.3), tmp_path / "run.usdc"
         angles = np.array([[0.0, 1.0, 2.0, 3.0, 4.0], [1.5, -1.0, 7.0, 0.3, -2.0]])
-        with Recorder(path, scene, 50, draw_as=draw_as, color_by="palette") as recorder:
+        with Recorder(path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as, color_by="palette") as recorder:
             for angle in angles:
                 recorder.record(Frame(scene.position, scene.velocity, spin=angle, angle=angle))
         pictures, _ = rendered(path, [0, 1], "Standard")

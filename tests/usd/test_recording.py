@@ -175,7 +175,9 @@ class TestRecord:
     def test_the_arrays_handed_in_may_be_reused(self, tmp_path):
         frames = make_frames(3)
         buffer = np.empty_like(frames[0])
-        with Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="points") as recorder:
+        with Recorder(
+            tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), draw_as="points"
+        ) as recorder:
             for frame in frames:
                 buffer[:] = frame
                 recorder.record(Frame(*buffer))
@@ -184,7 +186,7 @@ class TestRecord:
         assert np.array_equal(written[:, :, :2], frames[:, 0].astype(np.float32))
 
     def test_arrays_of_another_shape_are_refused(self, tmp_path):
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="points")
+        recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), draw_as="points")
         with pytest.raises(ValueError, match=re.escape("(5, 2), not (4, 2)")):
             recorder.record(Frame(np.zeros((4, 2)), np.zeros((5, 2))))
         with pytest.raises(ValueError, match="no frame was recorded"):
@@ -193,7 +195,7 @@ class TestRecord:
 
     @pytest.mark.parametrize("options", [{"forces": True}, {"color_by": "pressure"}])
     def test_missing_contacts_are_named(self, tmp_path, options):
-        recorder = Recorder(tmp_path / "run.usdc", make_scene(), 60, **options)
+        recorder = Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60), **options)
         assert recorder.needs_contacts
         with pytest.raises(ValueError, match="needs contacts and wall_contacts"):
             recorder.record(Frame(*make_frames(1)[0]))
@@ -203,34 +205,34 @@ class TestOutput:
     @pytest.mark.parametrize("name", ["run.obj", "run", "run.usd"])
     def test_unknown_suffix(self, tmp_path, name):
         with pytest.raises(InputError, match=re.escape("must end in .usdc, .usda, .usdz")):
-            Recorder(tmp_path / name, make_scene(), 60)
+            Recorder(tmp_path / name, make_scene(), FrameTimes(0.01, 60))
 
     def test_unknown_coloring(self, tmp_path):
         with pytest.raises(
             InputError, match="unknown color_by 'mood': known: palette, pressure, radius, speed"
         ):
-            Recorder(tmp_path / "run.usdc", make_scene(), 60, color_by="mood")
+            Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60), color_by="mood")
         assert list(tmp_path.iterdir()) == []
 
     def test_unknown_way_to_draw(self, tmp_path):
         with pytest.raises(InputError, match="unknown draw_as 'cubes': known: discs, points, spheres"):
-            Recorder(tmp_path / "run.usdc", make_scene(), 50, draw_as="cubes")
+            Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 50), draw_as="cubes")
         assert list(tmp_path.iterdir()) == []
 
     def test_folder_that_does_not_exist(self, tmp_path):
         with pytest.raises(InputError, match="absent' cannot be written: No such file"):
-            Recorder(tmp_path / "absent" / "run.usdc", make_scene(), 60)
+            Recorder(tmp_path / "absent" / "run.usdc", make_scene(), FrameTimes(0.01, 60))
 
     def test_folder_that_is_a_file(self, tmp_path):
         (tmp_path / "file").touch()
         with pytest.raises(InputError, match="file' cannot be written: Not a directory"):
-            Recorder(tmp_path / "file" / "run.usdc", make_scene(), 60)
+            Recorder(tmp_path / "file" / "run.usdc", make_scene(), FrameTimes(0.01, 60))
 
     def test_folder_that_refuses_files(self):
         with pytest.raises(InputError, match="'/proc' cannot be written"):
-            Recorder("/proc/run.usdc", make_scene(), 60)
+            Recorder("/proc/run.usdc", make_scene(), FrameTimes(0.01, 60))
 
     def test_output_that_is_a_folder(self, tmp_path):
         (tmp_path / "run.usdc").mkdir()
         with pytest.raises(InputError, match="is a folder"):
-            Recorder(tmp_path / "run.usdc", make_scene(), 60)
+            Recorder(tmp_path / "run.usdc", make_scene(), FrameTimes(0.01, 60))

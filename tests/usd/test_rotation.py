@@ -218,8 +218,8 @@ def test_chains_are_the_total_forces(tmp_path: Path) -> None:
     """Bands go through the contact points, along the forces, and are as wide as they."""
     simulation = record(tmp_path / "run.usdc", forces=True)
     reader = RecordingReader(tmp_path / "run.usdc")
-    chains, scene, x = reader.chains(STEPS // 2), reader.scene_fields(), simulation.position
-    assert scene["friction"] == 0.5
+    chains, x = reader.chains(STEPS // 2), simulation.position
+    assert reader.parameters["friction"] == 0.5
     at_wall, radius = chains.pair[:, 1] < 0, simulation.scene.radius
     assert at_wall.any()
     i, j = chains.pair.T
@@ -248,7 +248,9 @@ def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str
     paths = [tmp_path / name for name in ("whole.usdc", "again.usdc", "killed.usdc")]
 
     def write(path: Path, which: range, resume_at: int | None = None) -> None:
-        with Recorder(path, scene, 50, draw_as=draw_as, resume_at=resume_at) as recorder:
+        with Recorder(
+            path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as, resume_at=resume_at
+        ) as recorder:
             for k in which:
                 recorder.record(Frame(*frames[k], spin=still + k, angle=still + 0.3 * k))
 
@@ -265,7 +267,7 @@ def test_a_recording_can_be_continued_and_recovered(tmp_path: Path, draw_as: str
 
 
 def interrupted(path: Path, scene: Scene, frames: Any, draw_as: str) -> None:
-    with Recorder(path, scene, 50, draw_as=draw_as) as recorder:
+    with Recorder(path, scene, FrameTimes(scene.dt, 50), draw_as=draw_as) as recorder:
         for k, frame in enumerate(frames):
             recorder.record(Frame(*frame, spin=np.full(5, float(k)), angle=np.full(5, 0.3 * k)))
         raise KeyboardInterrupt
@@ -280,7 +282,7 @@ def interrupted(path: Path, scene: Scene, frames: Any, draw_as: str) -> None:
     ],
 )
 def test_a_frame_without_rotation_is_refused(tmp_path: Path, rotation: Any, complaint: str) -> None:
-    recorder = Recorder(tmp_path / "run.usdc", make_scene(friction=0.3), 50)
+    recorder = Recorder(tmp_path / "run.usdc", make_scene(friction=0.3), FrameTimes(0.01, 50))
     with pytest.raises(ValueError, match=complaint):
         recorder.record(Frame(*make_frames(1)[0], **rotation))
 

@@ -12,7 +12,6 @@ from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.analysis.tabulated import TABLES, columns_of, contact_variables, grain_variables
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import contact_normals
-from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.compatibility import require_valid_positions
@@ -109,8 +108,7 @@ class Recording(Shown):
         Raises
         ------
         InputError
-            An earlier release recorded the file, without all fields of a scene. Or the first frame is a later
-            one, in which a grain is where a wall was at time 0.
+            The first frame is a later one, in which a grain is where a wall was at time 0.
         """
         scene = self._recorded_scene
         try:
@@ -122,11 +120,15 @@ class Recording(Shown):
     @cached_property
     def _recorded_scene(self) -> Scene:
         """The scene, in which a grain may be where a wall was at time 0."""
-        fields = self._reader.scene_fields()
-        position, velocity = self._reader.position(0), self._reader.velocity(0)
-        if self._reader.has_rotation:
-            fields["spin"] = self._reader.rotation(0)[0]
-        return Scene.of_later_state(position=position, velocity=velocity, radius=self.radius, **fields)
+        reader = self._reader
+        return Scene.of_later_state(
+            position=reader.position(0),
+            velocity=reader.velocity(0),
+            spin=reader.rotation(0)[0] if reader.has_rotation else None,
+            radius=self.radius,
+            mass=reader.mass,
+            **reader.parameters,
+        )
 
     def _scene_at(self, k: int) -> Scene:
         """Return the scene with the walls that forces drive where they are in frame k."""
@@ -161,15 +163,16 @@ class Recording(Shown):
         grain, code = pair[~between].T
         spin, angle = self._reader.rotation(k)
         scene = self._scene_at(k)
-        steps = self._reader.first_step + FrameTimes(scene.dt, self._reader.rate).step(k)
+        steps = self._reader.times.steps(k)
         return Snapshot(
             scene=scene,
             steps=steps,
+            time=float(self._reader.simulated_time[k]),
             position=position,
             velocity=self._reader.velocity(k),
             start=position,
             start_scene=scene,
-            start_staggered=steps > 1,
+            start_staggered=scene.scheme == "leapfrog" and steps > 1,
             pair=pair[between],
             force=force[between],
             wall=np.stack([grain, -1 - code], axis=1),

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from warpgrains.analysis.tabulated import TABLES, columns_of, dataset_variables
 from warpgrains.arrays import FloatArray, IndexArray, IntArray
-from warpgrains.drawing.chains import contact_normals, with_walls
+from warpgrains.drawing.chains import with_walls
 from warpgrains.scene import checks
+from warpgrains.scene.geometry import pair_normals
 from warpgrains.solver.final_states import StackedGrains
 from warpgrains.solver.forces import contacts_of, start_of_step
 from warpgrains.tables import library
@@ -60,6 +61,8 @@ class Snapshot:
     scene : Scene
     steps : int
         Time steps since the start.
+    time : float
+        Simulated time [s]. In a recording, it may lie within the last step.
     position, velocity : ndarray
         Centers [m] and velocities [m/s] of the grains, shape (n, 2).
     start : ndarray
@@ -90,6 +93,7 @@ class Snapshot:
 
     scene: Scene
     steps: int
+    time: float
     position: FloatArray
     velocity: FloatArray
     start: FloatArray
@@ -108,11 +112,6 @@ class Snapshot:
     def n(self) -> int:
         """Number of grains."""
         return self.scene.n
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self.steps * self.scene.dt
 
     @property
     def grains(self) -> StackedGrains:
@@ -161,14 +160,13 @@ class Snapshot:
     @cached_property
     def loads(self) -> Loads:
         """All contacts as forces on single grains."""
-        m = len(self.pair)
-        pair, force = with_walls(self.pair, self.wall), np.concatenate([self.force, self.wall_force])
-        normal = contact_normals(self.start_scene, self.start, pair, self.time)
-        i, j = pair.astype(np.int64).T
+        (i, j), at_wall = self.pair.astype(np.int64).T, self.wall[:, 0].astype(np.int64)
+        normal = pair_normals(self.start, i, j)
+        into_wall, _ = self.start_scene.wall_frames(self.start, self.wall, time=self.time)
         return Loads(
-            np.concatenate([i[:m], j[:m], i[m:]]),
-            np.concatenate([normal[:m], -normal[:m], normal[m:]]),
-            np.concatenate([force[:m], force]),
+            np.concatenate([i, j, at_wall]),
+            np.concatenate([normal, -normal, into_wall]),
+            np.concatenate([self.force, self.force, self.wall_force]),
             np.concatenate([self.tangential_force, self.tangential_force, self.wall_tangential_force]),
         )
 
@@ -210,6 +208,7 @@ def snapshot(of: Any, state: State | None = None) -> Snapshot:
     return Snapshot(
         scene=scene,
         steps=state.steps,
+        time=state.steps * scene.dt,
         position=state.position,
         velocity=state.velocity,
         start=start,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -35,6 +35,12 @@ class Chains:
     pair: IntArray
     """Grains i < j of each segment, shape (m, 2); j is -1 for the outer wall, -2 for the inner one, and -3,
     -4, ... for those of `Scene.walls`."""
+
+    @classmethod
+    def of_corners(cls, corners: FloatArray, *values: Any) -> Self:
+        """Return the chains whose bands have these corners [m], shape (m, 4, 2), with the other fields."""
+        ends = np.stack([corners[:, [0, 3]].mean(axis=1), corners[:, [1, 2]].mean(axis=1)], axis=1)
+        return cls(ends, np.hypot(*(corners[:, 0] - corners[:, 3]).T), *values)
 
     def corners(self) -> FloatArray:
         """Return the corners of each band [m], counter-clockwise, shape (m, 4, 2)."""

@@ -100,10 +100,18 @@ class ColorScale:
         return colormap(QUANTITIES[self.quantity].colormap, np.linspace(0.0, 1.0, LEVELS))
 
 
+def quantities_of(scene: Scene, has_contacts: bool = True) -> dict[str, Quantity]:
+    """Return the quantities that frames of a scene have, with or without contacts, by name."""
+    return {
+        name: own
+        for name, own in QUANTITIES.items()
+        if scene.has_friction >= own.needs_friction and has_contacts >= own.needs_contacts
+    }
+
+
 def colorings(scene: Scene) -> tuple[str, ...]:
     """Return the colorings that a scene has."""
-    found = (name for name, own in QUANTITIES.items() if scene.has_friction or not own.needs_friction)
-    return "palette", *found
+    return "palette", *quantities_of(scene)
 
 
 class GrainColors:

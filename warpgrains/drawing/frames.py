@@ -67,7 +67,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Frames k = 0, 1, 2, ... at times k / rate after the first one, for a scene with time step dt.
+    """Frames k = 0, 1, 2, ... of a run at times k / rate after its start, for a scene with time step dt.
 
     Both numbers are taken as the decimals that a user writes, so that rounding does not shift a frame to
     another step.
@@ -77,9 +77,11 @@ class FrameTimes:
     """Time step [s]."""
     rate: float
     """Frames per second of simulated time [1/s], at most one per step."""
+    first_step: int = 0
+    """Time steps before the run."""
 
     @classmethod
-    def of(cls, dt: float, wanted: float) -> FrameTimes:
+    def of(cls, dt: float, wanted: float, first_step: int = 0) -> FrameTimes:
         """Return frame times with the requested rate [1/s], or one frame per step if steps are longer.
 
         Raises
@@ -89,11 +91,24 @@ class FrameTimes:
         """
         if not 0 < wanted < float("inf"):
             raise InputError(f"frames per second is {wanted}: it must be greater than 0")
-        return cls(dt, min(float(wanted), float(1 / _as_written(dt))))
+        return cls(dt, min(float(wanted), float(1 / _as_written(dt))), first_step)
 
     def step(self, k: int) -> int:
-        """Return the step in which frame k lies, or at whose end it is."""
+        """Return the step of the run in which frame k lies, or at whose end it is."""
         return ceil(k * self._steps_a_frame - _TOLERANCE)
+
+    def steps(self, k: int) -> int:
+        """Return the same step, counted from the start of the simulation."""
+        return self.first_step + self.step(k)
+
+    def time(self, k: int) -> float:
+        """Return the simulated time of frame k [s]."""
+        return self.steps(k) * self.dt - self._left(k)
+
+    def _left(self, k: int) -> float:
+        """Return the time from frame k to the end of its step [s]."""
+        left = self.step(k) - k * self._steps_a_frame
+        return float(left) * self.dt if left > _TOLERANCE else 0.0
 
     def shown(self, k: int, end: Frame) -> Frame:
         """Return frame k from the state at the end of `step(k)`.
@@ -101,15 +116,15 @@ class FrameTimes:
         Within a step, grains move in a straight line and turn with the velocities at its end (eqs. 3, 24).
         The positions and angles are those at the time of the frame, and so are the coordinates of walls.
         """
-        steps = self.step(k) - k * self._steps_a_frame
-        before, position, angle, driven = float(steps) * self.dt, end.position, end.angle, end.driven
-        if steps > _TOLERANCE:
-            position = position - before * end.velocity
-            if end.spin is not None and angle is not None:
-                angle = angle - before * end.spin
+        left, angle, driven = self._left(k), end.angle, end.driven
+        if left == 0.0:
+            return end
+        if end.spin is not None and angle is not None:
+            angle = angle - left * end.spin
         if driven is not None:
-            driven = np.stack([driven[:, 0] - before * driven[:, 1], driven[:, 1]], axis=1)
-        return replace(end, position=position, angle=angle, driven=driven, time=end.time - before)
+            driven = np.stack([driven[:, 0] - left * driven[:, 1], driven[:, 1]], axis=1)
+        position = end.position - left * end.velocity
+        return replace(end, position=position, angle=angle, driven=driven, time=self.time(k))
 
     @cached_property
     def _steps_a_frame(self) -> Fraction:

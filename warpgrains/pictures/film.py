@@ -170,11 +170,11 @@ def draw_film(reader: RecordingReader, output: Path) -> range:
         It cannot be written there. It is an `OutputError` if another process writes it.
     """
     require_writable_path("film", output, *FILMS)
-    frames = range(0, len(reader.time), max(1, ceil(reader.rate / FILMS[output.suffix].fastest)))
+    frames = range(0, len(reader.time), max(1, ceil(reader.times.rate / FILMS[output.suffix].fastest)))
     with (
         Lock(output),
         draft_of(output) as draft,
-        FilmWriter(draft, setting_of(reader), reader.rate / frames.step) as film,
+        FilmWriter(draft, setting_of(reader), reader.times.rate / frames.step) as film,
     ):
         for frame in frames:
             film.add(shot_of(reader, frame))

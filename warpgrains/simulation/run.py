@@ -95,7 +95,7 @@ class OpenRun(CountedRun):
         self.output: Output | None = None
         self.times: FrameTimes | None = None
         if options.shows is not None and options.shows.has_frames:
-            self.times = FrameTimes.of(scene.dt, options.rate)
+            self.times = FrameTimes.of(scene.dt, options.rate, first_step)
 
     @contextmanager
     def opened(self) -> Iterator[None]:
@@ -151,12 +151,11 @@ class OpenRun(CountedRun):
         return Recorder(
             path,
             scene,
-            self.times.rate,
+            self.times,
             color_by=options.color_by,
             forces=options.forces,
             draw_as=options.draw_as,
             resume_at=self.statistics.frames if self._is_resumed else None,
-            first_step=self.first_step,
         )
 
     @property

@@ -7,8 +7,9 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from warpgrains.usd.forces import FORCES, TANGENTIAL
-from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, quaternions
-from warpgrains.usd.reader import Values, open_recording, refusing_untrusted_content, values_of
+from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ORIENTATIONS, position_of, quaternions
+from warpgrains.usd.reader import open_recording, refusing_untrusted_content
+from warpgrains.usd.stage import Values, values_of
 from warpgrains.usd.walls import PLACES, WALLS
 
 _HALF = 1e-3  # of a quaternion: half precision, and angles as float32 up to 1e4 rad
@@ -124,7 +125,7 @@ class GrainsInspector:
 
     def __init__(self, prim: Usd.Prim) -> None:
         self._are_points = prim.IsA(UsdGeom.Points)
-        self.position = prim.GetAttribute("points" if self._are_points else "positions")
+        self.position = position_of(prim)
         self._size = prim.GetAttribute("widths" if self._are_points else "scales")
         self._extent = prim.GetAttribute("extent")
         self._ids = prim.GetAttribute("ids")

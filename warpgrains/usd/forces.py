@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
-from warpgrains.drawing.chains import CHAIN_COLOR, ChainScale, chains_of
+from warpgrains.drawing.chains import CHAIN_COLOR, Chains, ChainScale, chains_of
 from warpgrains.drawing.frames import Frame
 from warpgrains.frame_log import Arrays
-from warpgrains.usd.stage import bind_material, covering_extent, set_kind, triples
+from warpgrains.usd.stage import bind_material, covering_extent, numbers, set_kind, triples
 
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
@@ -28,9 +28,8 @@ _GAP = 0.05  # distance to the grains behind, in their height
 class ForceChains:
     """A mesh of bands just in front of grains of `height` [m]. Primvars hold force [N] and grains."""
 
-    def __init__(self, scene: Scene, height: float) -> None:
-        self._scene = scene
-        self._scale = ChainScale.of(scene)
+    def __init__(self, scene: Scene, scale: ChainScale, height: float) -> None:
+        self._scene, self._scale = scene, scale
         self._depth = (1.0 + _GAP) * height
 
     def define(self, stage: Usd.Stage) -> None:
@@ -74,3 +73,14 @@ class ForceChains:
         if self._scene.has_friction:
             sampled[TANGENTIAL] = chains.tangential_force.astype(np.float32)
         return {f"{FORCES}.{name}": value for name, value in sampled.items()}
+
+
+def read_chains(stage: Usd.Stage, code: float) -> Chains:
+    """Return the force chains at a time code."""
+    bands = stage.GetPrimAtPath(FORCES)
+    corners = numbers(bands.GetAttribute("points"), code).reshape(-1, 4, 3)[:, :, :2]
+    force = numbers(bands.GetAttribute("primvars:force"), code)
+    tangential = bands.GetAttribute(TANGENTIAL)
+    tangential_force = numbers(tangential, code) if tangential else np.zeros_like(force)
+    pair = np.stack([numbers(bands.GetAttribute(f"primvars:{name}"), code) for name in GRAINS_OF], axis=1)
+    return Chains.of_corners(corners, force, tangential_force, pair.astype(np.int32))

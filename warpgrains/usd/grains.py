@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from warpgrains.arrays import FloatArray, IndexArray
-from warpgrains.drawing.colors import QUANTITIES, GrainColors, linear
+from warpgrains.drawing.colors import GrainColors, linear, quantities_of
 from warpgrains.drawing.frames import Frame
 from warpgrains.drawing.shapes import Shape
 from warpgrains.frame_log import Arrays
@@ -22,6 +22,8 @@ GRAINS = Sdf.Path("/World/Grains")
 PROTOTYPES = Sdf.Path("/World/Prototypes")
 """Prototypes of instanced grains, in a class prim, which is not drawn itself."""
 COLOR_INDICES = "primvars:displayColor:indices"
+ROTATION = ("spin", "angle")
+"""Primvars of grains that rotate."""
 
 ORIENTATIONS = "orientations"
 """The attribute of instances that rotate: quaternions of half precision, the real part last in NumPy."""
@@ -33,8 +35,8 @@ class GrainPoints:
     """Grains as `UsdGeom.Points`; their `widths` are diameters.
 
     Attributes are ids, velocities and colors (an indexed primvar: a table, and an index per grain). Further
-    primvars hold the mass [kg], the angle [rad] with friction, and all of `QUANTITIES` that frames have; the
-    radius [m] only if grains are colored by it.
+    primvars hold the mass [kg], spin [rad/s] and angle [rad] with friction, and the quantities that frames
+    have. Those that do not change, such as mass and radius, are doubles.
 
     Parameters
     ----------
@@ -54,13 +56,9 @@ class GrainPoints:
         self._diameter = (2.0 * scene.radius).astype(np.float32)
         self._half_width = self._diameter.astype(np.float64) / 2.0
         self._colors, self._rotates = colors, scene.has_friction
-        self._values = {
-            name: own.values
-            for name, own in QUANTITIES.items()
-            if own.changes
-            and (has_contacts or not own.needs_contacts)
-            and (self._rotates or not own.needs_friction)
-        }
+        quantities = quantities_of(scene, has_contacts)
+        self._changing = {name: own for name, own in quantities.items() if own.changes}
+        self._still = {name: own for name, own in quantities.items() if not own.changes}
 
     def define(self, stage: Usd.Stage) -> None:
         """Author the prim and all attributes that are the same in all frames."""
@@ -75,25 +73,23 @@ class GrainPoints:
         color = primvars.CreatePrimvar("displayColor", types.Color3fArray, vertex)
         color.Set(Vt.Vec3fArray.FromNumpy(linear(self._colors.colors)))
         color.CreateIndicesAttr()
-        mass = primvars.CreatePrimvar("mass", types.DoubleArray, vertex)
-        mass.Set(Vt.DoubleArray.FromNumpy(self._scene.mass))
-        for name in [*self._values, *(["angle"] if self._rotates else [])]:
+        start = Frame(self._scene.position, self._scene.velocity)
+        still = {name: own.values(self._scene, start) for name, own in self._still.items()}
+        for name, value in {"mass": self._scene.mass, **still}.items():
+            primvar = primvars.CreatePrimvar(name, types.DoubleArray, vertex)
+            primvar.Set(Vt.DoubleArray.FromNumpy(value))
+        for name in {*self._changing, *(ROTATION if self._rotates else ())}:
             primvars.CreatePrimvar(name, types.FloatArray, vertex)
         if self._colors.still is not None:
-            if self._colors.scale is not None:
-                name, at_start = (
-                    self._colors.scale.quantity,
-                    Frame(self._scene.position, self._scene.velocity),
-                )
-                values = QUANTITIES[name].values(self._scene, at_start).astype(np.float32)
-                primvars.CreatePrimvar(name, types.FloatArray, vertex).Set(values)
-            for name, value in self._color(self._colors.still).items():
-                prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(value))
+            for name, index in self._color(self._colors.still).items():
+                prim.GetAttribute(name).Set(Vt.IntArray.FromNumpy(index))
 
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
-        shown, scale = triples(frame.position), self._colors.scale
-        found = {name: values(self._scene, frame) for name, values in self._values.items()}
+        shown = triples(frame.position)
+        found = {name: own.values(self._scene, frame) for name, own in self._changing.items()}
+        if self._rotates:
+            found |= dict(zip(ROTATION, frame.rotation(), strict=True))
         values: dict[str, NDArray[Any]] = {
             self._position: shown,
             "extent": covering_extent(shown, self._half_width),
@@ -101,9 +97,9 @@ class GrainPoints:
             **{f"primvars:{name}": value.astype(np.float32) for name, value in found.items()},
         }
         if self._rotates:
-            values |= self._rotation(frame.rotation()[1])
-        if scale is not None and scale.quantity in found:
-            values |= self._color(scale.levels(found[scale.quantity]))
+            values |= self._orientations(frame.rotation()[1])
+        if self._colors.still is None and self._colors.scale is not None:
+            values |= self._color(self._colors.scale.levels(found[self._colors.scale.quantity]))
         return {f"{GRAINS}.{name}": value for name, value in values.items()}
 
     def _define_prim(self, stage: Usd.Stage) -> Usd.Prim:
@@ -116,9 +112,9 @@ class GrainPoints:
         bind_material(grains.GetPrim())
         return grains.GetPrim()
 
-    def _rotation(self, angle: FloatArray) -> dict[str, NDArray[np.float32]]:
-        """Return the attributes that hold the angles [rad]."""
-        return {"primvars:angle": angle.astype(np.float32)}
+    def _orientations(self, angle: FloatArray) -> dict[str, NDArray[np.float32]]:
+        """Return the attributes that turn the drawings of grains by angles [rad]: points have none."""
+        return {}
 
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
         """Return the attributes that hold the colors, int32, shape (n,)."""
@@ -156,11 +152,16 @@ class GrainInstances(GrainPoints):
             grains.CreateOrientationsAttr()
         return grains.GetPrim()
 
-    def _rotation(self, angle: FloatArray) -> dict[str, NDArray[np.float32]]:
-        return super()._rotation(angle) | {ORIENTATIONS: quaternions(angle)}
+    def _orientations(self, angle: FloatArray) -> dict[str, NDArray[np.float32]]:
+        return {ORIENTATIONS: quaternions(angle)}
 
     def _color(self, levels: IndexArray) -> dict[str, IndexArray]:
         return super()._color(levels) | {"protoIndices": (levels // self._shared).astype(np.int32)}
+
+
+def position_of(grains: Usd.Prim) -> Usd.Attribute:
+    """Return the attribute that holds the centers of the grains."""
+    return grains.GetAttribute("points" if grains.IsA(UsdGeom.Points) else "positions")
 
 
 def quaternions(angle: FloatArray) -> NDArray[np.float32]:

@@ -3,27 +3,23 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from pxr import Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 from warpgrains.arrays import FloatArray
 from warpgrains.drawing.chains import Chains, ChainScale
 from warpgrains.drawing.colors import ColorScale, encoded
+from warpgrains.drawing.frames import FrameTimes
 from warpgrains.errors import InputError
 from warpgrains.scene import checks
 from warpgrains.scene.band import Band
 from warpgrains.scene.document import read_parameters
-from warpgrains.usd.forces import FORCES, GRAINS_OF, TANGENTIAL
-from warpgrains.usd.grains import COLOR_INDICES, GRAINS
+from warpgrains.usd.forces import FORCES, read_chains
+from warpgrains.usd.grains import COLOR_INDICES, GRAINS, ROTATION, position_of
 from warpgrains.usd.output import RECORDED_BY
+from warpgrains.usd.stage import numbers, values_of
 from warpgrains.usd.walls import PLACES, WALLS, read_walls
-
-Values = NDArray[Any]
-
-_ROTATION = ("spin", "angle")
 
 
 class RecordingReader:
@@ -38,13 +34,12 @@ class RecordingReader:
     ----------
     time : ndarray
         Time of each frame since the first one [s], shape (f,).
+    times : FrameTimes
+        Steps of the frames, and their rate.
     simulated_time : ndarray
-        Simulated time of each frame [s], shape (f,). It differs from `time` if the run began after earlier
-        steps.
-    rate : float
-        Frames per second [1/s].
-    first_step : int
-        Time steps before the first frame.
+        Simulated time of each frame [s], shape (f,).
+    parameters : dict
+        Fields of the simulated scene, except those of grains.
     radius : ndarray
         Radii of the grains [m], shape (n,).
     walls : list of Band
@@ -57,44 +52,41 @@ class RecordingReader:
     Raises
     ------
     InputError
-        The file is missing, is not USD or holds no frames of grains.
+        The file is missing, is not USD, or holds no frames of grains or no scene.
     """
 
     def __init__(self, path: str | Path) -> None:
         self._stage = open_recording(Path(path))
         prim = self._stage.GetPrimAtPath(GRAINS)
-        is_points = bool(prim) and prim.IsA(UsdGeom.Points)
-        if not (is_points or (prim and prim.IsA(UsdGeom.PointInstancer))):
+        if not (prim and (prim.IsA(UsdGeom.Points) or prim.IsA(UsdGeom.PointInstancer))):
             raise InputError(f"'{path}' holds no grains")
-        self._position = prim.GetAttribute("points" if is_points else "positions")
-        self._prim = prim
+        self._prim, self._position = prim, position_of(prim)
         self._codes = self._position.GetTimeSamples()
         if not self._codes:
             raise InputError(f"'{path}' holds no frames")
-        self.rate = float(self._stage.GetTimeCodesPerSecond())
-        self.time = (np.array(self._codes) - self._codes[0]) / self.rate
-        radius = (
-            _values(prim.GetAttribute("widths")) / 2.0
-            if is_points
-            else _values(prim.GetAttribute("scales"))[:, 0]
-        )
-        self.radius = np.broadcast_to(radius, (len(self.position(0)),))
+        data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY)
+        if data is None:
+            raise InputError(f"'{path}' holds no scene: warpgrains has not recorded it")
+        self.parameters = read_parameters(str(data["parameters"]))
+        self.parameters |= {"name": str(data["name"]), "text": str(data["scene"])}
+        rate = float(self._stage.GetTimeCodesPerSecond())
+        self.time = (np.array(self._codes) - self._codes[0]) / rate
+        first_step = checks.whole_number("first_step", data["first_step"], least=0)
+        self.times = FrameTimes.of(checks.positive("dt", self.parameters["dt"]), rate, first_step)
+        self.simulated_time = np.array([self.times.time(k) for k in range(len(self._codes))])
+        self.radius = numbers(prim.GetAttribute("primvars:radius"))
         self.walls = list(read_walls(self._stage).values())
-        data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
-        self.first_step = checks.whole_number("first_step", data.get("first_step", 0), least=0)
-        start = self.first_step * _time_step(data) if self.first_step else 0.0
-        self.simulated_time = start + self.time
         self.scale = ColorScale.read(data["colors"]) if "colors" in data else None
         has_forces = bool(self._stage.GetPrimAtPath(FORCES))
         self.chain_scale = ChainScale.read(data["forces"]) if has_forces else None
 
     def position(self, frame: int) -> FloatArray:
         """Return the centers of the grains [m], shape (n, 2)."""
-        return _values(self._position, self._codes[frame])[:, :2]
+        return numbers(self._position, self._codes[frame])[:, :2]
 
     def velocity(self, frame: int) -> FloatArray:
         """Return the velocities of the grains [m/s], shape (n, 2)."""
-        return _values(self._prim.GetAttribute("velocities"), self._codes[frame])[:, :2]
+        return numbers(self._prim.GetAttribute("velocities"), self._codes[frame])[:, :2]
 
     def moved_walls(self, frame: int) -> dict[int, Band]:
         """Return the mobile walls as drawn in a frame, by their index in `walls`."""
@@ -103,53 +95,34 @@ class RecordingReader:
     def places(self, frame: int) -> FloatArray | None:
         """Return the coordinates of walls [m], shape (walls,); None where no force drives a wall."""
         places = self._stage.GetPrimAtPath(WALLS).GetAttribute(PLACES)
-        return _values(places, self._codes[frame]) if places else None
+        return numbers(places, self._codes[frame]) if places else None
 
     @property
     def has_rotation(self) -> bool:
         """True if spin and angle of the grains were recorded, as in every scene with friction."""
-        return all(self._prim.HasAttribute(f"primvars:{name}") for name in _ROTATION)
+        return all(self._prim.HasAttribute(f"primvars:{name}") for name in ROTATION)
 
     def rotation(self, frame: int) -> tuple[FloatArray, FloatArray]:
         """Return spin [rad/s] and angle [rad] of the grains, shape (n,) each; 0 without friction."""
         if not self.has_rotation:
             return np.zeros(len(self.radius)), np.zeros(len(self.radius))
-        spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in _ROTATION)
-        return _values(spin, self._codes[frame]), _values(angle, self._codes[frame])
+        spin, angle = (self._prim.GetAttribute(f"primvars:{name}") for name in ROTATION)
+        return numbers(spin, self._codes[frame]), numbers(angle, self._codes[frame])
 
     def color(self, frame: int) -> FloatArray:
         """Return the colors of the grains as screens need them (sRGB), shape (n, 3)."""
-        table = encoded(_values(self._prim.GetAttribute("primvars:displayColor")))
+        table = encoded(numbers(self._prim.GetAttribute("primvars:displayColor")))
         indices = values_of(self._prim.GetAttribute(COLOR_INDICES), self._codes[frame])
         return np.tile(table[0], (len(self.radius), 1)) if indices is None else table[indices]
 
-    def scene_fields(self) -> dict[str, Any]:
-        """Return the fields of the simulated scene, except those that frames and radii contain."""
-        data = self._stage.GetRootLayer().customLayerData.get(RECORDED_BY, {})
-        mass = self._prim.GetAttribute("primvars:mass")
-        if "parameters" not in data or not mass:
-            raise InputError("the recording does not contain its complete scene: an earlier release wrote it")
-        fields = read_parameters(str(data["parameters"]))
-        texts = {"name": str(data["name"]), "text": str(data["scene"])}
-        return {**fields, **texts, "mass": _values(mass)}
+    @property
+    def mass(self) -> FloatArray:
+        """Masses of the grains [kg], shape (n,)."""
+        return numbers(self._prim.GetAttribute("primvars:mass"))
 
     def chains(self, frame: int) -> Chains:
         """Return the force chains of a frame."""
-        forces, code = self._stage.GetPrimAtPath(FORCES), self._codes[frame]
-        corner = _values(forces.GetAttribute("points"), code).reshape(-1, 4, 3)[:, :, :2]
-        ends = np.stack([corner[:, [0, 3]].mean(axis=1), corner[:, [1, 2]].mean(axis=1)], axis=1)
-        width = np.hypot(*(corner[:, 0] - corner[:, 3]).T)
-        force = _values(forces.GetAttribute("primvars:force"), code)
-        grains = [forces.GetAttribute(f"primvars:{name}").Get(code) for name in GRAINS_OF]
-        pair = np.full((len(force), 2), -1) if None in grains else np.stack(grains, axis=1)
-        tangential = forces.GetAttribute(TANGENTIAL)
-        tangential_force = _values(tangential, code) if tangential else np.zeros_like(force)
-        return Chains(ends, width, force, tangential_force, pair.astype(np.int32))
-
-
-def _time_step(data: dict[str, Any]) -> float:
-    """Return the time step of the scene [s], from the custom data of a recording."""
-    return checks.positive("dt", read_parameters(str(data["parameters"]))["dt"])
+        return read_chains(self._stage, self._codes[frame])
 
 
 def open_recording(path: Path) -> Usd.Stage:
@@ -157,7 +130,8 @@ def open_recording(path: Path) -> Usd.Stage:
     if not path.is_file():
         raise InputError(f"recording '{path}' does not exist")
     try:
-        return Usd.Stage.Open(str(path))
+        # not the layer that USD keeps of an earlier file of this name
+        return Usd.Stage.Open(Sdf.Layer.OpenAsAnonymous(str(path)))
     except Tf.ErrorException as error:
         raise InputError(f"recording '{path}' is not a USD file that can be read") from error
 
@@ -172,24 +146,3 @@ def refusing_untrusted_content(path: str | Path) -> Iterator[None]:
     except Exception as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise InputError(f"recording '{path}' is damaged: {reason}") from error
-
-
-def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
-    """Return the value at a time code, or None if there is none.
-
-    Raises TypeError if it is no array of numbers.
-    """
-    value = attribute.Get(code)
-    if value is None:
-        return None
-    kind, array = type(value).__name__, np.array(value)
-    if not kind.endswith("Array") or array.dtype.kind not in "fiu":
-        raise TypeError(f"{attribute.GetPath()} is a {kind}, not an array of numbers")
-    return array
-
-
-def _values(attribute: Usd.Attribute, code: float = 0.0) -> FloatArray:
-    array = values_of(attribute, code)
-    if array is None:
-        raise TypeError(f"{attribute.GetPath()} has no value")
-    return array.astype(np.float64)

@@ -43,8 +43,8 @@ class Recorder:
         recordings only, because checking it takes much time and memory.
     scene : Scene
         The scene that is recorded. Its radii, walls, time step and text are stored in the file.
-    frames_per_second : float
-        Requested frames per second of simulated time [1/s], see `FrameTimes`.
+    times : FrameTimes
+        Times of the frames, and the steps that they belong to.
     color_by : str
         Color of the grains, see `GrainColors`.
     forces : bool
@@ -54,15 +54,11 @@ class Recorder:
     resume_at : int, optional
         First frame to write when the log or the file of an earlier run of the same scene is continued; later
         frames of it are dropped.
-    first_step : int
-        Time steps before the first frame, by which readers find where walls that move are.
 
     Attributes
     ----------
     path, log : Path
         Output file, and the log that holds its frames until it is complete.
-    times : FrameTimes
-        Times of the frames, and the steps that they belong to.
     needs_contacts : bool
         Whether `record` requires contacts, for force chains or colors.
 
@@ -78,29 +74,28 @@ class Recorder:
         self,
         path: str | Path,
         scene: Scene,
-        frames_per_second: float,
+        times: FrameTimes,
         *,
         color_by: str = "speed",
         forces: bool = False,
         draw_as: str = "points",
         resume_at: int | None = None,
-        first_step: int = 0,
     ) -> None:
         self.path = Path(path)
         self.log = log_of(self.path)
-        self.times = FrameTimes.of(scene.dt, frames_per_second)
         colors = GrainColors(scene, color_by)
         self.needs_contacts = forces or colors.needs_contacts
         self._shape = scene.position.shape
         grains = _grains(draw_as, scene, colors, self.needs_contacts)
         self._drawings: list[Drawing] = [grains, Walls(scene)]
-        data: dict[str, Any] = {"draw_as": draw_as} | ({"first_step": first_step} if first_step else {})
+        data: dict[str, Any] = {"draw_as": draw_as, "first_step": times.first_step}
         if colors.scale is not None:
             data["colors"] = colors.scale.described()
         if forces:
-            self._drawings.append(ForceChains(scene, grains.height * float(scene.radius.max())))
-            data["forces"] = ChainScale.of(scene).described()
-        static = static_layer(scene, self.times.rate, self._drawings, data)
+            scale = ChainScale.of(scene)
+            self._drawings.append(ForceChains(scene, scale, grains.height * float(scene.radius.max())))
+            data["forces"] = scale.described()
+        static = static_layer(scene, times.rate, self._drawings, data)
         self._frames = FrameLog(self.log, static.ExportToString())
         self._is_needed = resume_at is not None
         self._lock = lock_output(self.path)
@@ -140,7 +135,7 @@ class Recorder:
         Parameters
         ----------
         frame : Frame
-            Frame number `frames`, as ``times.shown`` returns it, with contacts if `needs_contacts`.
+            Frame number `frames`, as `FrameTimes.shown` returns it, with contacts if `needs_contacts`.
 
         Raises
         ------

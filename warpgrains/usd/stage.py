@@ -21,6 +21,8 @@ from warpgrains.usd.output import RECORDED_BY
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
 
+Values = NDArray[Any]
+
 MATERIAL = Sdf.Path("/World/Looks/DisplayColor")
 CAMERA = Sdf.Path("/World/main_cam")
 """Name by which usdview and usdrecord select the camera."""
@@ -165,6 +167,28 @@ def triples(values: NDArray[Any]) -> NDArray[np.float32]:
     shown = np.zeros((len(values), 3), dtype=np.float32)
     shown[:, :2] = values
     return shown
+
+
+def values_of(attribute: Usd.Attribute, code: float = 0.0) -> Values | None:
+    """Return the value at a time code, or None if there is none.
+
+    Raises TypeError if it is no array of numbers.
+    """
+    value = attribute.Get(code)
+    if value is None:
+        return None
+    kind, array = type(value).__name__, np.array(value)
+    if not kind.endswith("Array") or array.dtype.kind not in "fiu":
+        raise TypeError(f"{attribute.GetPath()} is a {kind}, not an array of numbers")
+    return array
+
+
+def numbers(attribute: Usd.Attribute, code: float = 0.0) -> FloatArray:
+    """Return the value at a time code as float64. Raises TypeError if it is no array of numbers."""
+    array = values_of(attribute, code)
+    if array is None:
+        raise TypeError(f"{attribute.GetPath()} has no value")
+    return array.astype(np.float64)
 
 
 def covering_extent(shown: NDArray[np.float32], half_width: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,15 +33,15 @@ class Walls:
         walls = UsdGeom.Xform.Define(stage, WALLS).GetPrim()
         set_kind(walls, "subcomponent")
         if self._scene.has_driven_walls:
-            walls.CreateAttribute(PLACES, Sdf.ValueTypeNames.FloatArray)
+            walls.CreateAttribute(PLACES, Sdf.ValueTypeNames.DoubleArray)
         for name, wall in self._drawn.items():
             define_mesh(stage, WALLS.AppendChild(name), wall_mesh(wall), np.array(WALL_COLOR))
 
     def samples(self, frame: Frame) -> Arrays:
         """Return the values of the animated attributes for a frame."""
-        names, values = list(self._drawn), dict[str, NDArray[np.float32]]()
+        names, values = list(self._drawn), dict[str, NDArray[Any]]()
         if frame.places is not None:
-            values[f"{WALLS}.{PLACES}"] = frame.places.astype(np.float32)
+            values[f"{WALLS}.{PLACES}"] = frame.places
         for k, wall in moved_walls(self._scene, frame.time, frame.places).items():
             shown, path = wall_mesh(wall).points.astype(np.float32), WALLS.AppendChild(names[k])
             values[f"{path}.points"] = shown
