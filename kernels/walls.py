@@ -41,13 +41,13 @@ def wall_body_count(walls: Walls) -> int:
 def nearest_on(x: wp.vec2d, shape: Shape) -> wp.vec2d:
     """Return the point nearest to x of a wall without thickness, which grains touch there [m].
 
-    It is NaN for an unknown kind, which the host refuses (scene/wall_kinds.py).
+    Without a branch for its kind it is x itself, so that the normal is NaN, and so are velocities next to it.
     """
     if shape[0] == segment.KIND:
         return segment.nearest(x, shape)
     if shape[0] == arc.KIND:
         return arc.nearest(x, shape)
-    return wp.vec2d(f64(wp.nan), f64(wp.nan))
+    return x
 
 
 @wp.func

@@ -58,6 +58,16 @@ def test_every_key_has_a_meaning_and_numbers_have_units(layout):
         assert {*parameters_of(LAYOUTS[layout])} <= {*units}
 
 
+def test_a_layout_that_does_not_describe_a_key_is_refused(tmp_path, monkeypatch, capfd):
+    def ring(annulus, *, radius, turn=0.0):
+        """Place grains on a circle."""
+
+    monkeypatch.setitem(LAYOUTS, "ring", ring)
+    (tmp_path / "ring.toml").write_text('[domain]\nradius_out = 1.0\n[grains]\nlayout = "ring"\n')
+    assert exit_code("scenes", tmp_path / "ring.toml") == 2
+    require_refusal(capfd, "layout 'ring' has the parameter turn: describe it in its docstring")
+
+
 @pytest.mark.parametrize("base", shipped("scene"))
 def test_a_begun_scene_is_that_which_it_is_from(base, tmp_path, capfd):
     path = tmp_path / "my.toml"

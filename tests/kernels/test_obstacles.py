@@ -10,10 +10,10 @@ import pytest
 import warp as wp
 from swept_order import follow_reference
 
-from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation
+from warpgrains import Arc, Disc, InputError, Recording, Scene, Segment, Simulation, SimulationError
 from warpgrains.analysis.vtk import export
 from warpgrains.kernels import types
-from warpgrains.kernels.walls import nearest_on
+from warpgrains.kernels.walls import is_near_circle, shape_gap, shape_normal
 from warpgrains.reference.reference import Reference
 from warpgrains.scene.obstacle import MOST_NUMBERS, Obstacle
 from warpgrains.scene.wall_kinds import WALL_KINDS
@@ -24,6 +24,7 @@ SEGMENTS = (Segment((-0.7, -0.2), (-0.2, -0.6)), Segment((-0.2, -0.6), (0.1, -0.
 RING = Disc((0.02, -0.05), 0.93, inside=True)
 ARC = Arc((0.5, -0.1), 0.3, -2.5, -0.3)
 WALLS = (*DISCS, *SEGMENTS, RING, ARC)
+OF_EVERY_KIND = WALLS
 
 
 def around(n: int = 140, walls: tuple[Obstacle, ...] = WALLS, **changes: object) -> Scene:
@@ -160,9 +161,38 @@ def test_host_and_kernels_number_the_kinds_of_walls_alike() -> None:
 
 
 @wp.kernel
-def find_nearest(shape: wp.array(dtype=types.Shape), nearest: types.Vectors) -> None:  # type: ignore[valid-type]
+def find_sides(
+    x: types.Vectors,  # type: ignore[valid-type]
+    shapes: wp.array(dtype=types.Shape),  # type: ignore[valid-type]
+    normal: types.Vectors,  # type: ignore[valid-type]
+    gap: types.Floats,  # type: ignore[valid-type]
+    near: types.Ints,  # type: ignore[valid-type]
+) -> None:
     k = wp.tid()
-    nearest[k] = nearest_on(wp.vec2d(wp.float64(1.0), wp.float64(2.0)), shape[k])
+    shape = shapes[0]
+    radius = wp.float64(0.1)
+    normal[k] = shape_normal(x[k], shape)
+    gap[k] = shape_gap(x[k], radius, shape)
+    near[k] = wp.where(is_near_circle(shape, x[k], radius), 1, 0)
+
+
+@pytest.mark.parametrize("kind", WALL_KINDS.values(), ids=WALL_KINDS)
+def test_kernels_have_normal_and_gap_of_every_kind_of_wall(kind: type[Obstacle]) -> None:
+    """They are those of the host, and its circle is about all places where grains touch it."""
+    walls = [wall for wall in OF_EVERY_KIND if type(wall) is kind]
+    assert walls, f"add {kind.one()} to OF_EVERY_KIND"
+    position = np.random.default_rng(3).uniform(-1.0, 1.0, (1000, 2))
+    radius = np.full(len(position), 0.1)
+    for wall in walls:
+        with wp.ScopedDevice("cpu"):
+            normal, gap, near = (wp.zeros(1000, dtype) for dtype in (wp.vec2d, wp.float64, wp.int32))
+            given = wp.array(position, wp.vec2d), wp.array([wall.shape], dtype=types.Shape)
+            wp.launch(find_sides, 1000, [*given, normal, gap, near])
+        side = wall.side(position, radius)
+        assert np.isfinite(side.gap).all()
+        assert normal.numpy() == pytest.approx(side.normal, rel=0.0, abs=1e-12)  # rounding of numbers near 1
+        assert gap.numpy() == pytest.approx(side.gap, rel=0.0, abs=1e-12)
+        assert near.numpy()[side.gap <= 0.0].all()
 
 
 def test_a_wall_of_no_known_kind_is_refused() -> None:
@@ -171,14 +201,14 @@ def test_a_wall_of_no_known_kind_is_refused() -> None:
         Scene(position=[(0.0, 0.5)], radius=0.1, mass=1.0, radius_out=1.0, walls=[DISCS[0], unknown])
 
 
-def test_an_unknown_kind_of_wall_is_nowhere(c_library: CDLL) -> None:
-    """Neither the kernels nor the reference take it for another kind."""
-    shapes = np.array([(kind, *ARC.shape[1:]) for kind in (2.0, 3.0, 4.0)])
-    found = wp.zeros(3, dtype=wp.vec2d, device="cpu")
-    given = wp.array(shapes, dtype=types.Shape, device="cpu")
-    wp.launch(find_nearest, 3, [given, found], device="cpu")
-    assert np.isnan(found.numpy()).all(axis=1).tolist() == [False, False, True]
-    in_c = Reference(c_library, around(walls=(ARC,)))
-    in_c._arrays["walls"][0] = 4.0
+def test_a_kind_of_wall_without_its_branch_is_refused(
+    c_library: CDLL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kernels and reference take it neither for another kind nor for no wall."""
+    monkeypatch.setattr(Arc, "kind_number", 4)
+    scene = around(walls=(ARC,))
+    with pytest.raises(SimulationError, match=r"reached a velocity of \[nan, nan\] m/s: it is not finite"):
+        Simulation(scene).advance(10)
+    in_c = Reference(c_library, scene)
     in_c.update()
     assert np.isnan(in_c.velocity).all()

@@ -6,6 +6,7 @@ from sample_scenes import SCENE_FILE
 
 from warpgrains import InputError, Scene
 from warpgrains.scene.document import shipped_scenes
+from warpgrains.scene.layouts import LAYOUTS
 
 
 @pytest.fixture
@@ -78,6 +79,16 @@ def test_a_file_wins_over_a_shipped_scene(tmp_path, monkeypatch):
     (tmp_path / "annulus").write_text(SCENE_FILE)
     assert Scene.load("annulus").n == 2
     assert Scene.load("pile").n == 1000
+
+
+def test_a_layout_with_a_key_of_every_layout_is_refused(write, monkeypatch):
+    def odd(annulus, *, density=2.0):
+        return [[0.0, 0.5]], [0.1]
+
+    monkeypatch.setitem(LAYOUTS, "odd", odd)
+    path = write('[domain]\nradius_out = 1.0\n[grains]\nlayout = "odd"\ndensity = 1.0\n')
+    with pytest.raises(InputError, match="has the parameter density: choose another name"):
+        Scene.load(path)
 
 
 @pytest.mark.parametrize("name", shipped_scenes())

@@ -9,13 +9,12 @@ from recordings import RADIUS, grains_of, make_frames, make_scene, points_record
 import warpgrains
 from warpgrains import files
 from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
 from warpgrains.frame_log import FrameLog, LogReader
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import log_of, recover
 from warpgrains.usd.writer import reopen_log
-
-SUFFIXES = (".usdc", ".usda", ".usdz")
 
 
 def cut_short(path, frames, error=KeyboardInterrupt, **options):
@@ -99,7 +98,7 @@ class TestLog:
 
 class TestNothingIsLost:
     @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
-    @pytest.mark.parametrize("suffix", SUFFIXES)
+    @pytest.mark.parametrize("suffix", RECORDINGS)
     def test_a_block_left_by_an_error_keeps_its_frames_apart(self, tmp_path, error, suffix):
         frames = make_frames(6)
         log = cut_short(tmp_path / f"run{suffix}", frames, error)
@@ -107,7 +106,7 @@ class TestNothingIsLost:
         assert recover(log) == (tmp_path / f"run{suffix}", 6)
         require_frames(tmp_path / f"run{suffix}", frames)
 
-    @pytest.mark.parametrize("suffix", SUFFIXES)
+    @pytest.mark.parametrize("suffix", RECORDINGS)
     def test_recovered_file_has_the_bytes_of_a_finished_one(self, tmp_path, suffix):
         frames = make_frames(6)
         recovered, _ = recover(cut_short(tmp_path / f"run{suffix}", frames, forces=True))
@@ -210,7 +209,7 @@ class TestResume:
         assert synced[-2:] == [tmp_path / ".draft.run.usdc.frames", tmp_path]
         assert set(tmp_path.iterdir()) == {path, log_of(path)}
 
-    @pytest.mark.parametrize("suffix", SUFFIXES)
+    @pytest.mark.parametrize("suffix", RECORDINGS)
     def test_continues_a_finished_file(self, tmp_path, suffix):
         frames = make_frames(11)
         (tmp_path / "whole").mkdir()

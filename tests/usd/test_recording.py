@@ -10,12 +10,12 @@ import warpgrains
 from warpgrains import Scene, Simulation
 from warpgrains.drawing.colors import speed_scale
 from warpgrains.drawing.frames import Frame, FrameTimes
+from warpgrains.drawing.kinds import RECORDINGS
 from warpgrains.errors import InputError
 from warpgrains.scene.document import read_parameters
 from warpgrains.usd.check import inspect_recording
 from warpgrains.usd.recorder import Recorder
 
-SUFFIXES = (".usdc", ".usda", ".usdz")
 DRAWINGS = {
     "points": {},
     "discs": {"draw_as": "discs", "color_by": "radius"},
@@ -78,7 +78,7 @@ class TestTimes:
         assert inspect_recording(tmp_path / "run.usdc") == []
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", RECORDINGS)
 class TestIndependentReader:
     @pytest.mark.parametrize("options", DRAWINGS.values(), ids=list(DRAWINGS))
     def test_every_frame_equals_the_float32_state(self, tmp_path, suffix, options):
@@ -116,7 +116,7 @@ class TestIndependentReader:
         assert scene.text in stage.doc
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("suffix", RECORDINGS)
 @pytest.mark.parametrize("options", DRAWINGS.values(), ids=list(DRAWINGS))
 def test_passes_both_checkers(tmp_path, suffix, options):
     recording = record(tmp_path / f"run{suffix}", make_frames(4), **options)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from warpgrains.console import in_columns
-from warpgrains.errors import OutputError
+from warpgrains.errors import InputError, OutputError
 from warpgrains.files import require_writable_path, write_atomically
 from warpgrains.scene import checks
 from warpgrains.scene.document import Table, parse_toml, read_text, shipped, toml_value
@@ -113,6 +113,8 @@ def keys(layout: str | None) -> Iterator[Key]:
     if layout in LAYOUTS:
         own = {**COMMON, **parameters_of(LAYOUTS[layout])}
         for name, parameter in keyword_parameters(LAYOUTS[layout]).items():
+            if name not in own:
+                raise InputError(f"layout {layout!r} has the parameter {name}: describe it in its docstring")
             default = REQUIRED if parameter.default is parameter.empty else parameter.default
             yield Key("grains", name, default, own[name])
     else:

@@ -144,7 +144,14 @@ def _lay_out(layout: Any, parameters: Table, annulus: Annulus, obstacles: tuple[
 def keyword_parameters(layout: Callable[..., Placement]) -> dict[str, inspect.Parameter]:
     """Return the keyword parameters of a layout, which are its keys of `[grains]`."""
     parameters = inspect.signature(layout).parameters
-    return {name: own for name, own in parameters.items() if own.kind is own.KEYWORD_ONLY}
+    keys = {name: own for name, own in parameters.items() if own.kind is own.KEYWORD_ONLY}
+    for name in keys:
+        if name in SOURCES or name in PROPERTIES:
+            raise InputError(
+                f"layout {layout.__name__!r} has the parameter {name}: choose another name, because"
+                f" grains.{name} is a key of every layout"
+            )
+    return keys
 
 
 def _with_mass(table: Table, grains: Table) -> Table:

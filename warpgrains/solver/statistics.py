@@ -65,7 +65,7 @@ class StepReport(Tabular, FormerNames):
     gap_error : float
         dt * residual in units of the smallest radius.
     converged : bool
-        Whether zeta (or the residual, if the scene stops on it) met the tolerance.
+        Whether the quantity that the scene stops on (`Scene.stop`) met the tolerance.
     infeasible : tuple of int
         Grains that cannot fit, if it is proved that the step has no solution (solver/infeasible.py). Proofs
         are searched for after steps that did not converge, every time while they are found, and otherwise so

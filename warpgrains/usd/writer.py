@@ -27,8 +27,7 @@ _SAMPLE = 128  # bytes of memory per value in addition to its array
 def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     """Write the frames of a log to one USD file, and return their number.
 
-    The file, ``.usdc``, ``.usda`` or ``.usdz``, replaces an earlier one when it is complete, checked and on
-    the disk.
+    The file replaces an earlier one when it is complete, checked and on the disk.
 
     Parameters
     ----------
@@ -39,7 +38,7 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
     Raises
     ------
     InputError
-        The file is no log, or has no frames.
+        The file is no log, or has no frames; or the target has another ending than those of recordings.
     OSError
         The file cannot be written, or the log holds fewer frames.
     """
@@ -48,11 +47,16 @@ def write_recording(log: Path, target: Path, frames: int | None = None) -> int:
         binary, draft = folder / f"{target.stem}.usdc", folder / target.name
         with _reporting_os_errors(target), _freeing_in_this_thread():
             written = _write_binary(reader, binary, frames)
-            if target.suffix == ".usda":
-                Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
-            elif target.suffix == ".usdz":
-                os.utime(binary, (_PACKED, _PACKED))
-                UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
+            match target.suffix:
+                case ".usdc":
+                    pass  # the binary file is the draft
+                case ".usda":
+                    Sdf.Layer.OpenAsAnonymous(str(binary)).Export(str(draft))
+                case ".usdz":
+                    os.utime(binary, (_PACKED, _PACKED))
+                    UsdUtils.CreateNewUsdzPackage(str(binary), str(draft))
+                case ending:
+                    raise InputError(f"'{target}' cannot be written: {ending} is not a format of recordings")
             _require_frames(draft, reader.kinds, written if frames is None else frames)
         publish(draft, target)
     return written
