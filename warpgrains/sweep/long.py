@@ -57,8 +57,7 @@ class LongRun(OpenRun):
         with folder.lock():
             run = None
             try:
-                is_resumed, start = folder.checkpoint.exists(), folder.begin(execution)
-                run = cls(folder, start, is_resumed)
+                run = cls(folder, *folder.begin(execution))
                 run._outputs.enter_context(run.opened())
             except OutputError:
                 raise
@@ -188,8 +187,7 @@ class LongRunner:
                 runs[0].error = str(error)
             return
         for k, run in enumerate(runs):
-            if run.statistics.steps > 0:
-                sets.restore(k, run.state)
+            sets.restore(k, run.state)
         self._in_slices(runs, sets)
 
     def _in_slices(self, runs: list[LongRun], sets: ResidentSets) -> None:

@@ -98,8 +98,8 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         return Lock(self.checkpoint)
 
-    def begin(self, execution: ExecutionOptions) -> Checkpoint:
-        """Return the start of the locked run, or the checkpoint at which another process left it.
+    def begin(self, execution: ExecutionOptions) -> tuple[Checkpoint, bool]:
+        """Return the start of the locked run, or its checkpoint; and whether it is resumed from that.
 
         `execution` determines the outputs of a new run. A resumed run keeps its first outputs.
 
@@ -113,8 +113,12 @@ class RunFolder:
         self._require_intact()
         if self.result.exists():
             raise OutputError("another process has finished it")
-        if self.checkpoint.exists():
-            return self._read_checkpoint()
+        is_resumed = self.checkpoint.exists()
+        start = self._read_checkpoint() if is_resumed else self._start(execution)
+        return start, is_resumed
+
+    def _start(self, execution: ExecutionOptions) -> Checkpoint:
+        """Return the start of a new run."""
         scene = Scene(**{**scene_fields(self._text.decode(), self.scene_file), "name": self.labels["scene"]})
         wanted: dict[str, Any] = {}
         if execution.fps is not None:

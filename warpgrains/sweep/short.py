@@ -197,10 +197,10 @@ class ShortRunner:
         with ExitStack() as held:
             try:
                 held.enter_context(folder.lock())
-                start = folder.begin(self._execution)
+                start, is_resumed = folder.begin(self._execution)
             except (InputError, OSError):
                 return  # `LongRunner` finds the same, and decides what it means for the run
-            if start.statistics.steps == 0:
+            if not is_resumed:
                 folder.save_checkpoint(replace(start, state=state, statistics=statistics))
                 if error is not None:
                     folder.fail(error, statistics.seconds)
