@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from warpgrains.analysis.quantities import require_quantities
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, read_regular, read_table, table_text, write_atomically
 from warpgrains.frame_log import log_of
@@ -106,8 +107,8 @@ class RunFolder:
         Raises
         ------
         InputError
-            The scene is invalid or the checkpoint is damaged. It is an `OutputError` if the run is finished
-            or the folder belongs to another run.
+            The scene is invalid or cannot have a measured quantity, or the checkpoint is damaged. It is an
+            `OutputError` if the run is finished or the folder belongs to another run.
         """
         self.require_this_sweep()
         self._require_intact()
@@ -115,6 +116,7 @@ class RunFolder:
             raise OutputError("another process has finished it")
         is_resumed = self.checkpoint.exists()
         start = self._read_checkpoint() if is_resumed else self._start(execution)
+        require_quantities(self._settings.measured, start.scene)
         return start, is_resumed
 
     def _start(self, execution: ExecutionOptions) -> Checkpoint:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple, Self
 
+from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, SimulationError
@@ -65,8 +66,9 @@ class ShortGroup(NamedTuple):
 class ShortRunner:
     """Runner for the short runs of a sweep.
 
-    It leaves a run that has a folder already, takes longer than `SHORT`, fails, has an invalid scene or a
-    label of several lines, does not fit in memory, or is so large that several threads share it.
+    It leaves a run that has a folder already, takes longer than `SHORT`, fails, has a label of several lines,
+    or a scene that is invalid or without a measured quantity, does not fit in memory, or is so large that
+    several threads share it.
 
     Parameters
     ----------
@@ -130,6 +132,7 @@ class ShortRunner:
             with suppress(InputError):
                 scene = self._scene(run)
                 until = criterion(self._folder.settings.until, scene)
+                require_quantities(self._folder.settings.measured, scene)
                 if paying_threads(scene) == 1:
                     return ShortRun(run, labels, scene, until)
         self.longer.append(run)
