@@ -65,7 +65,7 @@ class ResidentSets:
 
     Raises
     ------
-    SimulationError
+    OutOfMemoryError
         One scene alone does not fit in memory.
     """
 
@@ -153,7 +153,8 @@ class ResidentSets:
     def in_memory(self) -> Iterator[None]:
         """Load set after set into memory, the present one first, until `cancel`; yield after each.
 
-        The caller must keep none of `present`, which would keep its whole set in memory.
+        The caller must keep none of `present`, which would keep its whole set in memory. Raises
+        OutOfMemoryError if a set does not fit in memory: no set is present then, but all states are kept.
         """
         self._is_canceled = False
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._resident):

@@ -15,13 +15,14 @@ from typing import Any, NamedTuple, Self
 from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
-from warpgrains.errors import InputError, SimulationError
+from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
+from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.solver.tuning import paying_threads
@@ -107,7 +108,7 @@ class ShortRunner:
             try:
                 sets = ResidentSets([short.scene for short in runs], self._device, self._threads)
                 sets.make_resident()
-            except SimulationError:  # one of the scenes does not fit in memory
+            except OutOfMemoryError:
                 self.longer += [short.run for short in runs]
                 runs, sets = [], None
         return ShortGroup(runs, sets)
@@ -178,13 +179,14 @@ class ShortRunner:
             runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
         ended: dict[int, tuple[Row, RunResult]] = {}
         interrupted: list[Interrupted] = []
-        for last in sets.advance(steps, poll, runs):
-            for k, values in self._ended(sets, runs):
-                short = waiting.pop(k)
-                ended[short.run.number] = (short.labels, values)
-            for k in filter(waiting.__contains__, sets.present):
-                state, done = sets.present[k].state(), last.done(k)
-                interrupted.append(Interrupted(waiting.pop(k).run, state, done.statistics, done.error))
+        with suppress(OutOfMemoryError):  # runs of the sets that are not loaded are still waiting
+            for last in sets.advance(steps, poll, runs):
+                for k, values in self._ended(sets, runs):
+                    short = waiting.pop(k)
+                    ended[short.run.number] = (short.labels, values)
+                for k in filter(waiting.__contains__, sets.present):
+                    state, done = sets.present[k].state(), last.done(k)
+                    interrupted.append(Interrupted(waiting.pop(k).run, state, done.statistics, done.error))
         self.longer += [short.run for short in waiting.values()]
         self._on_progress(len(ended) + sum(one.error is not None for one in interrupted) - progress)
         self._folder.shards.write(ended, writer())
