@@ -15,7 +15,7 @@ from sweeps import SMALL, batch, results, table, write
 from warpgrains import Recording, Scene, Simulation
 from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
-from warpgrains.solver import memory
+from warpgrains.solver import memory, tuning
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.runner import finish_runs
 from warpgrains.sweep.sweep import Sweep
@@ -147,6 +147,14 @@ class TestResults:
         assert [[row["run"] for row in part] for part in parts] == ([] if options else [["0"]])
         for recording in tmp_path.rglob("*.usdc"):
             assert inspect_recording(recording) == []
+
+    @pytest.mark.parametrize(("threads", "folders"), [(1, 0), (2, 4)])
+    def test_large_runs_are_short_if_one_thread_runs(self, tmp_path, done, monkeypatch, threads, folders):
+        monkeypatch.setattr(tuning, "SHARED_SET", 0)  # every run is large
+        monkeypatch.setattr(tuning, "cores", lambda: 2)
+        assert batch(write(tmp_path), "-o", tmp_path / "out", "--threads", threads) == 1
+        assert results(tmp_path / "out") == results(done)
+        assert len(list((tmp_path / "out" / "runs").iterdir())) == 2 + folders  # two have failed
 
     def test_summary(self, tmp_path, capfd):
         sweep = write(tmp_path, SMALL.replace("100.0, ", ""))

@@ -53,6 +53,11 @@ class SetSteps(NamedTuple):
     """Function that returns what a scene did."""
 
 
+def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
+    """Return the number of threads that share a scene: all, or 1 if it is small or on a GPU."""
+    return 1 if device.is_cuda or paying_threads(scene) == 1 else threads
+
+
 class ResidentSets:
     """The scenes of a batch, divided into sets of which one at a time is in memory.
 
@@ -73,8 +78,7 @@ class ResidentSets:
         for method in {scene.method for scene in scenes}:
             exact_solver(method)
         self._scenes, self._device, self._threads = scenes, device, threads
-        alone = device.is_cuda  # a GPU has no threads that share a scene
-        self._teams = [1 if alone or paying_threads(scene) == 1 else threads for scene in scenes]
+        self._teams = [team_size(scene, device, threads) for scene in scenes]
         self._sets = self._divide()
         self._states: list[State | None] = [None] * len(scenes)
         self._resident: int | None = None

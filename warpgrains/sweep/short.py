@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import ResidentSets
+from warpgrains.batch.resident import ResidentSets, team_size
 from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
@@ -25,7 +25,6 @@ from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
 from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
-from warpgrains.solver.tuning import paying_threads
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, write_all
 from warpgrains.sweep.results import RunResult, counted, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
@@ -134,7 +133,7 @@ class ShortRunner:
                 scene = self._scene(run)
                 until = criterion(self._folder.settings.until, scene)
                 require_quantities(self._folder.settings.measured, scene)
-                if paying_threads(scene) == 1:
+                if team_size(scene, self._device, self._threads) == 1:
                     return ShortRun(run, labels, scene, until)
         self.longer.append(run)
         return None
