@@ -6,6 +6,7 @@ kept as states.
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ SHARE = 0.5  # largest fraction of the free memory for a resident set
 class StepsDone(NamedTuple):
     """Statistics of the last steps of a scene, its last report, and the reason of an early stop, if any.
 
-    The statistics of a `CountedRun` are those of all its steps.
+    The statistics of a `CountedRun` are those of all its steps until then.
     """
 
     statistics: RunStatistics
@@ -184,6 +185,7 @@ class ResidentSets:
                 left[k] -= done.statistics.steps
                 if runs[k].has_ended or done.statistics.steps < due[k] or left[k] == 0:
                     del left[k]
+        counted = {k: done._replace(statistics=replace(done.statistics)) for k, done in counted.items()}
         errors = {k: done.error for k, done in counted.items() if done.error is not None}
         stepped = [k for k, done in counted.items() if done.report is not None]
         return SetSteps(counted, errors, stepped, counted.__getitem__)
@@ -246,4 +248,5 @@ class ResidentSets:
                     shape = scene.n, len(scene.walls), scene.bodies.two_circles
                     groups.setdefault(shape, []).append(index)
             for group in groups.values():
-                yield [numbers[index] for index in group], engine.ends(np.array(group))
+                statistics = None if runs is None else [runs[numbers[index]].statistics for index in group]
+                yield [numbers[index] for index in group], engine.ends(np.array(group), statistics)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Self
 
 from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import ResidentSets, team_size
+from warpgrains.batch.resident import ResidentSets, StepsDone, team_size
 from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
@@ -26,7 +26,7 @@ from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, write_all
-from warpgrains.sweep.results import RunResult, counted, results, value_columns
+from warpgrains.sweep.results import RunResult, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
 from warpgrains.sweep.sweep_folder import SweepFolder, writer
 from warpgrains.warp_start import find_device
@@ -43,16 +43,6 @@ class ShortRun(NamedTuple):
     labels: Row
     scene: Scene
     until: EndCriterion | None
-
-
-class Interrupted(NamedTuple):
-    """A run that has failed or takes longer than `SHORT`."""
-
-    run: Run
-    state: State
-    statistics: RunStatistics
-    error: str | None
-    """Reason of the failure, or None."""
 
 
 class ShortGroup(NamedTuple):
@@ -177,26 +167,25 @@ class ShortRunner:
         if self._folder.settings.until is not None:
             runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
         ended: dict[int, tuple[Row, RunResult]] = {}
-        interrupted: list[Interrupted] = []
+        interrupted: list[tuple[Run, State, StepsDone]] = []
         with suppress(OutOfMemoryError):  # runs of the sets that are not loaded are still waiting
             for last in sets.advance(steps, poll, runs):
                 for k, values in self._ended(sets, runs):
                     short = waiting.pop(k)
                     ended[short.run.number] = (short.labels, values)
                 for k in filter(waiting.__contains__, sets.present):
-                    state, done = sets.present[k].state(), last.done(k)
-                    interrupted.append(Interrupted(waiting.pop(k).run, state, done.statistics, done.error))
+                    interrupted.append((waiting.pop(k).run, sets.present[k].state(), last.done(k)))
         self.longer += [short.run for short in waiting.values()]
-        self._on_progress(len(ended) + sum(one.error is not None for one in interrupted) - progress)
+        self._on_progress(len(ended) + sum(done.error is not None for _, _, done in interrupted) - progress)
         self._folder.shards.write(ended, writer())
         write_all(self._keep, interrupted)
-        self.longer += [one.run for one in interrupted if not self._folder.of(one.run).result.exists()]
+        self.longer += [run for run, _, _ in interrupted if not self._folder.of(run).result.exists()]
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
 
-    def _keep(self, interrupted: Interrupted) -> None:
-        """Save the state of a run in a folder of its own, in which it continues, or has failed."""
-        run, state, statistics, error = interrupted
+    def _keep(self, interrupted: tuple[Run, State, StepsDone]) -> None:
+        """Save the state of a run that has failed or takes longer than `SHORT` in a folder."""
+        run, state, (statistics, _, error) = interrupted
         folder = self._folder.of(run)
         with ExitStack() as held:
             try:
@@ -213,7 +202,5 @@ class ShortRunner:
         """Yield the results of the finished runs in memory with their indices in the group."""
         columns = value_columns(self._folder.settings)
         for numbers, ends in sets.ended(runs):
-            if runs is not None:
-                ends = ends._replace(done=counted([runs[k].statistics for k in numbers]))
             states = (snapshot(sets.present[k]) for k in numbers)
             yield from zip(numbers, results(ends, states, columns), strict=True)
