@@ -28,7 +28,7 @@ from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, write_all
 from warpgrains.sweep.results import RunResult, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
-from warpgrains.sweep.sweep_folder import SweepFolder, writer
+from warpgrains.sweep.sweep_folder import SweepFolder
 from warpgrains.warp_start import find_device
 
 SHORT = 20.0  # s; longer runs continue with a folder and checkpoints
@@ -177,7 +177,7 @@ class ShortRunner:
                     interrupted.append((waiting.pop(k).run, sets.present[k].state(), last.done(k)))
         self.longer += [short.run for short in waiting.values()]
         self._on_progress(len(ended) + sum(done.error is not None for _, _, done in interrupted) - progress)
-        self._folder.shards.write(ended, writer())
+        self._folder.shards.write(ended)
         write_all(self._keep, interrupted)
         self.longer += [run for run, _, _ in interrupted if not self._folder.of(run).result.exists()]
         self._locks.release(ended)
