@@ -64,6 +64,18 @@ def test_a_resumed_run_ends_with_the_same_bytes(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["kept.npz", "parts.csv", "whole.csv"]
 
 
+def test_what_a_scene_cannot_have_is_refused_before_the_first_step(tmp_path, capfd):
+    pressed = ("annulus", "--set", "domain.pressure=10.0")
+    series = ("--measure", "walls,energy", "--series", tmp_path / "run.csv")
+    assert exit_code("run", *pressed, *series, "-o", tmp_path / "run.usdc") == 2
+    require_refusal(capfd, "contact_power cannot be computed where a pressure or a force drives a wall")
+    assert not list(tmp_path.iterdir())
+    simulation = Simulation(Scene.load("annulus", ["domain.pressure=10.0"]))
+    with pytest.raises(InputError, match="the energy balance of a step cannot be computed"):
+        simulation.run(observer=analysis.Series("energy"))
+    assert simulation.steps == 0
+
+
 def test_a_series_that_is_gone_is_not_continued(tmp_path, capfd):
     kept, path = tmp_path / "kept.npz", tmp_path / "run.csv"
     begun = ("run", "annulus", "--steps", 40, "--measure", "walls", "--series", path, "--checkpoint", kept)

@@ -3,6 +3,7 @@
 import pickle
 import subprocess
 import sys
+from itertools import count
 
 import lightusd
 import numpy as np
@@ -11,9 +12,10 @@ from recordings import GRAINS
 from same_bits import at_annulus, contents
 from sweeps import SMALL, batch, results, table, write
 
-from warpgrains import Recording, Scene, Simulation, SimulationError
+from warpgrains import Recording, Scene, Simulation
 from warpgrains.batch import resident
 from warpgrains.simulation.checkpoint import read_checkpoint
+from warpgrains.solver import memory, tuning
 from warpgrains.sweep.execution import ExecutionOptions, RunSettings
 from warpgrains.sweep.runner import finish_runs
 from warpgrains.sweep.sweep import Sweep
@@ -121,7 +123,7 @@ class TestResults:
     def test_runs_that_do_not_fit_in_memory(self, tmp_path, done, monkeypatch, options):
         def require_memory(needed, grains, device):
             if grains == 15:
-                raise SimulationError("15 grains are too many")
+                raise memory.OutOfMemoryError("15 grains are too many")
 
         monkeypatch.setattr(resident, "require_memory", require_memory)
         assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
@@ -129,6 +131,30 @@ class TestResults:
         assert [row["error"] for row in found if row["run"] in "15"] == ["15 grains are too many"] * 2
         assert found[::2] == others[::2]
         assert not list(tmp_path.rglob("*.frames"))
+
+    @pytest.mark.parametrize(
+        ("options", "lacking"), [((), 2), (("--folders",), 2), (("--folders",), 7), (("--usd",), 7)]
+    )
+    def test_memory_that_is_lacking_for_a_later_set(self, tmp_path, done, monkeypatch, options, lacking):
+        """Runs that have ended are saved, and the others continue alone from where they are."""
+        asked = count()
+        monkeypatch.setattr(resident, "free_memory", lambda _: 1_000.0)  # each run is a set
+        monkeypatch.setattr(memory, "free_memory", lambda _: 0.0 if next(asked) == lacking else 1e12)
+        assert batch(write(tmp_path), "-o", tmp_path / "out", *options) == 1
+        assert next(asked) > lacking + 1
+        assert results(tmp_path / "out") == results(done)
+        parts = [table(part) for part in (tmp_path / "out").glob("parts/[0-9]*.csv")]
+        assert [[row["run"] for row in part] for part in parts] == ([] if options else [["0"]])
+        for recording in tmp_path.rglob("*.usdc"):
+            assert inspect_recording(recording) == []
+
+    @pytest.mark.parametrize(("threads", "folders"), [(1, 0), (2, 4)])
+    def test_large_runs_are_short_if_one_thread_runs(self, tmp_path, done, monkeypatch, threads, folders):
+        monkeypatch.setattr(tuning, "SHARED_SET", 0)  # every run is large
+        monkeypatch.setattr(tuning, "cores", lambda: 2)
+        assert batch(write(tmp_path), "-o", tmp_path / "out", "--threads", threads) == 1
+        assert results(tmp_path / "out") == results(done)
+        assert len(list((tmp_path / "out" / "runs").iterdir())) == 2 + folders  # two have failed
 
     def test_summary(self, tmp_path, capfd):
         sweep = write(tmp_path, SMALL.replace("100.0, ", ""))

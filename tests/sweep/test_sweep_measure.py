@@ -69,6 +69,22 @@ def test_series_that_is_gone_is_named(tmp_path, slices):
     assert errors[0] == errors[5] == ""
 
 
+@pytest.mark.parametrize("options", [(), ("--folders",), ("--every", 9)])
+def test_run_that_cannot_have_a_quantity_has_failed(tmp_path, options):
+    """It has done no step, and the other runs continue."""
+    (tmp_path / "mix").mkdir()
+    for name, pressure in (("fixed", ""), ("pressed", "pressure = 10.0\n")):
+        text = Scene.load("annulus").text.replace("[domain]\n", f"[domain]\n{pressure}")
+        (tmp_path / "mix" / f"{name}.toml").write_text(text)
+    out = tmp_path / "out"
+    for again in ((), ("--resume",)):
+        assert batch(tmp_path / "mix", "-o", out, *MEASURED, *options, *again) == 1
+        good, bad = table(out / "results.csv")
+        assert (good["error"], good["steps"], bad["steps"]) == ("", "800", "")
+        assert bad["error"] == "contact_power cannot be computed where a pressure or a force drives a wall"
+    assert sorted(path.name for path in (out / "runs" / "00001").iterdir()) == ["result.csv", "scene.toml"]
+
+
 def test_what_measures_otherwise_is_refused(tmp_path, measured, followed, capfd):
     for name, done in (("short", measured), ("kept", followed)):
         out = tmp_path / name

@@ -10,10 +10,11 @@ import pytest
 from sweeps import LONG, SMALL, batch, results, table, write
 from trimmed import trimmed
 
+from warpgrains import Recording
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.simulation.checkpoint import read_checkpoint
 from warpgrains.solver import engine, threads
-from warpgrains.sweep import runner, short, sweep_folder
+from warpgrains.sweep import execution, runner, short, sweep_folder
 from warpgrains.sweep.run_folder import RunFolder
 
 DRIVER = """
@@ -156,6 +157,23 @@ def test_a_folder_that_cannot_be_used_leaves_its_run_alone(tmp_path, monkeypatch
         in capfd.readouterr().out
     )
     assert [row["run"] for row in table(tmp_path / "out" / "results.csv")] == [str(k) for k in range(1, 12)]
+
+
+def test_a_folder_that_another_process_has_begun_keeps_its_outputs(tmp_path, slices, monkeypatch):
+    """Also if the run is a short one, because the folder did not exist yet, and no step is done in it."""
+    sweep, out = write(tmp_path, LONG.replace("[axes]", "time.duration = 40.0\n[axes]")), tmp_path / "out"
+    assert batch(sweep, "-o", tmp_path / "undisturbed") == 0
+    slices.left = 0
+    assert batch(sweep, "-o", out, "--usd", "--fps", 1) == 130
+    slices.left = 1_000_000
+    monkeypatch.setattr(short.ShortRunner, "_available", lambda runner, runs: runs)
+    monkeypatch.setattr(short, "SHORT", 0.0)
+    monkeypatch.setattr(engine, "BRIEF", 0)
+    monkeypatch.setattr(threads, "GLANCE", 1e-3)
+    monkeypatch.setattr(execution, "GROWTH", 8)
+    assert batch(sweep, "-o", out, "--resume") == 0
+    assert results(out) == results(tmp_path / "undisturbed")
+    assert [len(Recording(path)) for path in sorted(out.glob("runs/*/recording.usdc"))] == [41] * 12
 
 
 def test_longer_sweep_goes_on(tmp_path, done):

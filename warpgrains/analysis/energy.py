@@ -15,6 +15,7 @@ from warpgrains.scene.scheme import kick_of, spin_kick_of
 from warpgrains.solver.final_states import StackedGrains
 
 if TYPE_CHECKING:
+    from warpgrains.scene.scene import Scene
     from warpgrains.simulation.simulation import Simulation
 
 TOLERANCES = 30.0  # speed of grains at rest, in tolerances: soft packings move on at such speeds
@@ -120,6 +121,12 @@ class EnergyBalance(NamedTuple):
         return self.contact_loss - self.friction_loss
 
 
+def require_energy_balance(what: str, scene: Scene) -> None:
+    """Raise InputError, which names `what`, if a force drives a wall, whose work is not computed."""
+    if scene.has_driven_walls:
+        raise InputError(f"{what} cannot be computed where a pressure or a force drives a wall")
+
+
 def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     """Return the energy balance of the last step from its forces and velocities; zeros before the first.
 
@@ -140,10 +147,9 @@ def step_energy_balance(of: Snapshot | HasState) -> EnergyBalance:
     (True, True)
     """
     now = snapshot(of)
+    require_energy_balance("the energy balance of a step", now.scene)
     if now.steps == 0:
         return EnergyBalance(0.0, 0.0, 0.0)
-    if now.scene.has_driven_walls:
-        raise InputError("the energy balance of a step does not know the work of walls that forces drive")
     scene = now.start_scene
     mass, start = scene.mass[:, np.newaxis], (now.steps - 1) * scene.dt
     normal_force = _sums(now, now.loads.force, now.loads.normal)

@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpgrains.analysis import contacts, energy, forces, network, packing
-from warpgrains.analysis.energy import EnergyBalance, step_energy_balance
+from warpgrains.analysis.energy import EnergyBalance, require_energy_balance, step_energy_balance
 from warpgrains.analysis.snapshot import HasState, Snapshot, snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.scene import checks
+from warpgrains.scene.scene import Scene
 from warpgrains.scene.walls import INNER, OUTER
 from warpgrains.solver.final_states import StackedGrains
 
@@ -29,6 +30,8 @@ class Quantity(NamedTuple):
     of_runs: Callable[[StackedGrains], FloatArray] | None = None
     """The quantity for many runs at once, shape (m,), if it is a column of every sweep's results."""
     meaning: str = ""
+    require: Callable[[str, Scene], None] = lambda name, scene: None
+    """Function that raises InputError, which names the quantity, if a scene cannot have it."""
 
 
 def _of_runs(unit: str, of_runs: Callable[[StackedGrains], FloatArray], meaning: str) -> Quantity:
@@ -51,7 +54,7 @@ def _force(part: str, meaning: str) -> Quantity:
 
 
 def _power(part: str, meaning: str) -> Quantity:
-    return Quantity("W", _powers, attrgetter(part), meaning=meaning)
+    return Quantity("W", _powers, attrgetter(part), meaning=meaning, require=require_energy_balance)
 
 
 def _powers(now: Snapshot) -> EnergyBalance:
@@ -136,6 +139,12 @@ def names_of(wanted: Iterable[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
+def require_quantities(names: Iterable[str], scene: Scene) -> None:
+    """Raise InputError unless a scene can have all the quantities of these names."""
+    for name in names:
+        QUANTITIES[name].require(name, scene)
+
+
 def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)) -> dict[str, float]:
     """Return quantities by name, in the units of `QUANTITIES`.
 
@@ -148,7 +157,7 @@ def quantities(of: Snapshot | HasState, names: Iterable[str] = tuple(QUANTITIES)
     Raises
     ------
     InputError
-        A name is unknown.
+        A name is unknown, or the scene cannot have a quantity.
 
     Examples
     --------

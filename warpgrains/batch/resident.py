@@ -6,6 +6,7 @@ kept as states.
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ SHARE = 0.5  # largest fraction of the free memory for a resident set
 class StepsDone(NamedTuple):
     """Statistics of the last steps of a scene, its last report, and the reason of an early stop, if any.
 
-    The statistics of a `CountedRun` are those of all its steps.
+    The statistics of a `CountedRun` are those of all its steps until then.
     """
 
     statistics: RunStatistics
@@ -53,6 +54,11 @@ class SetSteps(NamedTuple):
     """Function that returns what a scene did."""
 
 
+def team_size(scene: Scene, device: wp.Device, threads: int) -> int:
+    """Return the number of threads that share a scene: all, or 1 if it is small or on a GPU."""
+    return 1 if device.is_cuda or paying_threads(scene) == 1 else threads
+
+
 class ResidentSets:
     """The scenes of a batch, divided into sets of which one at a time is in memory.
 
@@ -65,7 +71,7 @@ class ResidentSets:
 
     Raises
     ------
-    SimulationError
+    OutOfMemoryError
         One scene alone does not fit in memory.
     """
 
@@ -73,8 +79,7 @@ class ResidentSets:
         for method in {scene.method for scene in scenes}:
             exact_solver(method)
         self._scenes, self._device, self._threads = scenes, device, threads
-        alone = device.is_cuda  # a GPU has no threads that share a scene
-        self._teams = [1 if alone or paying_threads(scene) == 1 else threads for scene in scenes]
+        self._teams = [team_size(scene, device, threads) for scene in scenes]
         self._sets = self._divide()
         self._states: list[State | None] = [None] * len(scenes)
         self._resident: int | None = None
@@ -153,7 +158,8 @@ class ResidentSets:
     def in_memory(self) -> Iterator[None]:
         """Load set after set into memory, the present one first, until `cancel`; yield after each.
 
-        The caller must keep none of `present`, which would keep its whole set in memory.
+        The caller must keep none of `present`, which would keep its whole set in memory. Raises
+        OutOfMemoryError if a set does not fit in memory: no set is present then, but all states are kept.
         """
         self._is_canceled = False
         for number in sorted(range(len(self._sets)), key=lambda number: number != self._resident):
@@ -179,6 +185,7 @@ class ResidentSets:
                 left[k] -= done.statistics.steps
                 if runs[k].has_ended or done.statistics.steps < due[k] or left[k] == 0:
                     del left[k]
+        counted = {k: done._replace(statistics=replace(done.statistics)) for k, done in counted.items()}
         errors = {k: done.error for k, done in counted.items() if done.error is not None}
         stepped = [k for k, done in counted.items() if done.report is not None]
         return SetSteps(counted, errors, stepped, counted.__getitem__)
@@ -241,4 +248,5 @@ class ResidentSets:
                     shape = scene.n, len(scene.walls), scene.bodies.two_circles
                     groups.setdefault(shape, []).append(index)
             for group in groups.values():
-                yield [numbers[index] for index in group], engine.ends(np.array(group))
+                statistics = None if runs is None else [runs[numbers[index]].statistics for index in group]
+                yield [numbers[index] for index in group], engine.ends(np.array(group), statistics)

@@ -16,7 +16,7 @@ from warpgrains.simulation.until import name_and_bounds
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, RunSettings
 from warpgrains.sweep.sweep import Run, Sweep
 from warpgrains.sweep.sweep_folder import RESULTS, SweepFolder
-from warpgrains.warp_start import find_device, start_warp
+from warpgrains.warp_start import find_device
 
 if TYPE_CHECKING:
     from warpgrains.sweep.plot import SweepPlot
@@ -34,10 +34,11 @@ def run(arguments: Namespace) -> bool:
         Whether some run has failed or is unfinished.
     """
     path, plot = Path(arguments.output), _plot(arguments)
+    results = path / RESULTS
     if arguments.sweep is None:
         if plot is None:
             raise InputError("SWEEP is missing: give a sweep, or --plot to draw existing results")
-        print(plot.draw(path / RESULTS))
+        print(plot.draw(results))
         return False
     sweep = Sweep.load(arguments.sweep)
     gc.freeze()  # no run becomes garbage, and repeated scans of a million runs would take long
@@ -70,11 +71,11 @@ def run(arguments: Namespace) -> bool:
         "not converged": f"{len(own & outcomes.unconverged)} runs, in one step or more",
         **({} if outcomes.unmet is None else {"not at rest": f"{len(own & outcomes.unmet)} runs"}),
         "time": f"{seconds:.2f} s, {len(left) / seconds:.2f} runs/s",
-        **({"results": str(path / RESULTS)} if outcomes.finished else {}),
+        **({"results": str(results)} if outcomes.finished else {}),
     }
     print(in_columns(rows))
     if plot is not None:
-        print(in_columns({"picture": plot.draw(path / RESULTS)}))
+        print(in_columns({"picture": plot.draw(results)}))
     return bool(failed or missing)
 
 
@@ -124,10 +125,9 @@ def _finish(
 ) -> dict[int, str]:
     """Finish the remaining runs, here or on a cluster; return why some are unfinished, by their numbers."""
     if arguments.scheduler is None and arguments.slurm is None:
-        start_warp()
+        find_device(execution.device)  # starts Warp, which `runner` imports
         from warpgrains.sweep.runner import finish_runs
 
-        find_device(execution.device)
         folder.prepare(sweep)
         return finish_runs(folder, left, execution, on_progress)
     from warpgrains.sweep.cluster import connected, finish_on_cluster

@@ -106,21 +106,24 @@ class OpenRun(CountedRun):
         Raises
         ------
         InputError
-            A file cannot be written. It is an `OutputError` if another run writes it.
+            A file cannot be written, or the scene cannot have a measured quantity. It is an `OutputError` if
+            another run writes the file.
         """
         options = self.options
         with ExitStack() as held:
             if options.checkpoint is not None and not self._is_locked:
                 held.enter_context(lock_checkpoint(Path(options.checkpoint)))
-            self.output = self._output()
-            if self.output is not None:
-                held.enter_context(self.output)
             if options.measure is not None:
+                from warpgrains.analysis.quantities import require_quantities
                 from warpgrains.analysis.series import Series
 
                 resume_at = self.first_step + self.statistics.steps if self._is_resumed else None
                 series = Series(options.measure, options.measure_every, options.series, resume_at)
                 self.observer = held.enter_context(series)
+                require_quantities(series.names, self.scene)
+            self.output = self._output()
+            if self.output is not None:
+                held.enter_context(self.output)
             yield
             at_end = perf_counter()
         self.statistics.other_seconds += perf_counter() - at_end

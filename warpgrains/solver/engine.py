@@ -32,13 +32,13 @@ from warpgrains.kernels.step import fused_step, step
 from warpgrains.scene.state import State
 from warpgrains.solver import tuning
 from warpgrains.solver.crew import Crew
-from warpgrains.solver.final_states import FinalStates
+from warpgrains.solver.final_states import FinalStates, counted
 from warpgrains.solver.last_steps import LastSteps
 from warpgrains.solver.records import SceneRecords
 from warpgrains.solver.scene_memory import SceneMemory
 from warpgrains.solver.service import Service
 from warpgrains.solver.sizes import kind_of
-from warpgrains.solver.statistics import StepHistory
+from warpgrains.solver.statistics import RunStatistics, StepHistory
 from warpgrains.solver.threads import run_threads
 from warpgrains.turns import BUILDING
 
@@ -172,14 +172,14 @@ class Engine:
         """Return True if the velocities of scene k were half a step behind before its last good step."""
         return bool(self._pulled(k).record["scheme"]["last_staggered"])
 
-    def ends(self, which: IndexArray) -> FinalStates:
+    def ends(self, which: IndexArray, statistics: Sequence[RunStatistics] | None = None) -> FinalStates:
         """Return the final states of scenes with equal numbers of grains, on a CPU.
 
-        They cover the steps since `submit`.
+        Statistics are those of the steps since `submit`, unless they are given for each scene.
         """
         scenes = [self.scene_at(k) for k in which.tolist()]
-        ends = FinalStates.of(scenes, self._records, which)
-        return ends._replace(done={**ends.done, "seconds": self.seconds[which]})
+        done = self._last_steps.counted(which) if statistics is None else counted(statistics)
+        return FinalStates.of(scenes, self._records, which, done)
 
     def keep_history(self, k: int, keep: bool) -> None:
         """Switch the history in reports of scene k on or off, see `SceneRecords.keep_history`."""

@@ -15,6 +15,7 @@ from warpgrains.solver.forces import force_of
 if TYPE_CHECKING:
     from warpgrains.scene.scene import Scene
     from warpgrains.solver.records import SceneRecords
+    from warpgrains.solver.statistics import RunStatistics
 
 COUNTED = (
     "steps",
@@ -26,10 +27,13 @@ COUNTED = (
     "residual",
     "overlap",
     "seconds",
+    "met",
 )
-"""Fields of `RunStatistics` that `FinalStates.done` always holds: those that the device counts, and the
-wall time. The names are those of `last_steps.SUMS`, which commands that only read results do not import: it
-imports Warp."""
+"""Fields of `RunStatistics` in `Counts`: those that the device counts, the wall time, and whether the end
+criterion was met. The names begin with those of `last_steps.SUMS`, which commands that only read results do
+not import: it imports Warp."""
+Counts = Mapping[str, NDArray[Any]]
+"""Statistics of the steps of m scenes, by `COUNTED`, shape (m,) each."""
 
 
 class StackedGrains(NamedTuple):
@@ -87,13 +91,12 @@ class FinalStates(NamedTuple):
     grains: StackedGrains
     dt: FloatArray
     """[s], shape (m,)."""
-    done: Mapping[str, NDArray[Any]]
-    """Sums and maxima over their steps, by field of `RunStatistics`, shape (m,) each: at least `COUNTED`."""
+    done: Counts
 
     @classmethod
-    def of(cls, scenes: Sequence[Scene], records: SceneRecords, which: IndexArray) -> Self:
+    def of(cls, scenes: Sequence[Scene], records: SceneRecords, which: IndexArray, done: Counts) -> Self:
         """Return the final states of scenes, those with the numbers `which` in the records."""
-        host, sums = records.host, records.host["statistics"]
+        host = records.host
         dt = host["dt"][which]
         names = ("position", "velocity", "contact_mass", *(("spin",) if records.sizes.friction else ()))
         position, velocity, contact_mass, *spin = (records.stacked(f"grains.{name}", which) for name in names)
@@ -102,4 +105,9 @@ class FinalStates(NamedTuple):
         times = (host["steps"][which] * dt).tolist()
         spins = spin[0] if spin else np.zeros(contact_mass.shape)
         grains = StackedGrains.of(scenes, times, position, velocity, spins, wall_force)
-        return cls(grains, dt, {name: sums[name][which] for name in sums.dtype.names})
+        return cls(grains, dt, done)
+
+
+def counted(statistics: Sequence[RunStatistics]) -> Counts:
+    """Return the statistics of runs as arrays."""
+    return {name: np.array([getattr(one, name) for one in statistics]) for name in COUNTED}

@@ -9,6 +9,7 @@ import numpy as np
 
 from warpgrains.arrays import FloatArray, IndexArray
 from warpgrains.kernels.record import StepState, StepSums
+from warpgrains.solver.final_states import Counts
 from warpgrains.solver.statistics import RunStatistics, StepReport
 
 if TYPE_CHECKING:
@@ -79,6 +80,11 @@ class LastSteps(NamedTuple):
             infeasible_grains=proofs[0][1] if proofs else (),
             step_seconds=self.seconds[k].item(),
         )
+
+    def counted(self, which: IndexArray) -> Counts:
+        """Return the statistics of scenes as arrays, as `final_states.counted` does."""
+        sums = {name: self.sums[name][which] for name in SUMS}
+        return {**sums, "seconds": self.seconds[which], "met": np.zeros(len(which), bool)}
 
     def _gap_error(self, k: int, residual: float) -> float:
         """Return dt * residual in units of the smallest radius."""

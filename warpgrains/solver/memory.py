@@ -10,8 +10,12 @@ import warp as wp
 from warpgrains.errors import SimulationError
 
 
+class OutOfMemoryError(SimulationError):
+    """Lack of memory for scenes that are not loaded yet, or for a longer list of contacts."""
+
+
 def require_memory(needed: int, grains: int, device: wp.Device) -> None:
-    """Raise SimulationError if a device lacks the memory for a scene.
+    """Raise OutOfMemoryError if a device lacks the memory for scenes.
 
     Parameters
     ----------
@@ -23,12 +27,12 @@ def require_memory(needed: int, grains: int, device: wp.Device) -> None:
 
     Raises
     ------
-    SimulationError
+    OutOfMemoryError
         More memory is needed than the device has free.
     """
     free = free_memory(device)
     if needed > free:
-        raise SimulationError(
+        raise OutOfMemoryError(
             f"{grains} grains and their contacts need {needed / 1e9:.2f} GB,"
             f" and {device.alias} has {free / 1e9:.2f} GB free"
         )

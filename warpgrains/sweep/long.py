@@ -14,8 +14,10 @@ from typing import Any, NamedTuple, Self
 from warpgrains.analysis.snapshot import snapshot
 from warpgrains.batch.resident import ResidentSets
 from warpgrains.errors import InputError, OutputError, SimulationError
+from warpgrains.scene.state import State
 from warpgrains.simulation.checkpoint import Checkpoint
 from warpgrains.simulation.run import OpenRun
+from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.present import PresentState
 from warpgrains.solver.threads import cores
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, next_size, write_all
@@ -38,7 +40,7 @@ class LongRun(OpenRun):
         assert start.options is not None  # `RunFolder.begin` returns them
         of_start = start.scene, start.options, start.statistics, start.first_step
         super().__init__(*of_start, is_resumed=is_resumed, is_locked=True)
-        self.folder, self.state = folder, start.state
+        self.folder, self.saved = folder, start.state  # that of the last checkpoint, if there is one
         self.error: str | None = None
         self._outputs = ExitStack()
 
@@ -57,8 +59,7 @@ class LongRun(OpenRun):
         with folder.lock():
             run = None
             try:
-                is_resumed, start = folder.checkpoint.exists(), folder.begin(execution)
-                run = cls(folder, start, is_resumed)
+                run = cls(folder, *folder.begin(execution))
                 run._outputs.enter_context(run.opened())
             except OutputError:
                 raise
@@ -85,9 +86,10 @@ class LongRun(OpenRun):
         if self.error is None:
             super().record(now)
 
-    def save_checkpoint(self) -> None:
-        """Save a checkpoint with its frames and measurements."""
-        self.folder.save_checkpoint(self.flush_and_checkpoint(self.state))
+    def save_checkpoint(self, state: State) -> None:
+        """Save a checkpoint of the present state with its frames and measurements."""
+        self.folder.save_checkpoint(self.flush_and_checkpoint(state))
+        self.saved = state
 
     def complete(self) -> str | None:
         """Complete the recording, or discard one without frames; return the reason if that fails."""
@@ -99,9 +101,9 @@ class LongRun(OpenRun):
         return None
 
     def finish(self) -> None:
-        """Save the result of the run."""
+        """Save the result of the run, whose last checkpoint is that of its end."""
         if self.error is None:
-            end = snapshot(self.scene, self.state)
+            end = snapshot(self.scene, self.saved)
             self.folder.finish(result(end, self.statistics, self.folder.columns))
         else:
             self.folder.fail(self.error, self.statistics.seconds)
@@ -157,56 +159,55 @@ class LongRunner:
         return group
 
     def carry_out(self, group: LongGroup) -> int:
-        """Advance runs to their ends, complete their recordings and save their results.
-
-        Returns
-        -------
-        int
-            Total number of grains of the runs.
-        """
+        """Advance runs to their ends, save recordings and results; return the number of grains."""
         runs = group.runs
         with group.held:
             self._on_progress(sum(run.progress for run in runs))
-            self._advance([run for run in runs if run.has_steps_left])
+            for run in self._advance([run for run in runs if run.has_steps_left]):
+                self._advance([run])
             troubles = [(run, run.complete()) for run in runs]
             self.reasons |= {run.folder.number: trouble for run, trouble in troubles if trouble is not None}
             write_all(LongRun.finish, [run for run, trouble in troubles if trouble is None])
         return sum(run.scene.n for run in runs)
 
-    def _advance(self, runs: list[LongRun]) -> None:
-        """Advance runs to their ends. A run that does not fit in memory even alone has failed."""
+    def _advance(self, runs: list[LongRun]) -> list[LongRun]:
+        """Advance runs to their ends; return those that are to continue alone, if there is too little memory.
+
+        A run that does not fit in memory even alone has failed.
+        """
         if not runs:
-            return
+            return []
+        sets = None
         try:
             sets = ResidentSets([run.scene for run in runs], self._device, self._threads)
-        except SimulationError as error:
+            for k, run in enumerate(runs):
+                sets.restore(k, run.saved)
+            self._in_slices(runs, sets)
+        except OutOfMemoryError as error:
+            if sets is not None:
+                _save_checkpoints(runs, sets)
             if len(runs) > 1:
-                for run in runs:
-                    self._advance([run])
-            else:
-                self._on_progress(1.0 - runs[0].progress)
-                runs[0].error = str(error)
-            return
-        for k, run in enumerate(runs):
-            if run.statistics.steps > 0:
-                sets.restore(k, run.state)
-        self._in_slices(runs, sets)
+                return [run for run in runs if run.has_steps_left]
+            self._on_progress(1.0 - runs[0].progress)
+            runs[0].error = str(error)
+        return []
 
     def _in_slices(self, runs: list[LongRun], sets: ResidentSets) -> None:
         """Advance runs in slices; record, measure and save checkpoints between slices."""
-        slice_steps, kept_at = FIRST_SLICE, perf_counter()
+        slice_steps, kept_at, done = FIRST_SLICE, perf_counter(), sum(run.progress for run in runs)
         for _ in sets.in_memory():
             _write_due(runs, sets)
         if any(run.output is not None for run in runs):
             _save_checkpoints(runs, sets)
         while any(run.has_steps_left for run in runs):
-            start, before = perf_counter(), sum(run.progress for run in runs)
+            start = perf_counter()
             steps = [min(slice_steps, run.steps_to_output) if run.has_steps_left else 0 for run in runs]
             for last in sets.advance(steps, None, runs):
                 for k in filter(steps.__getitem__, sets.present):
                     runs[k].error = last.done(k).error
                 _write_due(runs, sets)
-            self._on_progress(sum(run.progress for run in runs) - before)
+                before, done = done, sum(run.progress for run in runs)
+                self._on_progress(done - before)
             now = perf_counter()
             slice_steps = next_size(max(steps), now - start, SLICE, inf)
             if now - kept_at > BETWEEN_CHECKPOINTS or not any(run.has_steps_left for run in runs):
@@ -220,6 +221,5 @@ def _write_due(runs: list[LongRun], sets: ResidentSets) -> None:
 
 
 def _save_checkpoints(runs: list[LongRun], sets: ResidentSets) -> None:
-    for k, run in enumerate(runs):
-        run.state = sets.state(k)
-    write_all(LongRun.save_checkpoint, runs)
+    states = [sets.state(k) for k in range(len(runs))]
+    write_all(lambda k: runs[k].save_checkpoint(states[k]), range(len(runs)))

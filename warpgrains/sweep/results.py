@@ -17,7 +17,7 @@ from warpgrains.analysis.snapshot import Snapshot
 from warpgrains.arrays import FloatArray
 from warpgrains.errors import InputError
 from warpgrains.files import Row
-from warpgrains.solver.final_states import COUNTED, FinalStates, StackedGrains
+from warpgrains.solver.final_states import COUNTED, FinalStates, StackedGrains, counted
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.sweep.execution import RunSettings
 
@@ -108,11 +108,6 @@ def result(end: Snapshot, done: RunStatistics, columns: Sequence[str]) -> RunRes
     """Return the result of a finished run, see `results`."""
     ends = FinalStates(end.grains, np.array([end.scene.dt]), counted([done]))
     return next(results(ends, [end], columns))
-
-
-def counted(done: Sequence[RunStatistics]) -> dict[str, NDArray[Any]]:
-    """Return the statistics of runs as `FinalStates.done`."""
-    return {name: np.array([getattr(one, name) for one in done]) for name in (*COUNTED, MET)}
 
 
 def failure(reason: str, columns: Sequence[str], seconds: float = 0.0) -> RunResult:

@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from warpgrains.analysis.quantities import require_quantities
 from warpgrains.errors import InputError, OutputError
 from warpgrains.files import Row, csv_line, read_regular, read_table, table_text, write_atomically
 from warpgrains.frame_log import log_of
@@ -98,23 +99,28 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         return Lock(self.checkpoint)
 
-    def begin(self, execution: ExecutionOptions) -> Checkpoint:
-        """Return the start of the locked run, or the checkpoint at which another process left it.
+    def begin(self, execution: ExecutionOptions) -> tuple[Checkpoint, bool]:
+        """Return the start of the locked run, or its checkpoint; and whether it is resumed from that.
 
         `execution` determines the outputs of a new run. A resumed run keeps its first outputs.
 
         Raises
         ------
         InputError
-            The scene is invalid or the checkpoint is damaged. It is an `OutputError` if the run is finished
-            or the folder belongs to another run.
+            The scene is invalid or cannot have a measured quantity, or the checkpoint is damaged. It is an
+            `OutputError` if the run is finished or the folder belongs to another run.
         """
         self.require_this_sweep()
         self._require_intact()
         if self.result.exists():
             raise OutputError("another process has finished it")
-        if self.checkpoint.exists():
-            return self._read_checkpoint()
+        is_resumed = self.checkpoint.exists()
+        start = self._read_checkpoint() if is_resumed else self._start(execution)
+        require_quantities(self._settings.measured, start.scene)
+        return start, is_resumed
+
+    def _start(self, execution: ExecutionOptions) -> Checkpoint:
+        """Return the start of a new run."""
         scene = Scene(**{**scene_fields(self._text.decode(), self.scene_file), "name": self.labels["scene"]})
         wanted: dict[str, Any] = {}
         if execution.fps is not None:

@@ -6,7 +6,9 @@ machines may write shards at the same time. If the content does not match the ha
 is not read, so that its runs are done again. A run that was done twice is in two shards.
 """
 
+import os
 import re
+import socket
 import sys
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
@@ -44,13 +46,13 @@ class ResultShards:
         self._damaged: list[Path] = []
         self._read: set[str] = set()
 
-    def write(self, results: Mapping[int, tuple[Row, RunResult]], writer: str) -> None:
-        """Write a shard of the labels and values of runs by number; `writer` identifies this process."""
+    def write(self, results: Mapping[int, tuple[Row, RunResult]]) -> None:
+        """Write a shard of the labels and values of runs by number."""
         if results:
             rows = (results[number] for number in sorted(results))
             content = self._head + b"".join(csv_line([*labels.values(), *values]) for labels, values in rows)
             name = f"{min(results):07}-{max(results):07}-{_hash(content)}.csv"
-            write_atomically(self.path / name, content, writer)
+            write_atomically(self.path / name, content, writer())
 
     def refresh(self, numbers: Collection[int]) -> None:
         """Read new shards that may contain some of these runs.
@@ -94,6 +96,11 @@ class ResultShards:
         """Raise OutputError if the result of run `number` has other labels, that is, of another run."""
         if not self.lines[number].startswith(csv_line(labels.values())[:-1] + b","):
             raise OutputError(f"run {number} in '{self.path}' belongs to another sweep: choose another -o")
+
+
+def writer() -> str:
+    """Return a name of this process that is unique among all that may write here."""
+    return f".{socket.gethostname()}.{os.getpid()}"
 
 
 def _hash(content: bytes) -> str:

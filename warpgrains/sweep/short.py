@@ -12,22 +12,23 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any, NamedTuple, Self
 
+from warpgrains.analysis.quantities import require_quantities
 from warpgrains.analysis.snapshot import snapshot
-from warpgrains.batch.resident import ResidentSets
-from warpgrains.errors import InputError, SimulationError
+from warpgrains.batch.resident import ResidentSets, StepsDone, team_size
+from warpgrains.errors import InputError
 from warpgrains.files import Row
 from warpgrains.locks import RunLocks
 from warpgrains.scene.reader import document_fields
 from warpgrains.scene.scene import Scene
 from warpgrains.scene.state import State
 from warpgrains.simulation.until import CountedRun, EndCriterion, criterion
+from warpgrains.solver.memory import OutOfMemoryError
 from warpgrains.solver.statistics import RunStatistics
 from warpgrains.solver.threads import cores
-from warpgrains.solver.tuning import paying_threads
 from warpgrains.sweep.execution import ExecutionOptions, OnFraction, write_all
-from warpgrains.sweep.results import RunResult, counted, results, value_columns
+from warpgrains.sweep.results import RunResult, results, value_columns
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run
-from warpgrains.sweep.sweep_folder import SweepFolder, writer
+from warpgrains.sweep.sweep_folder import SweepFolder
 from warpgrains.warp_start import find_device
 
 SHORT = 20.0  # s; longer runs continue with a folder and checkpoints
@@ -44,16 +45,6 @@ class ShortRun(NamedTuple):
     until: EndCriterion | None
 
 
-class Interrupted(NamedTuple):
-    """A run that has failed or takes longer than `SHORT`."""
-
-    run: Run
-    state: State
-    statistics: RunStatistics
-    error: str | None
-    """Reason of the failure, or None."""
-
-
 class ShortGroup(NamedTuple):
     """Runs that are advanced together."""
 
@@ -65,8 +56,9 @@ class ShortGroup(NamedTuple):
 class ShortRunner:
     """Runner for the short runs of a sweep.
 
-    It leaves a run that has a folder already, takes longer than `SHORT`, fails, has an invalid scene or a
-    label of several lines, does not fit in memory, or is so large that several threads share it.
+    It leaves a run that has a folder already, takes longer than `SHORT`, fails, has a label of several lines,
+    or a scene that is invalid or without a measured quantity, does not fit in memory, or is so large that
+    several threads share it.
 
     Parameters
     ----------
@@ -105,7 +97,7 @@ class ShortRunner:
             try:
                 sets = ResidentSets([short.scene for short in runs], self._device, self._threads)
                 sets.make_resident()
-            except SimulationError:  # one of the scenes does not fit in memory
+            except OutOfMemoryError:
                 self.longer += [short.run for short in runs]
                 runs, sets = [], None
         return ShortGroup(runs, sets)
@@ -130,7 +122,8 @@ class ShortRunner:
             with suppress(InputError):
                 scene = self._scene(run)
                 until = criterion(self._folder.settings.until, scene)
-                if paying_threads(scene) == 1:
+                require_quantities(self._folder.settings.measured, scene)
+                if team_size(scene, self._device, self._threads) == 1:
                     return ShortRun(run, labels, scene, until)
         self.longer.append(run)
         return None
@@ -174,33 +167,33 @@ class ShortRunner:
         if self._folder.settings.until is not None:
             runs = [CountedRun(short.scene.steps, RunStatistics(), short.until) for short in group.runs]
         ended: dict[int, tuple[Row, RunResult]] = {}
-        interrupted: list[Interrupted] = []
-        for last in sets.advance(steps, poll, runs):
-            for k, values in self._ended(sets, runs):
-                short = waiting.pop(k)
-                ended[short.run.number] = (short.labels, values)
-            for k in filter(waiting.__contains__, sets.present):
-                state, done = sets.present[k].state(), last.done(k)
-                interrupted.append(Interrupted(waiting.pop(k).run, state, done.statistics, done.error))
+        interrupted: list[tuple[Run, State, StepsDone]] = []
+        with suppress(OutOfMemoryError):  # runs of the sets that are not loaded are still waiting
+            for last in sets.advance(steps, poll, runs):
+                for k, values in self._ended(sets, runs):
+                    short = waiting.pop(k)
+                    ended[short.run.number] = (short.labels, values)
+                for k in filter(waiting.__contains__, sets.present):
+                    interrupted.append((waiting.pop(k).run, sets.present[k].state(), last.done(k)))
         self.longer += [short.run for short in waiting.values()]
-        self._on_progress(len(ended) + sum(one.error is not None for one in interrupted) - progress)
-        self._folder.shards.write(ended, writer())
+        self._on_progress(len(ended) + sum(done.error is not None for _, _, done in interrupted) - progress)
+        self._folder.shards.write(ended)
         write_all(self._keep, interrupted)
-        self.longer += [one.run for one in interrupted if not self._folder.of(one.run).result.exists()]
+        self.longer += [run for run, _, _ in interrupted if not self._folder.of(run).result.exists()]
         self._locks.release(ended)
         return sum(short.scene.n for short in group.runs)
 
-    def _keep(self, interrupted: Interrupted) -> None:
-        """Save the state of a run in a folder of its own, in which it continues, or has failed."""
-        run, state, statistics, error = interrupted
+    def _keep(self, interrupted: tuple[Run, State, StepsDone]) -> None:
+        """Save the state of a run that has failed or takes longer than `SHORT` in a folder."""
+        run, state, (statistics, _, error) = interrupted
         folder = self._folder.of(run)
         with ExitStack() as held:
             try:
                 held.enter_context(folder.lock())
-                start = folder.begin(self._execution)
+                start, is_resumed = folder.begin(self._execution)
             except (InputError, OSError):
                 return  # `LongRunner` finds the same, and decides what it means for the run
-            if start.statistics.steps == 0:
+            if not is_resumed:
                 folder.save_checkpoint(replace(start, state=state, statistics=statistics))
                 if error is not None:
                     folder.fail(error, statistics.seconds)
@@ -209,7 +202,5 @@ class ShortRunner:
         """Yield the results of the finished runs in memory with their indices in the group."""
         columns = value_columns(self._folder.settings)
         for numbers, ends in sets.ended(runs):
-            if runs is not None:
-                ends = ends._replace(done=counted([runs[k].statistics for k in numbers]))
             states = (snapshot(sets.present[k]) for k in numbers)
             yield from zip(numbers, results(ends, states, columns), strict=True)

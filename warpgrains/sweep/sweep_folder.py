@@ -10,7 +10,6 @@ grains/            copies of files of grains
 """
 
 import os
-import socket
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +19,7 @@ from warpgrains.files import columns_of, csv_line, make_folder, read_regular, wr
 from warpgrains.sweep.execution import RunSettings
 from warpgrains.sweep.results import MET, SECONDS, value_columns
 from warpgrains.sweep.run_folder import RESULT, RunFolder
-from warpgrains.sweep.shards import ResultShards
+from warpgrains.sweep.shards import ResultShards, writer
 from warpgrains.sweep.sweep import GRAINS, BaseScene, Run, Sweep
 
 RESULTS = "results.csv"
@@ -197,8 +196,3 @@ def _write(table: Path, lines: Iterable[bytes]) -> None:
     content = b"".join(lines)
     if not table.is_file() or table.read_bytes() != content:
         write_atomically(table, content, writer())
-
-
-def writer() -> str:
-    """Return a name of this process that is unique among all that may write here."""
-    return f".{socket.gethostname()}.{os.getpid()}"
